@@ -1,0 +1,65 @@
+/* context.h - what all objects share: memory, messages, threads, the level of the kernels.
+ *
+ * The library has no globals, never exits and never prints: it speaks through the log sink, the status of a
+ * call and sf_last_error. A context outlives every object created with it.
+ */
+#ifndef SPLATFIT_CONTEXT_H
+#define SPLATFIT_CONTEXT_H
+
+#include <stddef.h>
+
+#include "status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sf_context sf_context;
+
+typedef enum sf_log_level { SF_LOG_DEBUG, SF_LOG_INFO, SF_LOG_WARNING } sf_log_level;
+
+/* Receives one line, without its newline. Called from the thread that made the call in progress, or from a
+ * thread of the pool, one call at a time. */
+typedef void (*sf_log_fn)(void *user, sf_log_level level, const char *message);
+
+/* Memory. alloc returns `size` bytes aligned for any type, or NULL; free takes what alloc gave. Both are
+ * called from any thread. The library aligns by itself where it needs more. */
+typedef struct sf_allocator {
+    void *(*alloc)(void *user, size_t size);
+    void (*free)(void *user, void *block);
+    void *user;
+} sf_allocator;
+
+typedef struct sf_context_options {
+    const sf_allocator *allocator; /* NULL: malloc and free */
+    sf_log_fn log;                 /* NULL: silent */
+    void *log_user;
+    int threads;     /* 1..256; 0: what the affinity mask and the control group allow */
+    const char *isa; /* a kernel level by name ("scalar"); NULL: the best one here, or the
+                        environment's SPLATFIT_ISA */
+} sf_context_options;
+
+/* Creates a context and its threads. `options` may be NULL. On failure *context is NULL.
+ * SF_ERR_ARGUMENT: threads out of range, unknown isa; SF_ERR_UNSUPPORTED: a level that this machine lacks. */
+SF_API sf_status sf_context_create(sf_context **context, const sf_context_options *options);
+
+/* Stops the threads and sets *context to NULL. Destroy every object of the context before. NULL is allowed. */
+SF_API void sf_context_destroy(sf_context **context);
+
+/* The message of the last call on this context that failed: names the file, the field and the value at fault.
+ * "" if none did. The text stands until the next failing call on the context. */
+SF_API const char *sf_last_error(const sf_context *context);
+
+/* Number of threads in use (with the caller's), 1..256. */
+SF_API int sf_context_threads(const sf_context *context);
+
+/* Name of the kernel level in use, for example "scalar". */
+SF_API const char *sf_context_isa(const sf_context *context);
+
+/* "major.minor.patch". */
+SF_API const char *sf_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,108 @@
+/* scene.h - what a model is fitted to: views (a picture and its camera) and sparse points.
+ *
+ * Views may be added and removed from any thread while a fitter works on the scene. Pictures are kept with
+ * 8 bits a channel.
+ */
+#ifndef SPLATFIT_SCENE_H
+#define SPLATFIT_SCENE_H
+
+#include <stdint.h>
+
+#include "camera.h"
+#include "context.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sf_scene sf_scene;
+
+typedef enum sf_split {
+    SF_SPLIT_TRAIN,
+    SF_SPLIT_TEST /* held out: only ever evaluated */
+} sf_split;
+
+/* How a project is read. Start from sf_load_options_default(). */
+typedef struct sf_load_options {
+    const char *images;    /* folder of the pictures inside a COLMAP project; NULL: images, else the largest
+                              of images_2, images_4, images_8 that exists (said in the log) */
+    int downscale;         /* box-average pictures by this, 1..64 */
+    int hold_out;          /* every n-th view in name order, from the first, is held out; 0: none */
+    const char *test_list; /* a text file with one picture name a line: these are held out instead */
+    int max_views;         /* refuse projects with more views; 0: no limit */
+} sf_load_options;
+
+/* images NULL, downscale 1, hold_out 8, no list, no limit. */
+SF_API sf_load_options sf_load_options_default(void);
+
+/* An empty scene, for views and points of the caller's. */
+SF_API sf_status sf_scene_create(sf_context *context, sf_scene **scene);
+SF_API void sf_scene_destroy(sf_scene **scene);
+
+/* Reads a project: a COLMAP folder, a transforms.json or a folder that holds one, or a simulated scene
+ * ("sim:studio", see source.h). Structural faults are fatal and named; a picture that is missing or cannot be
+ * decoded and a pose that is not finite skip that view, counted and reported to the log.
+ * SF_ERR_EMPTY: no training view is left. */
+SF_API sf_status sf_scene_load(sf_context *context, const char *path, const sf_load_options *options,
+                               sf_scene **scene);
+
+/* A picture of the caller's, copied by sf_scene_add_view. */
+typedef struct sf_pixels {
+    const uint8_t *rgb;  /* [height][stride]: RGB, 3 bytes a pixel, sRGB values */
+    size_t stride;       /* bytes a row, >= 3 width */
+    const uint8_t *mask; /* [height][width], 0 ignores a pixel, 255 counts it in full; NULL: all count */
+} sf_pixels;
+
+/* Adds a view; *id (may be NULL) names it for sf_scene_remove_view. `name` is copied; NULL: "view-<id>". */
+SF_API sf_status sf_scene_add_view(sf_scene *scene, const char *name, const sf_camera *camera,
+                                   const sf_pixels *pixels, sf_split split, uint32_t *id);
+
+/* The same with a picture file (JPEG or PNG); the camera's intrinsics are scaled if the file's size differs from
+ * camera->width x height. */
+SF_API sf_status sf_scene_add_file(sf_scene *scene, const char *path, const sf_camera *camera, sf_split split,
+                                   uint32_t *id);
+
+/* Takes a view out; a step that uses it ends first on its own copy. SF_ERR_ARGUMENT: no such id. */
+SF_API sf_status sf_scene_remove_view(sf_scene *scene, uint32_t id);
+
+/* Appends sparse points: xyz [n][3] world units, rgb [n][3] or NULL (grey). Points that are not finite are
+ * left out. */
+SF_API sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, const uint8_t *rgb);
+
+typedef struct sf_scene_info {
+    size_t views, train_views, test_views, points;
+    size_t skipped_missing;   /* pictures missing or not decodable */
+    size_t skipped_pose;      /* poses or intrinsics not finite or not a rotation */
+    size_t skipped_points;    /* points not finite */
+    size_t undistorted_views; /* views resampled to a pinhole camera */
+    double extent;            /* 1.1 x the largest distance of a training camera from their mean; where that is 0,
+                                 the median distance from the cameras to the points, else 1 */
+    double center[3];         /* mean of the training cameras' centres */
+} sf_scene_info;
+
+SF_API void sf_scene_get_info(sf_scene *scene, sf_scene_info *info);
+
+typedef struct sf_view_info {
+    uint32_t id;
+    const char *name; /* stands while the view is in the scene */
+    sf_split split;
+    sf_camera camera; /* of the picture as kept: undistorted, downscaled */
+    int has_mask;
+} sf_view_info;
+
+/* The index-th view in order of adding (projects: in name order). SF_ERR_ARGUMENT: index >= views. */
+SF_API sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info);
+
+/* Copies a view's picture to rgb [H][W][3] (0..1) and its weights to weight [H][W]; either may be NULL. */
+SF_API sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, float *weight);
+
+/* Copies up to `capacity` points from index `first`; returns how many. */
+SF_API size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity, float *xyz, uint8_t *rgb);
+
+/* Writes the views' cameras as INRIA's cameras.json, atomically. */
+SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

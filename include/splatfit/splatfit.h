@@ -1,0 +1,15 @@
+/* splatfit.h - the whole public interface. */
+#ifndef SPLATFIT_H
+#define SPLATFIT_H
+
+#include "camera.h"
+#include "context.h"
+#include "file.h"
+#include "fitter.h"
+#include "model.h"
+#include "render.h"
+#include "scene.h"
+#include "source.h"
+#include "status.h"
+
+#endif

@@ -1,0 +1,34 @@
+/* status.h - what every call that can fail returns. */
+#ifndef SPLATFIT_STATUS_H
+#define SPLATFIT_STATUS_H
+
+#if defined(__GNUC__)
+#define SF_API __attribute__((visibility("default")))
+#else
+#define SF_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum sf_status {
+    SF_OK = 0,
+    SF_ERR_ARGUMENT = 1,    /* a value outside its documented range; nothing was changed */
+    SF_ERR_MEMORY = 2,      /* an allocation failed; nothing was changed */
+    SF_ERR_IO = 3,          /* the operating system refused to open, read or write */
+    SF_ERR_FORMAT = 4,      /* a file's content contradicts its format */
+    SF_ERR_UNSUPPORTED = 5, /* valid, but not built or not offered */
+    SF_ERR_EMPTY = 6,       /* nothing to work on: no view, no Gaussian */
+    SF_ERR_CANCELLED = 7,   /* sf_fitter_cancel was called; the fitter is whole and can go on */
+    SF_ERR_TIMEOUT = 8,     /* a bounded wait ended first */
+    SF_ERR_END = 9          /* a frame source has no more frames */
+} sf_status;
+
+/* A few words for a status, for example "out of memory". Never NULL, never freed. */
+SF_API const char *sf_status_text(sf_status status);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,91 @@
+/* context.c - allocation, errors and log lines of a context. */
+#include "context.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ALIGNMENT = 64 };
+
+void *sf_allocator_take(const sf_allocator *allocator, size_t size) {
+    return allocator->alloc ? allocator->alloc(allocator->user, size) : malloc(size);
+}
+
+void sf_allocator_give(const sf_allocator *allocator, void *block) {
+    if (allocator->free)
+        allocator->free(allocator->user, block);
+    else
+        free(block);
+}
+
+/* The caller's block is kept in the pointer before the aligned one. */
+void *sf_alloc(sf_context *ctx, size_t count, size_t size) {
+    const size_t extra = ALIGNMENT + sizeof(void *);
+    if (size && count > (SIZE_MAX - extra) / size) {
+        sf_fail(ctx, SF_ERR_MEMORY, "out of memory: %zu items of %zu bytes", count, size);
+        return NULL;
+    }
+    unsigned char *block = sf_allocator_take(&ctx->allocator, count * size + extra);
+    if (!block) {
+        sf_fail(ctx, SF_ERR_MEMORY, "out of memory: %zu bytes", count * size);
+        return NULL;
+    }
+    uintptr_t aligned = ((uintptr_t)block + extra) & ~(uintptr_t)(ALIGNMENT - 1);
+    void **user = (void **)aligned;
+    user[-1] = block;
+    return user;
+}
+
+void *sf_calloc(sf_context *ctx, size_t count, size_t size) {
+    void *block = sf_alloc(ctx, count, size);
+    if (block) memset(block, 0, count * size);
+    return block;
+}
+
+void sf_free(sf_context *ctx, void *block) {
+    if (block) sf_allocator_give(&ctx->allocator, ((void **)block)[-1]);
+}
+
+sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t used, size_t need,
+                  size_t size) {
+    if (need <= *capacity) return SF_OK;
+    size_t more = *capacity + *capacity / 2;
+    if (more < need) more = need;
+    void *old, *grown = sf_alloc(ctx, more, size);
+    if (!grown) return SF_ERR_MEMORY;
+    memcpy(&old, block_pointer, sizeof old);
+    if (used) memcpy(grown, old, used * size);
+    sf_free(ctx, old);
+    memcpy(block_pointer, &grown, sizeof grown);
+    *capacity = more;
+    return SF_OK;
+}
+
+sf_status sf_fail(sf_context *ctx, sf_status status, const char *format, ...) {
+    char message[sizeof ctx->error];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(message, sizeof message, format, args);
+    va_end(args);
+    for (char *c = message; *c; c++) /* one line, whatever a file put into it */
+        if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
+    pthread_mutex_lock(&ctx->lock);
+    memcpy(ctx->error, message, sizeof message);
+    pthread_mutex_unlock(&ctx->lock);
+    return status;
+}
+
+void sf_log(sf_context *ctx, sf_log_level level, const char *format, ...) {
+    if (!ctx->log) return;
+    char message[sizeof ctx->error];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(message, sizeof message, format, args);
+    va_end(args);
+    pthread_mutex_lock(&ctx->lock);
+    ctx->log(ctx->log_user, level, message);
+    pthread_mutex_unlock(&ctx->lock);
+}
+
+const char *sf_last_error(const sf_context *ctx) { return ctx ? ctx->error : "no context"; }

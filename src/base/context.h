@@ -1,0 +1,51 @@
+/* context.h - the inside of sf_context, and what every module does with it: allocate, fail, log. */
+#ifndef SF_BASE_CONTEXT_H
+#define SF_BASE_CONTEXT_H
+
+#include <pthread.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <splatfit/context.h>
+
+struct sf_pool;
+struct sf_kernels;
+
+struct sf_context {
+    sf_allocator allocator;
+    sf_log_fn log;
+    void *log_user;
+    pthread_mutex_t lock; /* guards error and log calls: tasks of the pool fail and log too */
+    char error[1024];
+    struct sf_pool *pool;
+    struct sf_kernels *kernels; /* const after creation; filled in by src/kernels */
+};
+
+#if defined(__GNUC__)
+#define SF_PRINTF(f, a) __attribute__((format(printf, f, a)))
+#else
+#define SF_PRINTF(f, a)
+#endif
+
+/* Records "message" for sf_last_error and returns `status`: return sf_fail(ctx, SF_ERR_FORMAT, "%s: ...",
+ * path). */
+sf_status sf_fail(sf_context *ctx, sf_status status, const char *format, ...) SF_PRINTF(3, 4);
+void sf_log(sf_context *ctx, sf_log_level level, const char *format, ...) SF_PRINTF(3, 4);
+
+/* 64-byte aligned memory through the context's allocator. sf_alloc leaves it as it comes, sf_calloc clears
+ * it; `count * size` is checked for overflow. NULL on failure, with the message set. sf_free(NULL) is
+ * allowed. */
+void *sf_alloc(sf_context *ctx, size_t count, size_t size);
+void *sf_calloc(sf_context *ctx, size_t count, size_t size);
+void sf_free(sf_context *ctx, void *block);
+
+/* Grows *block to at least `need` items, by half at least, keeping the first `used`; *capacity is updated.
+ * SF_ERR_MEMORY leaves both as they were. */
+sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t used, size_t need,
+                  size_t size);
+
+/* The allocator alone, before a context exists. */
+void *sf_allocator_take(const sf_allocator *allocator, size_t size);
+void sf_allocator_give(const sf_allocator *allocator, void *block);
+
+#endif

@@ -1,0 +1,216 @@
+/* kernels.h - the table of hot loops, and the contract that each entry keeps.
+ *
+ * arch/scalar holds the specification of every kernel in plain C. A table starts as all-scalar; each level of
+ * the machine then overwrites the entries that it does better. Stages hold a `const sf_kernels *` and name no
+ * level.
+ *
+ * For all kernels: arrays are 64-byte aligned and do not overlap. Arrays of Gaussians are padded to a
+ * multiple of SF_LANES with neutral entries (invisible: logit-opacity -20), so that there are no tails.
+ * Kernels cannot fail, allocate, lock or print. Denormals are flushed. Equation numbers are those of
+ * src/render/README.md.
+ */
+#ifndef SF_KERNELS_KERNELS_H
+#define SF_KERNELS_KERNELS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum {
+    SF_LANES = 16, /* Gaussians a block */
+    SF_TILE = 16,  /* px a side */
+    SF_TILE_PIXELS = SF_TILE * SF_TILE,
+    SF_SUMS = 16, /* floats a slot of gradient sums; the first 9 are used, the others stay untouched */
+    SF_SSIM_RADIUS = 5
+};
+
+/* Constants of the blending are floats, those of the projection doubles: see arch/scalar/project.c. */
+#define SF_ALPHA_MIN (1.0f / 255.0f) /* a pair below it is skipped */
+#define SF_ALPHA_MAX 0.99f           /* alpha' is clamped here; no gradient passes the clamp */
+#define SF_T_STOP    1e-4f           /* a pixel is finished before the Gaussian that would bring T under it */
+#define SF_LOW_PASS  0.3             /* px^2 on the diagonal of the 2D covariance */
+#define SF_QUAT_MIN  1e-12           /* quaternions of a smaller norm are culled */
+#define SF_LOG2_255  7.99435343685886
+
+/* sqrt(log2(e) / 2), folded into the whitening factors so that the exponent is one of base 2; 2 ln 2 undoes
+ * its square. */
+#define SF_WHITEN      0.84932180028801904272
+#define SF_WHITEN_UNDO 1.38629436111989061883
+
+#define SF_SSIM_C1 1e-4f
+#define SF_SSIM_C2 9e-4f
+
+/* The learned fields: name, components of a Gaussian. This one list drives storage, optimiser, growth and
+ * export. SH is stored by band; a band above the model's degree has no array. Component order within a band:
+ * coefficient-major, RGB innermost. */
+#define SF_FIELDS(X)                                                                                         \
+    X(mean, 3)                                                                                               \
+    X(log_scale, 3)                                                                                          \
+    X(quat, 4)                                                                                               \
+    X(logit_opacity, 1)                                                                                      \
+    X(sh0, 3)                                                                                                \
+    X(sh1, 9)                                                                                                \
+    X(sh2, 15)                                                                                               \
+    X(sh3, 21)
+
+#define SF_FIELD_ENUM(name, components) SF_FIELD_##name,
+enum { SF_FIELDS(SF_FIELD_ENUM) SF_FIELD_COUNT };
+#undef SF_FIELD_ENUM
+
+/* Arrays of the fields, blocked by SF_LANES: component c of Gaussian i of a field with C components stands at
+ * ((i / SF_LANES) C + c) SF_LANES + i % SF_LANES. NULL for a band that is not stored. */
+typedef struct sf_params {
+    float *field[SF_FIELD_COUNT];
+} sf_params;
+
+static inline size_t sf_at(size_t i, int components, int c) {
+    return (i / SF_LANES * (size_t)components + (size_t)c) * SF_LANES + i % SF_LANES;
+}
+
+/* A camera as the kernels take it; everything that is constant over a picture is worked out once. */
+typedef struct sf_eye {
+    float R[9], t[3];       /* world to camera */
+    float center[3];        /* in the world */
+    float fx, fy, cx, cy;   /* px */
+    float clamp_x, clamp_y; /* 1.3 W / (2 fx), 1.3 H / (2 fy) */
+    float near_plane;       /* world units */
+    int width, height;      /* px */
+    int tiles_x, tiles_y;
+} sf_eye;
+
+/* A projected Gaussian. Offsets d are pixel centre minus mean. In whitened form t = l00 dx + l01 dy, s = m
+ * dy: o g = exp2(log2_opacity - t^2 - s^2) (M.1). The covered part of the row at dy is slope dy +- sqrt(reach
+ * - squeeze dy^2) about u; its right end is farthest right at dy = lean, its left end farthest left at -lean.
+ */
+typedef struct sf_splat {
+    float u, v;         /* mean, px */
+    float l00, l01, m;  /* 1/px */
+    float log2_opacity; /* of the opacity in effect */
+    float rgb[3];
+    float depth; /* camera z */
+    float slope, reach, squeeze, lean;
+    float half_width, half_height; /* of the tight box, px */
+} sf_splat;
+
+/* Why a Gaussian has no pixels. */
+enum { SF_SEEN = 0, SF_OUT_OF_VIEW = 1, SF_NOT_FINITE = 2 };
+
+/* Tiles x0 .. x1-1 of one row of tiles; empty where x1 <= x0. */
+typedef struct sf_span {
+    uint16_t x0, x1;
+} sf_span;
+
+typedef struct sf_project_args {
+    const sf_eye *eye;
+    sf_params params;
+    int sh_degree;    /* bands to use; no higher than what is stored */
+    int antialiased;  /* opacity compensation, M.3 */
+    sf_splat *splats; /* out: [n]; undefined where state is not SF_SEEN */
+    uint8_t *state;   /* out: [n], SF_SEEN ...; SF_NOT_FINITE also for a quaternion below SF_QUAT_MIN */
+    uint16_t *first_row, *rows; /* out: [n], rows of tiles touched; 0 rows where not seen */
+} sf_project_args;
+
+typedef struct sf_project_bwd_args {
+    sf_project_args forward; /* as given to project, with its results */
+    const uint32_t *slot;    /* [n + 1]: the slots of Gaussian i are slot[i] .. slot[i+1]-1 */
+    const float *sums;       /* [slots][SF_SUMS], from blend_bwd */
+    sf_params grads;         /* out: overwritten for all lanes; 0 for what is not seen */
+    float *screen;           /* out: [n] norm of dL/d(u, v) in device units (x W/2, y H/2); 0 if not seen */
+    double *pose;            /* [6], added to: dL/d(rho, phi) of M.6; NULL: not wanted */
+    unsigned *not_finite;    /* added to: Gaussians left out for a gradient that was not finite */
+} sf_project_bwd_args;
+
+/* One tile. Planes point at its first pixel, rows are `stride` floats apart, and reach SF_TILE px in both
+ * directions even where the picture ends: what a kernel writes outside of the picture is of no meaning but
+ * finite, and d_rgb is 0 there. */
+typedef struct sf_blend_args {
+    const sf_splat *splats;
+    const uint32_t *entries; /* [count] indices into splats, near to far */
+    uint32_t count;
+    int x0, y0; /* of the first pixel, px */
+    size_t stride;
+    float background[3];
+    float *rgb[3];         /* blend: out, with the background; blend_bwd: in */
+    float *transmittance;  /* blend: out */
+    float *depth;          /* blend: out, sum of w z; NULL: not wanted */
+    uint32_t *last;        /* [SF_TILE_PIXELS] entries that a pixel has used up; blend: out; blend_bwd: in */
+    const float *d_rgb[3]; /* blend_bwd */
+    const uint32_t *slots; /* blend_bwd: [count] slot of each entry */
+    float *sums;           /* blend_bwd: out, [slots][SF_SUMS]: sum over pixels of w d_rgb (3), p, p t, p s,
+                              p t^2, p t s, p s^2 (M.2 with the whitened offsets); 0s for an entry of no effect */
+} sf_blend_args;
+
+/* A band of rows of one channel of the loss (M.5). x and y hold the weight already. */
+typedef struct sf_loss_args {
+    const float *x, *y; /* [height] rows of `stride` floats */
+    int width, height;
+    size_t stride;
+    int first_row, end_row;
+    float *map[3];  /* forward: out, backward: in, like x: G1 = dS/dmx - 2 mx dS/dsxx - my dS/dsxy, dS/dsxx,
+                       dS/dsxy */
+    float *scratch; /* [SF_LOSS_SCRATCH_ROWS][stride] */
+    double *l1,
+        *ssim; /* forward: added to: sums over the band of |x - y| and of S; ssim NULL: L1 alone, no maps */
+    float l1_scale;   /* backward: (1 - lambda) / (3 sum m) */
+    float ssim_scale; /* backward: -lambda / (3 sum m); 0: L1 alone, maps are not read */
+    float *d_x;       /* backward: out */
+} sf_loss_args;
+
+/* Rows of a band at most; with its halo; rows of scratch. */
+enum {
+    SF_LOSS_BAND = 16,
+    SF_LOSS_HALO_BAND = SF_LOSS_BAND + 2 * SF_SSIM_RADIUS,
+    SF_LOSS_SCRATCH_ROWS = 5 * SF_LOSS_HALO_BAND + 5
+};
+
+typedef struct sf_adam {
+    float rate;         /* with the correction of the second moment's start in it: rate / (1 - beta1^t) */
+    float beta1, beta2; /* decays */
+    float v_scale;      /* 1 / (1 - beta2^t) */
+    float epsilon;
+} sf_adam;
+
+typedef struct sf_kernels {
+    const char *isa; /* highest level in the table */
+
+    /* Blocks first .. end-1 of SF_LANES Gaussians: M.1, M.3 (opacity compensation), M.4. */
+    void (*project)(const sf_project_args *args, size_t first, size_t end);
+
+    /* The tiles that Gaussians first .. end-1 touch, exactly: those that hold a pixel centre, or pass within
+     * a hundredth of a pixel of one, where o g >= 1/255. Row r of Gaussian i goes to spans[offset[i] + r]. */
+    void (*spans)(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
+                  const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans);
+
+    /* Front to back (F.5), and its reverse, also front to back (M.2). */
+    void (*blend)(const sf_blend_args *args);
+    void (*blend_bwd)(const sf_blend_args *args);
+
+    /* L1 and SSIM with an 11 x 11 Gaussian window and zero padding, and the gradient (M.5). */
+    void (*loss)(const sf_loss_args *args);
+    void (*loss_bwd)(const sf_loss_args *args);
+
+    /* Blocks first .. end-1: sums of the slots, then M.3, M.4, M.6 to the raw parameters. */
+    void (*project_bwd)(const sf_project_bwd_args *args, size_t first, size_t end);
+
+    /* One step of Adam (Kingma and Ba 2015, algorithm 1) on n parameters, n a multiple of SF_LANES. */
+    void (*adam)(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
+
+    /* One row of a picture box-averaged by `factor` and taken to 0..1: dst[i] = mean of weight * src / 255
+     * over factor x factor pixels, i < width. Rows of src and weight are src_stride bytes apart; weight NULL:
+     * 1; src NULL: the mean weight itself. */
+    void (*unpack)(const uint8_t *src, const uint8_t *weight, size_t src_stride, int factor, float *dst,
+                   int width);
+} sf_kernels;
+
+/* Levels, as a mask. */
+enum { SF_CPU_SCALAR = 0 };
+
+/* Fills in the best kernels that `mask` allows. */
+void sf_kernels_init(sf_kernels *kernels, unsigned mask);
+
+/* The levels of this machine. */
+unsigned sf_cpu_detect(void);
+
+/* In arch/, one a folder. */
+void sf_kernels_init_scalar(sf_kernels *kernels);
+
+#endif
