@@ -1,0 +1,121 @@
+/* project.c - all Gaussians to the screen, and the gradient from there to the raw parameters. */
+#include "workspace.h"
+
+#include <string.h>
+
+#include "../base/pool.h"
+
+static size_t blocks_of(size_t count) { return (count + SF_LANES - 1) / SF_LANES; }
+static size_t tasks_of(size_t count) {
+    return (blocks_of(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
+}
+
+static sf_status room(sf_workspace *ws, size_t count) {
+    size_t need = blocks_of(count) * SF_LANES + 1;
+    if (need <= ws->gaussian_capacity) return SF_OK;
+    struct {
+        void *block;
+        size_t size;
+    } arrays[] = {
+        {&ws->splats, sizeof *ws->splats},
+        {&ws->state, sizeof *ws->state},
+        {&ws->first_row, sizeof *ws->first_row},
+        {&ws->rows, sizeof *ws->rows},
+        {&ws->span_offset, sizeof(uint32_t)},
+        {&ws->slot, sizeof(uint32_t)},
+        {&ws->screen, sizeof(float)},
+        {&ws->order, sizeof(uint32_t)},
+        {&ws->order_swap, sizeof(uint32_t)},
+        {&ws->key, sizeof(uint32_t)},
+        {&ws->key_swap, sizeof(uint32_t)},
+    };
+    size_t capacity = 0;
+    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
+        capacity = ws->gaussian_capacity;
+        sf_status status = sf_grow(ws->ctx, arrays[i].block, &capacity, 0, need, arrays[i].size);
+        if (status) return status;
+    }
+    ws->gaussian_capacity = capacity;
+    return SF_OK;
+}
+
+typedef struct project_job {
+    sf_workspace *ws;
+    sf_project_args args;
+} project_job;
+
+static void project_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    project_job *job = job_pointer;
+    size_t first = task * SF_PROJECT_BLOCKS, blocks = blocks_of(job->ws->count);
+    size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
+    job->ws->ctx->kernels->project(&job->args, first, end);
+}
+
+static sf_project_args project_args(const sf_workspace *ws) {
+    return (sf_project_args){.eye = &ws->eye,
+                             .params = ws->params,
+                             .sh_degree = ws->sh_degree,
+                             .antialiased = ws->antialiased,
+                             .splats = ws->splats,
+                             .state = ws->state,
+                             .first_row = ws->first_row,
+                             .rows = ws->rows};
+}
+
+sf_status sf_stage_project(sf_workspace *ws, const sf_params *params, size_t count, int sh_degree,
+                           int antialiased) {
+    sf_status status = room(ws, count);
+    if (status) return status;
+    ws->params = *params;
+    ws->count = count;
+    ws->sh_degree = sh_degree;
+    ws->antialiased = antialiased;
+    project_job job = {ws, project_args(ws)};
+    sf_pool_run(ws->ctx->pool, tasks_of(count), project_task, &job);
+    ws->not_finite = 0;
+    for (size_t i = 0; i < count; i++) ws->not_finite += ws->state[i] == SF_NOT_FINITE;
+    return SF_OK;
+}
+
+typedef struct project_bwd_job {
+    sf_workspace *ws;
+    sf_project_bwd_args args;
+    double *pose; /* [tasks][6] or NULL */
+} project_bwd_job;
+
+static void project_bwd_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    project_bwd_job *job = job_pointer;
+    sf_project_bwd_args args = job->args;
+    size_t first = task * SF_PROJECT_BLOCKS, blocks = blocks_of(job->ws->count);
+    size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
+    args.pose = job->pose ? job->pose + 6 * task : NULL;
+    args.not_finite = &job->ws->partial_count[task];
+    job->ws->ctx->kernels->project_bwd(&args, first, end);
+}
+
+sf_status sf_stage_project_bwd(sf_workspace *ws, const sf_params *grads, double *pose) {
+    size_t tasks = tasks_of(ws->count);
+    sf_status status = sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, 6 * tasks, sizeof(double));
+    if (!status)
+        status =
+            sf_grow(ws->ctx, &ws->partial_count, &ws->partial_count_capacity, 0, tasks, sizeof(unsigned));
+    if (status) return status;
+    memset(ws->partial, 0, 6 * tasks * sizeof(double));
+    memset(ws->partial_count, 0, tasks * sizeof(unsigned));
+    project_bwd_job job = {.ws = ws,
+                           .args = {.forward = project_args(ws),
+                                    .slot = ws->slot,
+                                    .sums = ws->sums,
+                                    .grads = *grads,
+                                    .screen = ws->screen},
+                           .pose = pose ? ws->partial : NULL};
+    sf_pool_run(ws->ctx->pool, tasks, project_bwd_task, &job);
+    for (int k = 0; pose && k < 6; k++) pose[k] = 0;
+    for (size_t task = 0; task < tasks; task++) {
+        ws->not_finite += ws->partial_count[task];
+        for (int k = 0; pose && k < 6; k++) pose[k] += ws->partial[6 * task + (size_t)k];
+    }
+    return SF_OK;
+}

@@ -1,0 +1,173 @@
+/* render.c - the differentiable renderer, the loss and the figures of merit, for callers with plain arrays.
+ */
+#include "workspace.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../scene/gaussians.h"
+
+struct sf_renderer {
+    sf_context *ctx;
+    sf_workspace picture;    /* of sf_render */
+    sf_workspace comparison; /* of sf_loss and sf_compare */
+    sf_params grads;
+    size_t grad_capacity;
+    int grad_degree;
+    int rendered; /* the workspace holds a picture */
+    size_t count;
+    int stored_degree;
+};
+
+sf_render_options sf_render_options_default(void) {
+    return (sf_render_options){.near_plane = 0.2f, .sh_degree = -1, .antialiased = -1};
+}
+
+sf_status sf_renderer_create(sf_context *ctx, sf_renderer **out) {
+    sf_renderer *renderer = *out = sf_calloc(ctx, 1, sizeof *renderer);
+    if (!renderer) return SF_ERR_MEMORY;
+    renderer->ctx = ctx;
+    sf_workspace_init(&renderer->picture, ctx);
+    sf_workspace_init(&renderer->comparison, ctx);
+    return SF_OK;
+}
+
+void sf_renderer_destroy(sf_renderer **renderer_pointer) {
+    sf_renderer *renderer = *renderer_pointer;
+    if (!renderer) return;
+    sf_workspace_free(&renderer->picture);
+    sf_workspace_free(&renderer->comparison);
+    sf_params_destroy(renderer->ctx, &renderer->grads);
+    sf_free(renderer->ctx, renderer);
+    *renderer_pointer = NULL;
+}
+
+sf_status sf_forward(sf_workspace *ws, const sf_model *model, const sf_camera *camera,
+                     const sf_render_options *options, int with_depth) {
+    if (sf_camera_check(camera))
+        return sf_fail(ws->ctx, SF_ERR_ARGUMENT,
+                       "camera: size, focal length or pose is out of range (%dx%d, fx %g, fy %g)",
+                       (int)camera->width, (int)camera->height, camera->fx, camera->fy);
+    if (!(options->near_plane > 0 && isfinite(options->near_plane)))
+        return sf_fail(ws->ctx, SF_ERR_ARGUMENT, "near_plane: %g is not above 0",
+                       (double)options->near_plane);
+    int degree = options->sh_degree < 0 ? model->sh_degree : options->sh_degree;
+    if (degree > model->sh_degree)
+        return sf_fail(ws->ctx, SF_ERR_ARGUMENT, "sh_degree: %d is more than the model's %d", degree,
+                       model->sh_degree);
+    int antialiased = options->antialiased < 0 ? model->antialiased : options->antialiased != 0;
+    sf_status status = sf_workspace_look(ws, camera, options->near_plane);
+    if (!status) status = sf_stage_project(ws, &model->params, model->count, degree, antialiased);
+    if (!status) status = sf_stage_bin(ws);
+    if (!status) sf_stage_blend(ws, options->background, with_depth);
+    return status;
+}
+
+sf_status sf_render(sf_renderer *renderer, const sf_model *model, const sf_camera *camera,
+                    const sf_render_options *options, const sf_image_out *out) {
+    sf_render_options defaults = sf_render_options_default();
+    renderer->rendered = 0;
+    sf_status status =
+        sf_forward(&renderer->picture, model, camera, options ? options : &defaults, out->depth != NULL);
+    if (status) return status;
+    renderer->rendered = 1;
+    renderer->count = model->count;
+    renderer->stored_degree = model->sh_degree;
+    sf_copy_out(&renderer->picture, out);
+    return SF_OK;
+}
+
+static sf_status gradient_room(sf_renderer *renderer, const sf_model *model) {
+    if (model->count <= renderer->grad_capacity && model->sh_degree == renderer->grad_degree &&
+        renderer->grad_capacity)
+        return SF_OK;
+    sf_params_destroy(renderer->ctx, &renderer->grads);
+    renderer->grad_capacity = 0;
+    sf_status status = sf_params_create(renderer->ctx, model->count, model->sh_degree, &renderer->grads);
+    if (status) return status;
+    renderer->grad_capacity = sf_blocks(model->count) * SF_LANES;
+    renderer->grad_degree = model->sh_degree;
+    return SF_OK;
+}
+
+sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
+                             const sf_render_grads *grads) {
+    sf_workspace *ws = &renderer->picture;
+    if (!renderer->rendered || model->count != renderer->count || model->sh_degree != renderer->stored_degree)
+        return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "model: not the one that was rendered last");
+    sf_status status = gradient_room(renderer, model);
+    if (status) return status;
+    sf_copy_in(ws, d_rgb, NULL, ws->d_rgb);
+    status = sf_stage_blend_bwd(ws);
+    if (!status) status = sf_stage_project_bwd(ws, &renderer->grads, grads->pose);
+    if (!status && grads->background) status = sf_stage_background_bwd(ws, grads->background);
+    if (!status) sf_params_get(&renderer->grads, model->sh_degree, 0, model->count, &grads->gaussians);
+    return status;
+}
+
+/* Puts two pictures of the caller's into the workspace of comparisons; the sum of the weights is returned. */
+static sf_status load_pair(sf_renderer *renderer, int width, int height, const float *rgb,
+                           const float *target, const float *weight, double *weight_sum) {
+    sf_workspace *ws = &renderer->comparison;
+    sf_camera camera = {
+        .width = width, .height = height, .fx = 1, .fy = 1, .R_cw = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    if (sf_camera_check(&camera))
+        return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "size: %dx%d is not in 1..65535", width, height);
+    sf_status status = sf_workspace_look(ws, &camera, 1);
+    if (!status) status = sf_workspace_loss_room(ws);
+    if (status) return status;
+    size_t pixels = (size_t)width * (size_t)height;
+    *weight_sum = weight ? 0 : (double)pixels;
+    for (size_t i = 0; weight && i < pixels; i++) {
+        if (!(weight[i] >= 0 && weight[i] <= 1))
+            return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "weight: %g at pixel %zu is not in 0..1",
+                           (double)weight[i], i);
+        *weight_sum += (double)weight[i];
+    }
+    if (!(*weight_sum > 0)) return sf_fail(renderer->ctx, SF_ERR_EMPTY, "weight: sums to 0");
+    sf_copy_in(ws, rgb, NULL, ws->rgb);
+    sf_copy_in(ws, target, weight, ws->target);
+    ws->has_weight = weight != NULL;
+    for (int y = 0; weight && y < height; y++)
+        memcpy(ws->weight + (size_t)y * ws->stride, weight + (size_t)y * (size_t)width,
+               (size_t)width * sizeof *weight);
+    return SF_OK;
+}
+
+sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
+                  const float *weight, double lambda, sf_loss_value *value, float *d_rgb) {
+    double weight_sum;
+    if (!(lambda >= 0 && lambda <= 1))
+        return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "lambda: %g is not in 0..1", lambda);
+    sf_status status = load_pair(renderer, width, height, rgb, target, weight, &weight_sum);
+    if (status) return status;
+    sf_workspace *ws = &renderer->comparison;
+    sf_stage_loss(ws, lambda, weight_sum, 1, d_rgb != NULL, value);
+    for (size_t y = 0; d_rgb && y < (size_t)height; y++)
+        for (size_t x = 0; x < (size_t)width; x++)
+            for (size_t ch = 0; ch < 3; ch++)
+                d_rgb[3 * (y * (size_t)width + x) + ch] = ws->d_rgb[ch][y * ws->stride + x];
+    return SF_OK;
+}
+
+sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
+                     const float *weight, sf_quality *quality) {
+    double weight_sum, squares = 0;
+    sf_status status = load_pair(renderer, width, height, rgb, target, weight, &weight_sum);
+    if (status) return status;
+    sf_workspace *ws = &renderer->comparison;
+    for (size_t y = 0; y < (size_t)height; y++)
+        for (size_t x = 0; x < (size_t)width; x++)
+            for (size_t ch = 0; ch < SF_CHANNELS; ch++) {
+                size_t from = y * (size_t)width + x;
+                float *value = &ws->rgb[ch][y * ws->stride + x];
+                *value = *value >= 0 ? (*value <= 1 ? *value : 1.0f) : 0.0f;
+                double difference = (double)*value - (double)target[3 * from + ch];
+                squares += (weight ? (double)weight[from] : 1.0) * difference * difference;
+            }
+    sf_loss_value value;
+    sf_stage_loss(ws, 0.2, weight_sum, 1, 0, &value);
+    quality->psnr = -10 * log10(fmax(squares / (3 * weight_sum), 1e-10));
+    quality->ssim = value.ssim;
+    return SF_OK;
+}

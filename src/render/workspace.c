@@ -1,0 +1,134 @@
+/* workspace.c - room for a step, made once and grown when a picture or a model outgrows it. */
+#include "workspace.h"
+
+#include <string.h>
+
+#include "../base/pool.h"
+
+void sf_workspace_init(sf_workspace *ws, sf_context *ctx) {
+    memset(ws, 0, sizeof *ws);
+    ws->ctx = ctx;
+}
+
+void sf_workspace_free(sf_workspace *ws) {
+    void *blocks[] = {ws->transmittance, ws->depth,       ws->last,    ws->splats,       ws->state,
+                      ws->first_row,     ws->rows,        ws->slot,    ws->span_offset,  ws->screen,
+                      ws->order,         ws->order_swap,  ws->key,     ws->key_swap,     ws->spans,
+                      ws->tile_begin,    ws->tile_cursor, ws->entries, ws->entry_slots,  ws->sums,
+                      ws->weight,        ws->scratch,     ws->partial, ws->partial_count};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ws->ctx, blocks[i]);
+    for (int ch = 0; ch < SF_CHANNELS; ch++) {
+        sf_free(ws->ctx, ws->rgb[ch]);
+        sf_free(ws->ctx, ws->d_rgb[ch]);
+        sf_free(ws->ctx, ws->target[ch]);
+        sf_free(ws->ctx, ws->weighted[ch]);
+        for (int k = 0; k < 3; k++) sf_free(ws->ctx, ws->map[ch][k]);
+    }
+    sf_workspace_init(ws, ws->ctx);
+}
+
+/* Replaces a block by a larger, cleared one; the content is lost. */
+static sf_status renew(sf_context *ctx, void *block_pointer, size_t count, size_t size) {
+    void *old, *block = sf_calloc(ctx, count, size);
+    if (!block) return SF_ERR_MEMORY;
+    memcpy(&old, block_pointer, sizeof old);
+    sf_free(ctx, old);
+    memcpy(block_pointer, &block, sizeof block);
+    return SF_OK;
+}
+
+static void set_eye(sf_eye *eye, const sf_camera *camera, float near_plane) {
+    double center[3];
+    sf_camera_center(camera, center);
+    for (int k = 0; k < 9; k++) eye->R[k] = (float)camera->R_cw[k];
+    for (int k = 0; k < 3; k++) {
+        eye->t[k] = (float)camera->t_cw[k];
+        eye->center[k] = (float)center[k];
+    }
+    eye->fx = (float)camera->fx, eye->fy = (float)camera->fy;
+    eye->cx = (float)camera->cx, eye->cy = (float)camera->cy;
+    eye->clamp_x = (float)(1.3 * camera->width / (2 * camera->fx));
+    eye->clamp_y = (float)(1.3 * camera->height / (2 * camera->fy));
+    eye->near_plane = near_plane;
+    eye->width = camera->width, eye->height = camera->height;
+    eye->tiles_x = (camera->width + SF_TILE - 1) / SF_TILE;
+    eye->tiles_y = (camera->height + SF_TILE - 1) / SF_TILE;
+}
+
+sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float near_plane) {
+    sf_eye eye;
+    set_eye(&eye, camera, near_plane);
+    size_t tiles = (size_t)eye.tiles_x * (size_t)eye.tiles_y, need = tiles * SF_TILE_PIXELS;
+    sf_status status = SF_OK;
+    if (need > ws->plane_capacity) {
+        ws->plane_capacity = 0;
+        for (int ch = 0; ch < SF_CHANNELS && !status; ch++) {
+            status = renew(ws->ctx, &ws->rgb[ch], need, sizeof(float));
+            if (!status) status = renew(ws->ctx, &ws->d_rgb[ch], need, sizeof(float));
+        }
+        if (!status) status = renew(ws->ctx, &ws->transmittance, need, sizeof(float));
+        if (!status) status = renew(ws->ctx, &ws->depth, need, sizeof(float));
+        if (!status) status = renew(ws->ctx, &ws->last, need, sizeof(uint32_t));
+        if (!status) ws->plane_capacity = need;
+    }
+    if (!status && tiles + 1 > ws->tile_capacity) {
+        ws->tile_capacity = 0;
+        status = renew(ws->ctx, &ws->tile_begin, tiles + 1, sizeof(uint32_t));
+        if (!status) status = renew(ws->ctx, &ws->tile_cursor, tiles + 1, sizeof(uint32_t));
+        if (!status) ws->tile_capacity = tiles + 1;
+    }
+    if (status) return status;
+    ws->eye = eye;
+    ws->stride = (size_t)eye.tiles_x * SF_TILE;
+    ws->plane_rows = (size_t)eye.tiles_y * SF_TILE;
+    return SF_OK;
+}
+
+sf_status sf_workspace_loss_room(sf_workspace *ws) {
+    size_t need = ws->plane_capacity, threads = (size_t)sf_pool_threads(ws->ctx->pool);
+    sf_status status = SF_OK;
+    if (need > ws->loss_capacity) {
+        ws->loss_capacity = 0;
+        for (int ch = 0; ch < SF_CHANNELS && !status; ch++) {
+            status = renew(ws->ctx, &ws->target[ch], need, sizeof(float));
+            if (!status) status = renew(ws->ctx, &ws->weighted[ch], need, sizeof(float));
+            for (int k = 0; k < 3 && !status; k++)
+                status = renew(ws->ctx, &ws->map[ch][k], need, sizeof(float));
+        }
+        if (!status) status = renew(ws->ctx, &ws->weight, need, sizeof(float));
+        if (!status) ws->loss_capacity = need;
+    }
+    size_t scratch = threads * SF_LOSS_SCRATCH_ROWS * ws->stride;
+    if (!status && scratch > ws->scratch_capacity) {
+        ws->scratch_capacity = 0;
+        status = renew(ws->ctx, &ws->scratch, scratch, sizeof(float));
+        if (!status) ws->scratch_capacity = scratch;
+    }
+    /* loss: L1 and SSIM of each band of each channel */
+    size_t partial = 2 * SF_CHANNELS * (size_t)ws->eye.tiles_y;
+    if (!status) status = sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, partial, sizeof(double));
+    return status;
+}
+
+void sf_copy_out(const sf_workspace *ws, const sf_image_out *out) {
+    size_t width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++) {
+            size_t from = y * ws->stride + x, to = y * width + x;
+            for (size_t ch = 0; out->rgb && ch < 3; ch++) out->rgb[3 * to + ch] = ws->rgb[ch][from];
+            if (out->transmittance) out->transmittance[to] = ws->transmittance[from];
+            if (out->depth) out->depth[to] = ws->depth[from];
+        }
+}
+
+void sf_copy_in(const sf_workspace *ws, const float *rgb, const float *weight, float *const plane[3]) {
+    size_t width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
+    for (size_t ch = 0; ch < SF_CHANNELS; ch++) {
+        memset(plane[ch], 0, ws->plane_rows * ws->stride * sizeof(float));
+        for (size_t y = 0; y < height; y++)
+            for (size_t x = 0; x < width; x++) {
+                size_t from = y * width + x;
+                plane[ch][y * ws->stride + x] = rgb[3 * from + ch] * (weight ? weight[from] : 1.0f);
+            }
+    }
+}

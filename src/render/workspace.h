@@ -1,0 +1,104 @@
+/* workspace.h - one step's arrays, and its stages: project -> bin -> blend -> loss and the same backwards.
+ *
+ * Each stage is one function: it reads what earlier stages left in the workspace and writes one result. Work
+ * is cut into tasks whose size does not depend on the number of threads, and sums over tasks are made in
+ * their order: the same bytes come out for any number of threads.
+ */
+#ifndef SF_RENDER_WORKSPACE_H
+#define SF_RENDER_WORKSPACE_H
+
+#include "../base/context.h"
+#include "../kernels/kernels.h"
+
+#include <splatfit/camera.h>
+#include <splatfit/render.h>
+
+enum {
+    SF_PROJECT_BLOCKS = 16, /* blocks of SF_LANES Gaussians a task */
+    SF_CHANNELS = 3
+};
+
+typedef struct sf_workspace {
+    sf_context *ctx;
+
+    /* the picture: planes of plane_rows x stride floats, both multiples of SF_TILE */
+    sf_eye eye;
+    size_t stride, plane_rows, plane_capacity;
+    float *rgb[SF_CHANNELS], *transmittance, *depth;
+    float *d_rgb[SF_CHANNELS];
+    uint32_t *last; /* [tiles][SF_TILE_PIXELS] */
+    float background[3];
+
+    /* Gaussians, [n] padded to SF_LANES */
+    size_t count, gaussian_capacity;
+    int sh_degree, antialiased;
+    sf_params params;
+    sf_splat *splats;
+    uint8_t *state;
+    uint16_t *first_row, *rows;
+    uint32_t *span_offset; /* [n + 1] */
+    uint32_t *slot;        /* [n + 1] first slot of each Gaussian: its tiles in row-major order */
+    float *screen;         /* [n] */
+    uint32_t *order, *order_swap, *key, *key_swap; /* what is seen, by depth */
+    size_t seen;
+    uint64_t not_finite; /* Gaussians left out by the last project and project_bwd */
+
+    /* tile lists */
+    size_t span_capacity, entry_capacity, tile_capacity;
+    sf_span *spans;
+    uint32_t *tile_begin; /* [tiles + 1] */
+    uint32_t *tile_cursor;
+    uint32_t *entries, *entry_slots; /* [entries], by tile, near to far */
+    float *sums;                     /* [entries][SF_SUMS] by slot */
+    size_t sums_capacity;
+
+    /* the loss: target and weight of the picture, both zero beyond it; maps of M.5 */
+    float *target[SF_CHANNELS]; /* already times the weight */
+    float *weight;              /* in use where has_weight */
+    int has_weight;
+    float *weighted[SF_CHANNELS]; /* rgb times weight */
+    float *map[SF_CHANNELS][3];
+    size_t loss_capacity;
+    float *scratch; /* a band's, one a thread */
+    size_t scratch_capacity;
+    double *partial; /* sums of a stage, by task */
+    size_t partial_capacity;
+    unsigned *partial_count;
+    size_t partial_count_capacity;
+} sf_workspace;
+
+void sf_workspace_init(sf_workspace *ws, sf_context *ctx);
+void sf_workspace_free(sf_workspace *ws);
+
+/* Chooses the camera and makes room for its picture. */
+sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float near_plane);
+/* Makes room for the loss's planes of the present picture. */
+sf_status sf_workspace_loss_room(sf_workspace *ws);
+
+/* The stages, in order. All but sf_stage_project and sf_stage_bin need room that the others made and cannot
+ * fail. */
+sf_status sf_stage_project(sf_workspace *ws, const sf_params *params, size_t count, int sh_degree,
+                           int antialiased);
+sf_status sf_stage_bin(sf_workspace *ws);
+void sf_stage_blend(sf_workspace *ws, const float background[3], int with_depth);
+
+/* The loss of ws->rgb against ws->target (with ws->weight where has_weight) and, if with_gradient, ws->d_rgb.
+ * weight_sum: of the weights of all pixels. lambda 0 leaves SSIM out (and value->ssim 0) unless with_ssim. */
+void sf_stage_loss(sf_workspace *ws, double lambda, double weight_sum, int with_ssim, int with_gradient,
+                   sf_loss_value *value);
+
+sf_status sf_stage_blend_bwd(sf_workspace *ws);
+/* grads: blocked arrays with room for the count; pose NULL or [6], overwritten. */
+sf_status sf_stage_project_bwd(sf_workspace *ws, const sf_params *grads, double *pose);
+/* dL/dbackground = sum T dL/dgamma, [3]. */
+sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background);
+
+/* The planes to the caller's [H][W] and [H][W][3], and back (zeros beyond the picture). */
+void sf_copy_out(const sf_workspace *ws, const sf_image_out *out);
+void sf_copy_in(const sf_workspace *ws, const float *rgb, const float *weight, float *const plane[3]);
+
+/* The whole forward pass: look, project, bin, blend. */
+sf_status sf_forward(sf_workspace *ws, const sf_model *model, const sf_camera *camera,
+                     const sf_render_options *options, int with_depth);
+
+#endif

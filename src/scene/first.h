@@ -1,0 +1,26 @@
+/* first.h - the first Gaussians of a fit. */
+#ifndef SF_SCENE_FIRST_H
+#define SF_SCENE_FIRST_H
+
+#include "../base/rng.h"
+#include "gaussians.h"
+#include "scene.h"
+
+typedef struct sf_first_options {
+    size_t max_gaussians; /* a random choice of the points where there are more */
+    size_t random_count;  /* where the scene has no points */
+    int sh_degree;
+    double opacity;
+    double scale;  /* standard deviation, in mean distances to the 3 nearest */
+    double extent; /* of the scene */
+} sf_first_options;
+
+/* Makes a model from the scene's sparse points: colour from the point, scale from the mean distance to its 3
+ * nearest neighbours, identity rotation. Without points: random ones along the rays of the training views. */
+sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
+
+/* distances[i] = mean distance from point i of [n][3] to its (up to) 3 nearest others; 0 if there is no
+ * other. */
+sf_status sf_nearest_distances(sf_context *ctx, const float *points, size_t n, float *distances);
+
+#endif

@@ -1,0 +1,271 @@
+/* scene.c - views and sparse points. */
+#include "scene.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
+                         int with_weight, sf_view **out) {
+    *out = NULL;
+    size_t pixels = (size_t)camera->width * (size_t)camera->height, length = strlen(name) + 1;
+    sf_view *view = sf_calloc(ctx, 1, sizeof *view);
+    if (!view) return SF_ERR_MEMORY;
+    view->ctx = ctx;
+    atomic_init(&view->references, 1);
+    view->split = split;
+    view->camera = *camera;
+    view->name = sf_alloc(ctx, length, 1);
+    view->rgb = sf_alloc(ctx, pixels, 3);
+    if (with_weight) view->weight = sf_alloc(ctx, pixels, 1);
+    if (!view->name || !view->rgb || (with_weight && !view->weight)) {
+        sf_view_release(view);
+        return SF_ERR_MEMORY;
+    }
+    memcpy(view->name, name, length);
+    *out = view;
+    return SF_OK;
+}
+
+sf_view *sf_view_retain(sf_view *view) {
+    atomic_fetch_add(&view->references, 1);
+    return view;
+}
+
+void sf_view_release(sf_view *view) {
+    if (!view || atomic_fetch_sub(&view->references, 1) > 1) return;
+    sf_context *ctx = view->ctx;
+    sf_free(ctx, view->name);
+    sf_free(ctx, view->rgb);
+    sf_free(ctx, view->weight);
+    sf_free(ctx, view);
+}
+
+sf_status sf_scene_create(sf_context *ctx, sf_scene **out) {
+    sf_scene *scene = *out = sf_calloc(ctx, 1, sizeof *scene);
+    if (!scene) return SF_ERR_MEMORY;
+    scene->ctx = ctx;
+    scene->next_id = 1;
+    pthread_mutex_init(&scene->lock, NULL);
+    return SF_OK;
+}
+
+void sf_scene_destroy(sf_scene **scene_pointer) {
+    sf_scene *scene = *scene_pointer;
+    if (!scene) return;
+    for (size_t i = 0; i < scene->view_count; i++) sf_view_release(scene->views[i]);
+    sf_free(scene->ctx, scene->views);
+    sf_free(scene->ctx, scene->points);
+    sf_free(scene->ctx, scene->point_colors);
+    pthread_mutex_destroy(&scene->lock);
+    sf_free(scene->ctx, scene);
+    *scene_pointer = NULL;
+}
+
+sf_status sf_scene_take_view(sf_scene *scene, sf_view *view) {
+    pthread_mutex_lock(&scene->lock);
+    sf_status status = sf_grow(scene->ctx, &scene->views, &scene->view_capacity, scene->view_count,
+                               scene->view_count + 1, sizeof *scene->views);
+    if (!status) {
+        view->id = scene->next_id++;
+        scene->views[scene->view_count++] = view;
+    }
+    pthread_mutex_unlock(&scene->lock);
+    if (status) sf_view_release(view);
+    return status;
+}
+
+static void copy_planar(const sf_pixels *pixels, sf_view *view) {
+    size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++)
+            for (size_t ch = 0; ch < 3; ch++)
+                view->rgb[(ch * height + y) * width + x] = pixels->rgb[y * pixels->stride + 3 * x + ch];
+    if (view->weight) memcpy(view->weight, pixels->mask, width * height);
+}
+
+sf_status sf_scene_add_view(sf_scene *scene, const char *name, const sf_camera *camera,
+                            const sf_pixels *pixels, sf_split split, uint32_t *id) {
+    char made_up[32];
+    const char *label = name ? name : "view";
+    if (sf_camera_check(camera))
+        return sf_fail(scene->ctx, SF_ERR_ARGUMENT,
+                       "%s: camera: size, focal length or pose is out of range (%dx%d, fx %g, fy %g)", label,
+                       (int)camera->width, (int)camera->height, camera->fx, camera->fy);
+    if (!pixels || !pixels->rgb || pixels->stride / 3 < (size_t)camera->width)
+        return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "%s: pixels: missing, or a stride below 3 x width",
+                       label);
+    if (!name) {
+        pthread_mutex_lock(&scene->lock);
+        snprintf(made_up, sizeof made_up, "view-%u", scene->next_id);
+        pthread_mutex_unlock(&scene->lock);
+        name = made_up;
+    }
+    sf_view *view;
+    sf_status status = sf_view_create(scene->ctx, name, camera, split, pixels->mask != NULL, &view);
+    if (status) return status;
+    copy_planar(pixels, view);
+    sf_view_retain(view); /* the scene may lose it to another thread before its id is read */
+    status = sf_scene_take_view(scene, view);
+    if (!status && id) *id = view->id;
+    sf_view_release(view);
+    return status;
+}
+
+/* Index of a view; view_count if there is none. With the lock held. */
+static size_t find(const sf_scene *scene, uint32_t id) {
+    size_t i = 0;
+    while (i < scene->view_count && scene->views[i]->id != id) i++;
+    return i;
+}
+
+sf_status sf_scene_remove_view(sf_scene *scene, uint32_t id) {
+    pthread_mutex_lock(&scene->lock);
+    size_t i = find(scene, id);
+    sf_view *view = i < scene->view_count ? scene->views[i] : NULL;
+    if (view) {
+        scene->view_count--;
+        memmove(&scene->views[i], &scene->views[i + 1], (scene->view_count - i) * sizeof *scene->views);
+    }
+    pthread_mutex_unlock(&scene->lock);
+    if (!view) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    sf_view_release(view);
+    return SF_OK;
+}
+
+sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id) {
+    pthread_mutex_lock(&scene->lock);
+    size_t i = find(scene, id);
+    sf_view *view = i < scene->view_count ? sf_view_retain(scene->views[i]) : NULL;
+    pthread_mutex_unlock(&scene->lock);
+    return view;
+}
+
+sf_status sf_scene_training_ids(sf_scene *scene, uint32_t **ids, size_t *count) {
+    pthread_mutex_lock(&scene->lock);
+    *count = 0;
+    *ids = sf_alloc(scene->ctx, scene->view_count, sizeof **ids);
+    for (size_t i = 0; *ids && i < scene->view_count; i++)
+        if (scene->views[i]->split == SF_SPLIT_TRAIN) (*ids)[(*count)++] = scene->views[i]->id;
+    pthread_mutex_unlock(&scene->lock);
+    return *ids ? SF_OK : SF_ERR_MEMORY;
+}
+
+sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, const uint8_t *rgb) {
+    pthread_mutex_lock(&scene->lock);
+    size_t used = scene->point_count, need = used + count;
+    sf_status status = need < used || need > SIZE_MAX / (3 * sizeof *xyz)
+                           ? sf_fail(scene->ctx, SF_ERR_ARGUMENT, "count: %zu points are too many", count)
+                           : SF_OK;
+    if (!status)
+        status = sf_grow(scene->ctx, &scene->points, &scene->point_capacity, used, need, 3 * sizeof *xyz);
+    if (!status) status = sf_grow(scene->ctx, &scene->point_colors, &scene->color_capacity, used, need, 3);
+    for (size_t i = 0; !status && i < count; i++) {
+        const float *p = xyz + 3 * i;
+        if (!isfinite(p[0]) || !isfinite(p[1]) || !isfinite(p[2])) {
+            scene->skipped_points++;
+            continue;
+        }
+        memcpy(&scene->points[3 * scene->point_count], p, 3 * sizeof *p);
+        if (rgb)
+            memcpy(&scene->point_colors[3 * scene->point_count], rgb + 3 * i, 3);
+        else
+            memset(&scene->point_colors[3 * scene->point_count], 128, 3);
+        scene->point_count++;
+    }
+    pthread_mutex_unlock(&scene->lock);
+    return status;
+}
+
+static int compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median distance from `center` to (up to 4096 of) the points; 0 without points. */
+static double median_distance(const sf_scene *scene, const double *center) {
+    enum { SAMPLES = 4096 };
+    double distances[SAMPLES];
+    size_t n = scene->point_count < SAMPLES ? scene->point_count : SAMPLES;
+    for (size_t k = 0; k < n; k++) {
+        const float *p = scene->points + 3 * (size_t)((double)k * (double)scene->point_count / (double)n);
+        double x = p[0] - center[0], y = p[1] - center[1], z = p[2] - center[2];
+        distances[k] = sqrt(x * x + y * y + z * z);
+    }
+    qsort(distances, n, sizeof *distances, compare_doubles);
+    return n ? distances[n / 2] : 0;
+}
+
+static void measure_extent(const sf_scene *scene, sf_scene_info *info) {
+    double largest = 0, c[3];
+    for (size_t i = 0; i < scene->view_count; i++) {
+        if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
+        sf_camera_center(&scene->views[i]->camera, c);
+        for (int k = 0; k < 3; k++) info->center[k] += c[k] / (double)info->train_views;
+    }
+    for (size_t i = 0; i < scene->view_count; i++) {
+        if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
+        sf_camera_center(&scene->views[i]->camera, c);
+        double x = c[0] - info->center[0], y = c[1] - info->center[1], z = c[2] - info->center[2];
+        largest = fmax(largest, sqrt(x * x + y * y + z * z));
+    }
+    info->extent = 1.1 * largest;
+    /* one camera, or all in one place: rounding of their mean is not an extent */
+    double scale = fabs(info->center[0]) + fabs(info->center[1]) + fabs(info->center[2]);
+    if (info->extent <= 1e-9 * scale || !(info->extent > 0))
+        info->extent = median_distance(scene, info->center);
+    if (!(info->extent > 0)) info->extent = 1;
+}
+
+void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
+    pthread_mutex_lock(&scene->lock);
+    *info = (sf_scene_info){
+        .views = scene->view_count,
+        .points = scene->point_count,
+        .skipped_missing = scene->skipped_missing,
+        .skipped_pose = scene->skipped_pose,
+        .skipped_points = scene->skipped_points,
+        .undistorted_views = scene->undistorted_views,
+    };
+    for (size_t i = 0; i < scene->view_count; i++)
+        info->train_views += scene->views[i]->split == SF_SPLIT_TRAIN;
+    info->test_views = info->views - info->train_views;
+    measure_extent(scene, info);
+    pthread_mutex_unlock(&scene->lock);
+}
+
+sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
+    pthread_mutex_lock(&scene->lock);
+    size_t count = scene->view_count;
+    if (index < count) {
+        const sf_view *view = scene->views[index];
+        *info = (sf_view_info){view->id, view->name, view->split, view->camera, view->weight != NULL};
+    }
+    pthread_mutex_unlock(&scene->lock);
+    if (index < count) return SF_OK;
+    return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "index: view %zu of %zu", index, count);
+}
+
+sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, float *weight) {
+    sf_view *view = sf_scene_retain_id(scene, id);
+    if (!view) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height;
+    for (size_t i = 0; i < pixels; i++) {
+        for (size_t ch = 0; rgb && ch < 3; ch++) rgb[3 * i + ch] = (float)view->rgb[ch * pixels + i] / 255.0f;
+        if (weight) weight[i] = view->weight ? (float)view->weight[i] / 255.0f : 1.0f;
+    }
+    sf_view_release(view);
+    return SF_OK;
+}
+
+size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity, float *xyz, uint8_t *rgb) {
+    pthread_mutex_lock(&scene->lock);
+    size_t left = first < scene->point_count ? scene->point_count - first : 0,
+           n = left < capacity ? left : capacity;
+    if (n && xyz) memcpy(xyz, scene->points + 3 * first, 3 * n * sizeof *xyz);
+    if (n && rgb) memcpy(rgb, scene->point_colors + 3 * first, 3 * n);
+    pthread_mutex_unlock(&scene->lock);
+    return n;
+}

@@ -1,0 +1,51 @@
+/* scene.h - the inside of sf_scene: views that are shared and never change, and sparse points. */
+#ifndef SF_SCENE_SCENE_H
+#define SF_SCENE_SCENE_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "../base/context.h"
+
+#include <splatfit/scene.h>
+
+/* A picture and its camera; const once it is in a scene. Counted: a step holds the view that it works on, so
+ * that a removal from another thread takes nothing away from it. */
+typedef struct sf_view {
+    sf_context *ctx;
+    atomic_int references;
+    uint32_t id;
+    sf_split split;
+    sf_camera camera;
+    char *name;
+    uint8_t *rgb;    /* [3][height][width], 8-bit sRGB values, planar */
+    uint8_t *weight; /* [height][width], 255 counts in full; NULL: all do */
+} sf_view;
+
+struct sf_scene {
+    sf_context *ctx;
+    pthread_mutex_t lock; /* guards everything below */
+    sf_view **views;
+    size_t view_count, view_capacity;
+    uint32_t next_id;
+    float *points;         /* [n][3], world units */
+    uint8_t *point_colors; /* [n][3] */
+    size_t point_count, point_capacity, color_capacity;
+    size_t skipped_missing, skipped_pose, skipped_points, undistorted_views;
+};
+
+/* A view with uninitialised pixels, one reference; the loader fills them in. `weight` only if with_weight. */
+sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
+                         int with_weight, sf_view **view);
+sf_view *sf_view_retain(sf_view *view);
+void sf_view_release(sf_view *view);
+
+/* Gives the caller's reference to the scene; sets view->id. On failure the view is released. */
+sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
+
+/* A new reference to view `id`, NULL if there is none. */
+sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
+/* The ids of the training views, in order; *ids is sf_free'd by the caller. */
+sf_status sf_scene_training_ids(sf_scene *scene, uint32_t **ids, size_t *count);
+
+#endif
