@@ -1,0 +1,119 @@
+/* testing.c - see testing.h. */
+#define _GNU_SOURCE
+#include "testing.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <ftw.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+char test_log[65536];
+static pthread_mutex_t log_lock = PTHREAD_MUTEX_INITIALIZER;
+static char folder[256];
+
+void test_log_clear(void) { test_log[0] = 0; }
+
+static void keep(void *user, sf_log_level level, const char *message) {
+    (void)user, (void)level;
+    pthread_mutex_lock(&log_lock);
+    size_t used = strlen(test_log);
+    snprintf(test_log + used, sizeof test_log - used, "%s\n", message);
+    pthread_mutex_unlock(&log_lock);
+}
+
+sf_context *test_context_threads(int threads) {
+    sf_context *ctx = NULL;
+    sf_context_options options = {.log = keep, .threads = threads};
+    assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
+    return ctx;
+}
+
+sf_context *test_context(void) { return test_context_threads(2); }
+
+void test_assert_status(const sf_context *ctx, sf_status got, sf_status expected, const char *call,
+                        const char *file, int line) {
+    if (got == expected) return;
+    print_error("%s:%d: %s gave \"%s\", not \"%s\"; last error: %s\n", file, line, call, sf_status_text(got),
+                sf_status_text(expected), ctx ? sf_last_error(ctx) : "(no context)");
+    fail();
+}
+
+void test_assert_contains(const char *text, const char *part, const char *file, int line) {
+    if (strstr(text, part)) return;
+    print_error("%s:%d: \"%s\" does not name \"%s\"\n", file, line, text, part);
+    fail();
+}
+
+static int remove_entry(const char *path, const struct stat *st, int type, struct FTW *ftw) {
+    (void)st, (void)type, (void)ftw;
+    return remove(path);
+}
+
+static void remove_folder(void) { nftw(folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS); }
+
+const char *test_folder(void) {
+    if (folder[0]) return folder;
+    const char *base = getenv("TMPDIR");
+    snprintf(folder, sizeof folder, "%s/splatfit-test-XXXXXX", base && *base ? base : "/tmp");
+    assert_non_null(mkdtemp(folder));
+    atexit(remove_folder);
+    return folder;
+}
+
+const char *test_path(const char *name) {
+    static char buffers[16][1024];
+    static unsigned turn;
+    char *path = buffers[turn++ % 16];
+    snprintf(path, sizeof buffers[0], "%s/%s", test_folder(), name);
+    return path;
+}
+
+void test_write(const char *path, const void *data, size_t size) {
+    FILE *f = fopen(path, "wb");
+    assert_non_null(f);
+    assert_int_equal(fwrite(data, 1, size, f), size);
+    assert_int_equal(fclose(f), 0);
+}
+
+uint8_t *test_read(const char *path, size_t *size) {
+    FILE *f = fopen(path, "rb");
+    if (!f) fail_msg("%s: %s", path, strerror(errno));
+    size_t used = 0, room = 1 << 16, got;
+    uint8_t *data = malloc(room);
+    assert_non_null(data);
+    while ((got = fread(data + used, 1, room - used - 1, f)) > 0) {
+        used += got;
+        if (used + 1 == room) assert_non_null(data = realloc(data, room *= 2));
+    }
+    fclose(f);
+    data[used] = 0;
+    *size = used;
+    return data;
+}
+
+int test_exists(const char *path) { return access(path, F_OK) == 0; }
+
+int test_count_entries(const char *path) {
+    DIR *d = opendir(path);
+    if (!d) return -1;
+    int n = 0;
+    for (struct dirent *e; (e = readdir(d));) n += strcmp(e->d_name, ".") && strcmp(e->d_name, "..");
+    closedir(d);
+    return n;
+}
+
+const char *test_data(void) {
+    const char *path = getenv("SPLATFIT_DATA");
+    if (!path || !*path) test_skip("SPLATFIT_DATA is not set: no real scenes here");
+    return path;
+}
+
+void test_skip(const char *reason) {
+    print_message("skipped: %s\n", reason);
+    skip();
+}

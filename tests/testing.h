@@ -1,0 +1,52 @@
+/* testing.h - what the tests share: cmocka, a context whose log is kept, a scratch folder, a skip with its
+ * reason.
+ *
+ * Each tests/unit/test_*.c and tests/golden/test_*.c is a program of its own, run from the top of the tree.
+ */
+#ifndef TESTING_H
+#define TESTING_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <splatfit/splatfit.h>
+
+/* Lines that the contexts of test_context logged since the last test_log_clear, each ended by a newline. */
+extern char test_log[65536];
+void test_log_clear(void);
+
+/* A context with 2 threads that logs to test_log; fails the test if it cannot be had. */
+sf_context *test_context(void);
+sf_context *test_context_threads(int threads);
+
+/* Asserts status == expected and, where it is not, prints sf_last_error. */
+#define assert_status(ctx, call, expected) test_assert_status(ctx, call, expected, #call, __FILE__, __LINE__)
+#define assert_ok(ctx, call)               assert_status(ctx, call, SF_OK)
+void test_assert_status(const sf_context *ctx, sf_status got, sf_status expected, const char *call,
+                        const char *file, int line);
+
+/* Asserts that sf_last_error holds `part`. */
+#define assert_error_names(ctx, part) test_assert_contains(sf_last_error(ctx), part, __FILE__, __LINE__)
+void test_assert_contains(const char *text, const char *part, const char *file, int line);
+
+/* A scratch folder of this program, removed with all that is in it when the program ends. */
+const char *test_folder(void);
+/* "<test_folder>/<name>", in one of 16 buffers used in turn. */
+const char *test_path(const char *name);
+void test_write(const char *path, const void *data, size_t size);
+/* The content of a file, free()d by the caller; fails the test if it cannot be read. */
+uint8_t *test_read(const char *path, size_t *size);
+int test_exists(const char *path);
+/* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
+int test_count_entries(const char *path);
+
+/* The folder named by SPLATFIT_DATA, or ends the test as skipped, saying that the variable is not set. */
+const char *test_data(void);
+/* Ends the test as skipped with the reason printed. */
+void test_skip(const char *reason);
+
+#endif
