@@ -10,8 +10,8 @@
 extern "C" {
 #endif
 
-/* p_c = R_cw p_w + t_cw with +x right, +y down, +z forward; the point (x, y, z) of the camera's frame lands at
- * pixel (fx x/z + cx, fy y/z + cy). Pixel (i, j) covers [i, i+1) x [j, j+1). */
+/* p_c = R_cw p_w + t_cw with +x right, +y down, +z forward; the point (x, y, z) of the camera's frame lands
+ * at pixel (fx x/z + cx, fy y/z + cy). Pixel (i, j) covers [i, i+1) x [j, j+1). */
 typedef struct sf_camera {
     int32_t width, height; /* px, 1..65535 */
     double fx, fy;         /* px, > 0 */
@@ -23,8 +23,8 @@ typedef struct sf_camera {
 /* The camera's centre in the world, o_c = -R_cw^T t_cw. */
 SF_API void sf_camera_center(const sf_camera *camera, double center[3]);
 
-/* The camera that sees the same through a picture box-averaged by `factor` (>= 1): sizes are divided and rounded
- * down (what is left over at the right and bottom is cut), fx, fy, cx, cy are divided. */
+/* The camera that sees the same through a picture box-averaged by `factor` (>= 1): sizes are divided and
+ * rounded down (what is left over at the right and bottom is cut), fx, fy, cx, cy are divided. */
 SF_API sf_camera sf_camera_downscaled(const sf_camera *camera, int factor);
 
 /* SF_OK if sizes, focal lengths and pose are in range and finite and the rotation is orthonormal to 1e-3. */

@@ -43,7 +43,8 @@ typedef struct sf_context_options {
  * SF_ERR_ARGUMENT: threads out of range, unknown isa; SF_ERR_UNSUPPORTED: a level that this machine lacks. */
 SF_API sf_status sf_context_create(sf_context **context, const sf_context_options *options);
 
-/* Stops the threads and sets *context to NULL. Destroy every object of the context before. NULL is allowed. */
+/* Stops the threads and sets *context to NULL. Destroy every object of the context before. NULL is allowed.
+ */
 SF_API void sf_context_destroy(sf_context **context);
 
 /* The message of the last call on this context that failed: names the file, the field and the value at fault.

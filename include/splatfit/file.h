@@ -13,7 +13,8 @@ extern "C" {
  * temporary file is left. */
 SF_API sf_status sf_write_file(sf_context *context, const char *path, const void *data, size_t size);
 
-/* Writes a picture ([height][width][3], sRGB values, clamped to 0..1, rounded to 8 bits) as PNG, the same way. */
+/* Writes a picture ([height][width][3], sRGB values, clamped to 0..1, rounded to 8 bits) as PNG, the same
+ * way. */
 SF_API sf_status sf_write_png(sf_context *context, const char *path, int width, int height, const float *rgb);
 
 #ifdef __cplusplus

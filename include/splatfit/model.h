@@ -23,8 +23,8 @@ typedef struct sf_gaussians {
 
 typedef struct sf_model sf_model;
 
-/* A model of `count` (0 .. 2^31 - 1) neutral Gaussians: mean 0, identity rotation, log-scale 0, logit-opacity -20
- * (invisible), SH 0. sh_degree 0..3. */
+/* A model of `count` (0 .. 2^31 - 1) neutral Gaussians: mean 0, identity rotation, log-scale 0, logit-opacity
+ * -20 (invisible), SH 0. sh_degree 0..3. */
 SF_API sf_status sf_model_create(sf_context *context, size_t count, int sh_degree, sf_model **model);
 SF_API void sf_model_destroy(sf_model **model);
 
@@ -40,8 +40,9 @@ SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 SF_API sf_status sf_model_set(sf_model *model, size_t first, size_t count, const sf_gaussians *from);
 SF_API sf_status sf_model_get(const sf_model *model, size_t first, size_t count, const sf_gaussians *to);
 
-/* Reads an INRIA .ply (by property name, any order, with or without normals, f_rest and comments). Gaussians with
- * a non-finite value, a zero quaternion or |log-scale| > 20 are left out, counted and reported to the log. */
+/* Reads an INRIA .ply (by property name, any order, with or without normals, f_rest and comments). Gaussians
+ * with a non-finite value, a zero quaternion or |log-scale| > 20 are left out, counted and reported to the
+ * log. */
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);
 
 /* Writes an INRIA .ply under a temporary name and renames it; a device, a pipe and "-" (standard output) are

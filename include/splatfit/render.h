@@ -44,9 +44,9 @@ typedef struct sf_render_grads {
     double *background; /* [3] */
 } sf_render_grads;
 
-/* Takes dL/dimage ([H][W][3]) of the last sf_render back to the raw parameters and the pose (M.2, M.3, M.4, M.6).
- * The model must be unchanged since. Gaussians that were culled get 0.
- * SF_ERR_ARGUMENT: no sf_render came before, or the model has another count or degree. */
+/* Takes dL/dimage ([H][W][3]) of the last sf_render back to the raw parameters and the pose (M.2, M.3, M.4,
+ * M.6). The model must be unchanged since. Gaussians that were culled get 0. SF_ERR_ARGUMENT: no sf_render
+ * came before, or the model has another count or degree. */
 SF_API sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                                     const sf_render_grads *grads);
 
@@ -56,9 +56,9 @@ typedef struct sf_loss_value {
     double ssim; /* 11 x 11 Gaussian window, sigma 1.5, zero padding */
 } sf_loss_value;
 
-/* The training loss of M.5 between `rgb` and `target` ([H][W][3]), with `weight` a weight per pixel ([H][W], 0..1;
- * NULL: 1) and lambda in 0..1. d_rgb ([H][W][3], may be NULL) receives dL/drgb.
- * SF_ERR_EMPTY: the weights sum to 0. */
+/* The training loss of M.5 between `rgb` and `target` ([H][W][3]), with `weight` a weight per pixel ([H][W],
+ * 0..1; NULL: 1) and lambda in 0..1. d_rgb ([H][W][3], may be NULL) receives dL/drgb. SF_ERR_EMPTY: the
+ * weights sum to 0. */
 SF_API sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
                          const float *weight, double lambda, sf_loss_value *value, float *d_rgb);
 
@@ -68,8 +68,8 @@ typedef struct sf_quality {
 } sf_quality;
 
 /* PSNR and SSIM of `rgb` against `target`; `weight` as in sf_loss. */
-SF_API sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
-                            const float *weight, sf_quality *quality);
+SF_API sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *rgb,
+                            const float *target, const float *weight, sf_quality *quality);
 
 #ifdef __cplusplus
 }

@@ -57,8 +57,8 @@ typedef struct sf_pixels {
 SF_API sf_status sf_scene_add_view(sf_scene *scene, const char *name, const sf_camera *camera,
                                    const sf_pixels *pixels, sf_split split, uint32_t *id);
 
-/* The same with a picture file (JPEG or PNG); the camera's intrinsics are scaled if the file's size differs from
- * camera->width x height. */
+/* The same with a picture file (JPEG or PNG); the camera's intrinsics are scaled if the file's size differs
+ * from camera->width x height. */
 SF_API sf_status sf_scene_add_file(sf_scene *scene, const char *path, const sf_camera *camera, sf_split split,
                                    uint32_t *id);
 
@@ -75,9 +75,9 @@ typedef struct sf_scene_info {
     size_t skipped_pose;      /* poses or intrinsics not finite or not a rotation */
     size_t skipped_points;    /* points not finite */
     size_t undistorted_views; /* views resampled to a pinhole camera */
-    double extent;            /* 1.1 x the largest distance of a training camera from their mean; where that is 0,
-                                 the median distance from the cameras to the points, else 1 */
-    double center[3];         /* mean of the training cameras' centres */
+    double extent;    /* 1.1 x the largest distance of a training camera from their mean; where that is 0,
+                         the median distance from the cameras to the points, else 1 */
+    double center[3]; /* mean of the training cameras' centres */
 } sf_scene_info;
 
 SF_API void sf_scene_get_info(sf_scene *scene, sf_scene_info *info);

@@ -49,8 +49,8 @@ SF_API sf_status sf_source_open(sf_context *context, const char *name, sf_source
 SF_API void sf_source_close(sf_source **source);
 SF_API void sf_source_describe(const sf_source *source, sf_source_info *info);
 
-/* The next frame, waiting at most timeout_ms (-1: as long as it takes). SF_ERR_TIMEOUT, SF_ERR_END. At most two
- * frames may be out at a time (SF_ERR_ARGUMENT). */
+/* The next frame, waiting at most timeout_ms (-1: as long as it takes). SF_ERR_TIMEOUT, SF_ERR_END. At most
+ * two frames may be out at a time (SF_ERR_ARGUMENT). */
 SF_API sf_status sf_source_next(sf_source *source, int timeout_ms, sf_frame *frame);
 
 /* Gives a frame back. */
