@@ -1,0 +1,15 @@
+/* colmap.h - COLMAP's sparse models, binary and text. */
+#ifndef SF_IO_COLMAP_H
+#define SF_IO_COLMAP_H
+
+#include "project.h"
+
+/* The folder of the model in a project: sparse/N (of several the one with most images, said in the log),
+ * sparse, or the project itself. *model is sf_free'd by the caller; NULL where there is none. */
+sf_status sf_colmap_find(sf_context *ctx, const char *path, char **model);
+
+/* Reads cameras, images and points of that model into an empty project. */
+sf_status sf_colmap_read(sf_project *project, const char *path, const char *model,
+                         const sf_load_options *options);
+
+#endif

@@ -1,0 +1,28 @@
+/* picture.h - JPEG and PNG files as 8-bit planes. */
+#ifndef SF_IO_PICTURE_H
+#define SF_IO_PICTURE_H
+
+#include "../base/context.h"
+
+/* Beyond these a file is refused from its header, before anything is allocated for its pixels. */
+enum { SF_PICTURE_MAX_SIDE = 65535, SF_PICTURE_MAX_PIXELS = 1 << 28, SF_PICTURE_FAULT_BYTES = 192 };
+
+typedef struct sf_picture {
+    int width, height;
+    uint8_t *rgb;    /* [3][height][width], sRGB values */
+    uint8_t *weight; /* [height][width], from an alpha channel; NULL if there is none or all is opaque */
+    int orientation; /* EXIF 1..8 as the file says, 1 if it does not; never applied */
+    char fault[SF_PICTURE_FAULT_BYTES]; /* where loading failed: why, without the path (threads share
+                                           sf_last_error) */
+} sf_picture;
+
+/* Reads a JPEG (grey, YCbCr, RGB) or PNG (any kind), told apart by their content. SF_ERR_IO: cannot be read;
+ * SF_ERR_FORMAT: neither of the two, damaged or cut off; SF_ERR_UNSUPPORTED: a CMYK JPEG, a size beyond the
+ * limits. On failure only `fault` is set. Free with sf_picture_free. */
+sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture);
+void sf_picture_free(sf_context *ctx, sf_picture *picture);
+
+/* The size alone, as a rule from the first part of the file. Fails as sf_picture_load does. */
+sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height);
+
+#endif

@@ -1,0 +1,63 @@
+/* project.h - what the readers of projects have in common: they list pictures and cameras, a scene comes out.
+ */
+#ifndef SF_IO_PROJECT_H
+#define SF_IO_PROJECT_H
+
+#include "undistort.h"
+
+#include <splatfit/scene.h>
+
+/* One picture of a project, not yet read. */
+typedef struct sf_entry {
+    char *name;        /* the view's: the picture's path inside the folder of the pictures */
+    char *path;        /* the picture's */
+    char *mask;        /* path of a picture of the same size: black is ignored; NULL: none */
+    int width, height; /* px, the size that the lens is for; the picture's own may differ */
+    sf_lens lens;
+    double R_cw[9], t_cw[3];
+    int bad_pose;   /* not finite or not a rotation: the view is skipped */
+    sf_split split; /* where the project has_split */
+} sf_entry;
+
+typedef struct sf_project {
+    sf_context *ctx;
+    sf_entry *entries;
+    size_t count, capacity;
+    int has_split; /* the project itself says what is held out */
+    float *xyz;    /* [points][3] */
+    uint8_t *rgb;  /* [points][3] */
+    size_t points;
+} sf_project;
+
+/* Appends an entry, all zero but its name (any "./" in front is left out) and its path, folder/name.
+ * SF_ERR_FORMAT, naming `file`: the name is empty, absolute or leads out of the folder. */
+sf_status sf_project_add(sf_project *project, const char *file, const char *folder, const char *name,
+                         sf_entry **entry);
+
+/* Sorts by name (strcmp). SF_ERR_FORMAT, naming `file`: a name appears twice. */
+sf_status sf_project_sort(sf_project *project, const char *file);
+
+/* The entry of that name, in a sorted project; NULL if there is none. A "./" in front does not count. */
+sf_entry *sf_project_find(const sf_project *project, const char *name);
+
+/* Reads a COLMAP folder, a transforms.json, or a folder that holds one. `options` may be NULL. Pictures are
+ * decoded by all threads, each held at full size only while it is worked on. Errors as sf_scene_load;
+ * SF_ERR_ARGUMENT: an option out of range, more than max_views. */
+sf_status sf_project_load(sf_context *ctx, const char *path, const sf_load_options *options,
+                          sf_scene **scene);
+
+/* Says which of the names, sorted by strcmp, are held out: those that options->test_list names, in full or by
+ * what follows their last '/'; without a list every n-th. */
+sf_status sf_split_names(sf_context *ctx, const sf_load_options *options, size_t count,
+                         const char *const *names, sf_split *splits);
+
+/* Small helpers on paths; the text is sf_free'd by the caller, NULL if there is no memory. */
+char *sf_text_copy(sf_context *ctx, const char *text);
+char *sf_path_join(sf_context *ctx, const char *folder, const char *name);
+char *sf_path_folder(sf_context *ctx, const char *path);
+int sf_is_folder(const char *path);
+int sf_holds_file(const char *folder, const char *name);
+int sf_is_file(const char *path);
+int sf_name_stays_inside(const char *name);
+
+#endif

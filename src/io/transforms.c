@@ -1,0 +1,373 @@
+/* transforms.c - see transforms.h. */
+#include "transforms.h"
+
+#include "../base/file.h"
+#include "ply.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum {
+    WHERE_BYTES = 64,    /* "frames[18446744073709551615]: " */
+    POLISH_STEPS = 6,    /* of a rotation within 1e-2: each squares the error */
+    MAX_ENDING_BYTES = 8 /* ".jpeg" */
+};
+
+static const uint64_t MAX_FILE_BYTES = 1 << 28;
+static const double ROTATION_TOLERANCE = 1e-2, LAST_ROW_TOLERANCE = 1e-6;
+
+typedef struct reader {
+    sf_context *ctx;
+    sf_project *project;
+    const char *file;
+    char *folder; /* of the file: its paths start there */
+    const json_t *root;
+    sf_split split; /* of the frames, unless the file lists names */
+} reader;
+
+/* One frame; what it does not say, the top level says for all. */
+typedef struct frame {
+    reader *r;
+    const json_t *json; /* NULL: the top level itself */
+    size_t index;
+} frame;
+
+/* Values. */
+
+static sf_status frame_fail(const frame *f, sf_status status, const char *key, const char *fault) {
+    char where[WHERE_BYTES] = "";
+    if (f->json) snprintf(where, sizeof where, "frames[%zu]: ", f->index);
+    return sf_fail(f->r->ctx, status, "%s: %s%s: %s", f->r->file, where, key, fault);
+}
+
+static const json_t *lookup(const frame *f, const char *key) {
+    const json_t *value = json_object_get(f->json, key);
+    return value ? value : json_object_get(f->r->root, key);
+}
+
+/* *value stays as it is where the key is missing. */
+static sf_status get_number(const frame *f, const char *key, double *value) {
+    const json_t *number = lookup(f, key);
+    if (!number) return SF_OK;
+    if (!json_is_number(number)) return frame_fail(f, SF_ERR_FORMAT, key, "is not a number");
+    *value = json_number_value(number);
+    return SF_OK;
+}
+
+static sf_status get_text(const frame *f, const char *key, const char **value) {
+    const json_t *text = lookup(f, key);
+    *value = NULL;
+    if (!text) return SF_OK;
+    if (!json_is_string(text)) return frame_fail(f, SF_ERR_FORMAT, key, "is not a text");
+    *value = json_string_value(text);
+    return SF_OK;
+}
+
+/* Sides are written as 1920 and as 1920.0; 0 where the key is missing. */
+static sf_status get_side(const frame *f, const char *key, int *side) {
+    double value = 0;
+    sf_status status = get_number(f, key, &value);
+    if (status) return status;
+    if (lookup(f, key) && !(value >= 1 && value <= SF_PICTURE_MAX_SIDE && value == floor(value)))
+        return sf_fail(f->r->ctx, SF_ERR_FORMAT, "%s: frames[%zu]: %s: %g is not a whole number in 1..%d",
+                       f->r->file, f->index, key, value, SF_PICTURE_MAX_SIDE);
+    *side = (int)value;
+    return SF_OK;
+}
+
+/* Lens. */
+
+static sf_status check_model(const frame *f) {
+    static const char *const known[] = {"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"};
+    const char *model;
+    sf_status status = get_text(f, "camera_model", &model);
+    if (status) return status;
+    if (json_is_true(lookup(f, "is_fisheye"))) model = "OPENCV_FISHEYE";
+    for (size_t i = 0; model && i < sizeof known / sizeof *known; i++)
+        if (!strcmp(model, known[i])) model = NULL;
+    if (!model) return SF_OK;
+    return sf_fail(f->r->ctx, SF_ERR_UNSUPPORTED, "%s: frames[%zu]: camera_model: %s is not supported",
+                   f->r->file, f->index, model);
+}
+
+static sf_status check_higher_terms(const frame *f) {
+    static const char *const keys[] = {"k3", "k4"};
+    for (int i = 0; i < 2; i++) {
+        double value = 0;
+        sf_status status = get_number(f, keys[i], &value);
+        if (status) return status;
+        if (value != 0)
+            return sf_fail(f->r->ctx, SF_ERR_UNSUPPORTED, "%s: frames[%zu]: %s: %g is not supported, only 0",
+                           f->r->file, f->index, keys[i], value);
+    }
+    return SF_OK;
+}
+
+/* From the file, otherwise the picture's own. A picture that cannot be read leaves 0: its view is skipped
+ * later. */
+static sf_status find_size(const frame *f, sf_entry *e) {
+    sf_status status = get_side(f, "w", &e->width);
+    if (!status) status = get_side(f, "h", &e->height);
+    if (status || (e->width && e->height)) return status;
+    if (e->width || e->height) return frame_fail(f, SF_ERR_FORMAT, e->width ? "h" : "w", "is missing");
+    status = sf_picture_size(f->r->ctx, e->path, &e->width, &e->height);
+    return status == SF_ERR_MEMORY ? status : SF_OK;
+}
+
+static double focal(double side, double angle) { return side / 2 / tan(angle / 2); }
+
+static sf_status find_focal(const frame *f, sf_entry *e) {
+    sf_lens *lens = &e->lens;
+    double angle_x = 0, angle_y = 0;
+    sf_status status = get_number(f, "fl_x", &lens->fx);
+    if (!status) status = get_number(f, "fl_y", &lens->fy);
+    if (!status) status = get_number(f, "camera_angle_x", &angle_x);
+    if (!status) status = get_number(f, "camera_angle_y", &angle_y);
+    if (status) return status;
+    if (!lookup(f, "fl_x")) {
+        if (!lookup(f, "camera_angle_x")) return frame_fail(f, SF_ERR_FORMAT, "fl_x", "is missing");
+        lens->fx = focal(e->width, angle_x);
+    }
+    if (!lookup(f, "fl_y")) lens->fy = lookup(f, "camera_angle_y") ? focal(e->height, angle_y) : lens->fx;
+    return SF_OK;
+}
+
+static sf_status find_lens(const frame *f, sf_entry *e) {
+    sf_lens *lens = &e->lens;
+    sf_status status = check_model(f);
+    if (!status) status = check_higher_terms(f);
+    if (!status) status = find_size(f, e);
+    if (!status) status = find_focal(f, e);
+    lens->cx = e->width / 2.0;
+    lens->cy = e->height / 2.0;
+    if (!status) status = get_number(f, "cx", &lens->cx);
+    if (!status) status = get_number(f, "cy", &lens->cy);
+    if (!status) status = get_number(f, "k1", &lens->k1);
+    if (!status) status = get_number(f, "k2", &lens->k2);
+    if (!status) status = get_number(f, "p1", &lens->p1);
+    if (!status) status = get_number(f, "p2", &lens->p2);
+    return status;
+}
+
+/* Pose. */
+
+/* The inverse's transpose; NaN where there is none. */
+static void cofactors_over_det(const double M[9], double out[9]) {
+    double C[9] = {M[4] * M[8] - M[5] * M[7], M[5] * M[6] - M[3] * M[8], M[3] * M[7] - M[4] * M[6],
+                   M[2] * M[7] - M[1] * M[8], M[0] * M[8] - M[2] * M[6], M[1] * M[6] - M[0] * M[7],
+                   M[1] * M[5] - M[2] * M[4], M[2] * M[3] - M[0] * M[5], M[0] * M[4] - M[1] * M[3]};
+    double det = M[0] * C[0] + M[1] * C[1] + M[2] * C[2];
+    for (int i = 0; i < 9; i++) out[i] = C[i] / (det > 0 ? det : NAN); /* a mirror is no rotation */
+}
+
+/* Divides out a uniform scale and takes the nearest rotation; 0 where none is near. */
+static int make_rotation(double M[9]) {
+    double squares = 0, inverse[9];
+    for (int i = 0; i < 9; i++) squares += M[i] * M[i];
+    double scale = sqrt(squares / 3);
+    for (int i = 0; i < 9; i++) M[i] /= scale;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            double dot = 0;
+            for (int k = 0; k < 3; k++) dot += M[3 * i + k] * M[3 * j + k];
+            if (!(fabs(dot - (i == j)) <= ROTATION_TOLERANCE)) return 0;
+        }
+    for (int step = 0; step < POLISH_STEPS; step++) {
+        cofactors_over_det(M, inverse);
+        for (int i = 0; i < 9; i++) M[i] = (M[i] + inverse[i]) / 2; /* Newton's step to the polar factor */
+    }
+    return isfinite(M[0]);
+}
+
+/* Camera to world with OpenGL's axes (+y up, +z back) to ours. */
+static void set_pose(const double c2w[16], sf_entry *e) {
+    double *R = e->R_cw;
+    for (int row = 0; row < 3; row++)
+        for (int k = 0; k < 3; k++) R[3 * row + k] = (row ? -1 : 1) * c2w[4 * k + row];
+    double last_row = fabs(c2w[12]) + fabs(c2w[13]) + fabs(c2w[14]) + fabs(c2w[15] - 1);
+    e->bad_pose = !make_rotation(R) || !(last_row <= LAST_ROW_TOLERANCE);
+    for (int row = 0; row < 3; row++) {
+        e->t_cw[row] = -(R[3 * row] * c2w[3] + R[3 * row + 1] * c2w[7] + R[3 * row + 2] * c2w[11]);
+        if (!isfinite(e->t_cw[row])) e->bad_pose = 1;
+    }
+}
+
+static sf_status find_pose(const frame *f, sf_entry *e) {
+    static const char key[] = "transform_matrix";
+    const json_t *matrix = json_object_get(f->json, key);
+    if (!matrix) return frame_fail(f, SF_ERR_FORMAT, key, "is missing");
+    size_t rows = json_array_size(matrix);
+    if (rows != 3 && rows != 4) return frame_fail(f, SF_ERR_FORMAT, key, "has not 3 or 4 rows");
+    double c2w[16] = {[15] = 1};
+    for (size_t i = 0; i < 4 * rows; i++) {
+        const json_t *row = json_array_get(matrix, i / 4), *value = json_array_get(row, i % 4);
+        if (json_array_size(row) != 4)
+            return frame_fail(f, SF_ERR_FORMAT, key, "has a row that is not 4 numbers");
+        if (!json_is_number(value))
+            return frame_fail(f, SF_ERR_FORMAT, key, "holds a value that is no number");
+        c2w[i] = json_number_value(value);
+    }
+    set_pose(c2w, e);
+    return SF_OK;
+}
+
+/* Files. */
+
+/* Blender leaves the ending out. A picture that is not there keeps its name, to be reported by it. */
+static sf_status complete_path(sf_context *ctx, sf_entry *e) {
+    static const char *const endings[] = {"", ".png", ".jpg", ".jpeg"};
+    size_t size = strlen(e->path) + MAX_ENDING_BYTES;
+    char *path = sf_alloc(ctx, size, 1);
+    if (!path) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < sizeof endings / sizeof *endings; i++) {
+        snprintf(path, size, "%s%s", e->path, endings[i]);
+        if (!sf_is_file(path)) continue;
+        sf_free(ctx, e->path);
+        e->path = path;
+        return SF_OK;
+    }
+    sf_free(ctx, path);
+    return SF_OK;
+}
+
+static sf_status find_mask(const frame *f, sf_entry *e) {
+    const char *name;
+    sf_status status = get_text(f, "mask_path", &name);
+    if (status || !name) return status;
+    if (!sf_name_stays_inside(name))
+        return frame_fail(f, SF_ERR_FORMAT, "mask_path", "is not a path inside the folder");
+    e->mask = sf_path_join(f->r->ctx, f->r->folder, name);
+    return e->mask ? SF_OK : SF_ERR_MEMORY;
+}
+
+static sf_status read_frame(reader *r, size_t index, const json_t *json) {
+    frame f = {.r = r, .json = json, .index = index};
+    sf_entry *e;
+    if (!json_is_object(json))
+        return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: frames[%zu]: is not an object", r->file, index);
+    const json_t *name = json_object_get(json, "file_path");
+    if (!json_is_string(name))
+        return frame_fail(&f, SF_ERR_FORMAT, "file_path", name ? "is not a text" : "is missing");
+    sf_status status = sf_project_add(r->project, r->file, r->folder, json_string_value(name), &e);
+    if (status) return status;
+    e->split = r->split;
+    status = complete_path(r->ctx, e);
+    if (!status) status = find_pose(&f, e);
+    if (!status) status = find_lens(&f, e);
+    return status ? status : find_mask(&f, e);
+}
+
+static sf_status read_frames(reader *r) {
+    const json_t *frames = json_object_get(r->root, "frames");
+    if (!json_is_array(frames))
+        return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: frames: %s", r->file,
+                       frames ? "is not an array" : "is missing");
+    sf_status status = SF_OK;
+    for (size_t i = 0; !status && i < json_array_size(frames); i++)
+        status = read_frame(r, i, json_array_get(frames, i));
+    return status;
+}
+
+/* Split and points. */
+
+static sf_status mark(reader *r, const char *key, sf_split split) {
+    const json_t *names = json_object_get(r->root, key);
+    if (!names) return SF_OK;
+    if (!json_is_array(names)) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s: is not an array", r->file, key);
+    for (size_t i = 0; i < json_array_size(names); i++) {
+        const char *name = json_string_value(json_array_get(names, i));
+        if (!name) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s[%zu]: is not a text", r->file, key, i);
+        sf_entry *e = sf_project_find(r->project, name);
+        if (!e)
+            return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s[%zu]: no frame has '%s'", r->file, key, i, name);
+        e->split = split;
+    }
+    r->project->has_split = 1;
+    return SF_OK;
+}
+
+/* What is not for training is held out, and so is what several lists name. */
+static sf_status read_split(reader *r) {
+    sf_status status = sf_project_sort(r->project, r->file);
+    int listed = json_object_get(r->root, "train_filenames") != NULL;
+    for (size_t i = 0; listed && i < r->project->count; i++) r->project->entries[i].split = SF_SPLIT_TEST;
+    if (!status) status = mark(r, "train_filenames", SF_SPLIT_TRAIN);
+    if (!status) status = mark(r, "val_filenames", SF_SPLIT_TEST);
+    if (!status) status = mark(r, "test_filenames", SF_SPLIT_TEST);
+    return status;
+}
+
+static sf_status read_points(reader *r) {
+    frame top = {.r = r};
+    const char *name;
+    sf_status status = get_text(&top, "ply_file_path", &name);
+    if (status || !name) return status;
+    if (!sf_name_stays_inside(name))
+        return frame_fail(&top, SF_ERR_FORMAT, "ply_file_path", "is not a path inside the folder");
+    char *path = sf_path_join(r->ctx, r->folder, name);
+    if (!path) return SF_ERR_MEMORY;
+    sf_project *p = r->project;
+    if (sf_is_file(path))
+        status = sf_ply_read_points(r->ctx, path, &p->xyz, &p->rgb, &p->points);
+    else
+        sf_log(r->ctx, SF_LOG_WARNING, "%s: ply_file_path: %s is no file: the scene has no points", r->file,
+               path);
+    sf_free(r->ctx, path);
+    return status;
+}
+
+/* The whole. */
+
+static sf_status parse(reader *r, json_t **root) {
+    uint8_t *data;
+    size_t size;
+    json_error_t error;
+    sf_status status = sf_read_file(r->ctx, r->file, MAX_FILE_BYTES, &data, &size);
+    if (status) return status;
+    *root = json_loadb((const char *)data, size, 0, &error);
+    sf_free(r->ctx, data);
+    if (!*root)
+        return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: line %d: JSON: %s", r->file, error.line, error.text);
+    r->root = *root;
+    if (json_is_object(*root)) return SF_OK;
+    return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: JSON: the top level is not an object", r->file);
+}
+
+static sf_status read_all(reader *r) {
+    json_t *root = NULL;
+    sf_status status = parse(r, &root);
+    if (!status) status = read_frames(r);
+    if (!status) status = read_split(r);
+    if (!status && !r->project->points) status = read_points(r);
+    json_decref(root);
+    return status;
+}
+
+static sf_status read_part(sf_project *project, const char *file, sf_split split) {
+    reader r = {.ctx = project->ctx, .project = project, .file = file, .split = split};
+    r.folder = sf_path_folder(r.ctx, file);
+    if (!r.folder) return SF_ERR_MEMORY;
+    sf_status status = read_all(&r);
+    sf_free(r.ctx, r.folder);
+    return status;
+}
+
+sf_status sf_transforms_read(sf_project *project, const char *file) {
+    return read_part(project, file, SF_SPLIT_TRAIN);
+}
+
+sf_status sf_transforms_read_pair(sf_project *project, const char *folder) {
+    sf_context *ctx = project->ctx;
+    char *train = sf_path_join(ctx, folder, "transforms_train.json");
+    char *test = sf_path_join(ctx, folder, "transforms_test.json");
+    sf_status status = train && test ? read_part(project, train, SF_SPLIT_TRAIN) : SF_ERR_MEMORY;
+    if (!status && sf_is_file(test)) {
+        status = read_part(project, test, SF_SPLIT_TEST);
+        project->has_split = 1;
+    }
+    sf_free(ctx, train);
+    sf_free(ctx, test);
+    return status;
+}
