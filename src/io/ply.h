@@ -1,0 +1,41 @@
+/* ply.h - the vertices of .ply files: as sparse points, or value by value. */
+#ifndef SF_IO_PLY_H
+#define SF_IO_PLY_H
+
+#include <stdint.h>
+
+#include "../base/context.h"
+
+/* Reads the vertices of a .ply of any format: *xyz [n][3] and *rgb [n][3], both sf_free'd by the caller,
+ * *count = n. Colours are the uchar properties red, green, blue, and 128 where a file has none. Points that
+ * are not finite are the caller's to leave out. On failure *xyz and *rgb are NULL, *count is 0: SF_ERR_IO,
+ * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (a list among the vertices' properties), SF_ERR_MEMORY. */
+sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uint8_t **rgb, size_t *count);
+
+/* A .ply that is being read, one vertex after the other. */
+typedef struct sf_ply sf_ply;
+
+/* Reads the file (`path` stays the caller's) and its header, up to the first vertex. As far as the file's
+ * size can tell, all vertices are there: memory for sf_ply_vertices may be allocated. On failure *ply is
+ * NULL. */
+sf_status sf_ply_open(sf_context *ctx, const char *path, sf_ply **ply);
+void sf_ply_close(sf_ply **ply);
+
+size_t sf_ply_vertices(const sf_ply *ply);
+/* Whether a comment says "SplatRenderMode: mip". */
+int sf_ply_antialiased(const sf_ply *ply);
+/* Properties of a vertex whose names begin with `prefix`. */
+size_t sf_ply_properties(const sf_ply *ply, const char *prefix);
+
+/* Makes sf_ply_next put the property `name`, of whatever type, into values[target]. SF_ERR_FORMAT: it is
+ * missing. */
+sf_status sf_ply_bind(sf_ply *ply, const char *name, int target);
+
+/* The next of sf_ply_vertices; NaN stands for what a float cannot hold. Values without a property stay as
+ * they are. SF_ERR_FORMAT: the text ends or is not a number. */
+sf_status sf_ply_next(sf_ply *ply, float *values);
+
+/* After the last vertex: says in the log how many bytes of the file no element announces. */
+void sf_ply_report_rest(sf_ply *ply);
+
+#endif
