@@ -1,8 +1,8 @@
 /* project.c - from raw parameters to a Gaussian on the screen, and the gradient of it, in plain C.
  *
- * In float64 between the float32 arrays: a needle under a long lens turns the rounding of its rotation, a
- * ten-millionth, into a tenth of a thousandth of a pixel at its tips, and the pose's gradient adds up
- * thousands of such. All of it is small beside blending.
+ * In float64 between the float32 arrays: a needle under a long lens turns the rounding of its rotation, 6e-8,
+ * into some 1e-5 px at its tips, and the pose's gradient adds up thousands of such. All of it is small beside
+ * blending.
  */
 #include "scalar.h"
 

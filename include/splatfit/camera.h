@@ -1,4 +1,4 @@
-/* camera.h - a pinhole camera in COLMAP's convention (MATH.md, Conventions). */
+/* camera.h - a pinhole camera in COLMAP's convention (src/render/README.md). */
 #ifndef SPLATFIT_CAMERA_H
 #define SPLATFIT_CAMERA_H
 

@@ -18,7 +18,7 @@ typedef struct sf_gaussians {
     float *quats;           /* [n][4], w x y z, any norm */
     float *log_scales;      /* [n][3], natural logarithm of the standard deviations, world units */
     float *logit_opacities; /* [n] */
-    float *sh;              /* [n][K][3], coefficient-major, RGB innermost (MATH.md M.4) */
+    float *sh;              /* [n][K][3], coefficient-major, RGB innermost (M.4) */
 } sf_gaussians;
 
 typedef struct sf_model sf_model;
@@ -31,7 +31,7 @@ SF_API void sf_model_destroy(sf_model **model);
 SF_API size_t sf_model_count(const sf_model *model);
 SF_API int sf_model_sh_degree(const sf_model *model);
 
-/* Whether it was fitted with opacity compensation (MATH.md M.3) and wants to be rendered so. */
+/* Whether it was fitted with opacity compensation (M.3) and wants to be rendered so. */
 SF_API int sf_model_antialiased(const sf_model *model);
 SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 

@@ -1,4 +1,7 @@
-/* render.h - the differentiable renderer on its own, the loss, and the figures of merit. */
+/* render.h - the differentiable renderer on its own, the loss, and the figures of merit.
+ *
+ * M.1 to M.6 are the equations of src/render/README.md.
+ */
 #ifndef SPLATFIT_RENDER_H
 #define SPLATFIT_RENDER_H
 
@@ -15,7 +18,7 @@ typedef struct sf_render_options {
     float background[3]; /* added as T_final * background */
     float near_plane;    /* world units, > 0: Gaussians with camera z <= near_plane are culled */
     int sh_degree;       /* bands used, 0..the model's; -1: all */
-    int antialiased;     /* 1: opacity compensation (MATH.md M.3); 0: not; -1: as the model says */
+    int antialiased;     /* 1: opacity compensation (M.3); 0: not; -1: as the model says */
 } sf_render_options;
 
 /* Black background, near plane 0.2, all bands, as the model says. */
@@ -32,7 +35,7 @@ typedef struct sf_image_out {
 SF_API sf_status sf_renderer_create(sf_context *context, sf_renderer **renderer);
 SF_API void sf_renderer_destroy(sf_renderer **renderer);
 
-/* Renders `model` as `camera` sees it (MATH.md M.1). options NULL: the defaults. */
+/* Renders `model` as `camera` sees it (M.1). options NULL: the defaults. */
 SF_API sf_status sf_render(sf_renderer *renderer, const sf_model *model, const sf_camera *camera,
                            const sf_render_options *options, const sf_image_out *out);
 

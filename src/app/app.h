@@ -1,0 +1,79 @@
+/* app.h - what the subcommands share. The program uses what is public, and nothing else. */
+#ifndef APP_APP_H
+#define APP_APP_H
+
+#include <jansson.h>
+
+#include <splatfit/splatfit.h>
+
+#include "args.h"
+
+extern const command command_fit, command_render, command_eval, command_info;
+
+/* Tables of options that several commands take. */
+extern const arg_option common_options[], load_options[], render_options[];
+
+/* Says on standard error what went wrong ("splatfit NAME: ...") and returns EXIT_FAILED. */
+int app_fail(const args *a, const sf_context *ctx);
+int app_say(const args *a, const char *subject, const char *what);
+
+/* A context as --threads, --isa and --quiet say. 0 or an exit code. */
+int app_context(const args *a, sf_context **ctx);
+
+/* The scene at `path` as the load options say. 0 or an exit code. */
+int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene);
+
+/* "R,G,B" (0..1) or the names black and white. 0 if it is none. */
+int app_color(const char *text, float color[3]);
+
+/* How to render a model in a scene: background and near plane, as --background and --near-plane say. 0 or an
+ * exit code. */
+int app_render_options(const args *a, sf_scene *scene, sf_render_options *options);
+
+/* Whether a view is meant by --split (test, train, all; `otherwise` where it was not given). */
+int app_split_wants(const args *a, const char *otherwise, sf_split split);
+int app_split_check(const args *a);
+
+/* Whether `path` can be written, as far as that can be told without writing. 0 or an exit code. */
+int app_check_output(const args *a, const char *path);
+
+/* The folder of a path, with its slash; "" if it has none. free() it. */
+char *app_folder(const char *path);
+
+/* Writes JSON, indented, whole or not at all; takes the reference. 0 or an exit code. */
+int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json);
+
+/* evaluate.c: views rendered and compared with their pictures. */
+typedef struct evaluation {
+    size_t views;
+    double psnr, ssim; /* means */
+    json_t *list;      /* {name, psnr, ssim} of each */
+} evaluation;
+
+/* Renders a camera into rgb [H][W][3]. */
+typedef sf_status (*app_draw)(void *user, const sf_camera *camera, float *rgb);
+
+/* Evaluates the views of a split ("test", "train", "all"). The caller owns result->list. */
+sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
+                       void *user, evaluation *result);
+
+/* A view's picture and its render beside it, as PNG. */
+sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
+                         void *user, const char *path);
+
+/* progress.c: one line a moment about a fit. */
+typedef struct progress_line {
+    enum { PROGRESS_BAR, PROGRESS_PLAIN, PROGRESS_JSON, PROGRESS_NONE } kind;
+    FILE *out;
+    double last; /* seconds of the fit at the last line */
+    int open;    /* a bar stands on the line */
+} progress_line;
+
+/* kind as --progress says: auto, plain, json, none. 0 or an exit code. */
+int progress_start(progress_line *line, const args *a, FILE *out);
+/* Shows the state if it is time, or if `now`. */
+void progress_show(progress_line *line, const sf_fit_progress *p, int now);
+/* Ends a bar's line, so that something else can be printed. */
+void progress_break(progress_line *line);
+
+#endif

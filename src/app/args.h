@@ -1,0 +1,52 @@
+/* args.h - the command line: one table a command drives parsing and help. */
+#ifndef APP_ARGS_H
+#define APP_ARGS_H
+
+#include <stddef.h>
+
+typedef struct arg_option {
+    const char *name;    /* without the dashes */
+    char letter;         /* short form, 0: none */
+    const char *metavar; /* of its value; NULL: takes none */
+    const char *text;
+} arg_option;
+
+enum { ARGS_MOST = 128, ARGS_POSITIONAL = 4 };
+
+/* What was typed. */
+typedef struct args {
+    const struct command *command;
+    const char *positional[ARGS_POSITIONAL];
+    int positionals;
+    struct {
+        const char *name, *value; /* value "" for an option that takes none */
+    } given[ARGS_MOST];
+    int givens;
+} args;
+
+typedef struct command {
+    const char *name;
+    const char *synopsis; /* after "splatfit NAME " */
+    const char *summary;
+    const arg_option *const *tables; /* each ended by an option without a name; NULL ends the list */
+    int least, most;                 /* positional arguments */
+    int with_fit_options;            /* takes the hyperparameters of fitter.h too */
+    int (*run)(const args *a);
+} command;
+
+/* Exit codes. */
+enum { EXIT_FINE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2 };
+
+/* Parses what follows the command's name. 0, or EXIT_USAGE after one line on standard error. */
+int args_parse(args *a, const command *cmd, int argc, char **argv);
+
+/* The value of an option, "" for one that takes none, NULL if it was not given. The last one counts. */
+const char *args_value(const args *a, const char *name);
+
+/* An integer option: *value is left alone if it was not given. 0, or EXIT_USAGE after one line. */
+int args_int(const args *a, const char *name, long least, long most, int *value);
+
+/* Prints a command's help to standard output. */
+void args_help(const command *cmd);
+
+#endif

@@ -1,0 +1,164 @@
+/* common.c - what the subcommands share. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "app.h"
+
+const arg_option common_options[] = {
+    {"threads", 0, "N", "threads to use; default: what the affinity mask and the control group allow"},
+    {"isa", 0, "NAME", "kernel level: scalar; default: the best one here"},
+    {"quiet", 'q', NULL, "print errors only"},
+    {"help", 'h', NULL, "print this"},
+    {0},
+};
+
+const arg_option load_options[] = {
+    {"images", 0, "NAME", "folder of the pictures in a COLMAP project, for example images_4"},
+    {"downscale", 0, "N", "box-average the pictures by N, 1..64 (1)"},
+    {"hold-out", 0, "N", "every N-th view in name order is held out and only evaluated; 0: none (8)"},
+    {"test-list", 0, "FILE", "hold out the pictures named in FILE, one a line, instead"},
+    {0},
+};
+
+const arg_option render_options[] = {
+    {"split", 0, "NAME", "views: test (held out), train or all"},
+    {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
+    {"near-plane", 0, "X", "cull Gaussians nearer than X, world units; default: as a fit of the project"},
+    {0},
+};
+
+int app_fail(const args *a, const sf_context *ctx) {
+    fprintf(stderr, "splatfit %s: %s\n", a->command->name, sf_last_error(ctx));
+    return EXIT_FAILED;
+}
+
+int app_say(const args *a, const char *subject, const char *what) {
+    fprintf(stderr, "splatfit %s: %s: %s\n", a->command->name, subject, what);
+    return EXIT_FAILED;
+}
+
+static void print_log(void *user, sf_log_level level, const char *message) {
+    (void)user;
+    if (level >= SF_LOG_INFO) fprintf(stderr, "%s%s\n", level == SF_LOG_WARNING ? "warning: " : "", message);
+}
+
+int app_context(const args *a, sf_context **ctx) {
+    sf_context_options options = {.isa = args_value(a, "isa")};
+    if (!args_value(a, "quiet")) options.log = print_log;
+    int error = args_int(a, "threads", 1, 256, &options.threads);
+    if (error) return error;
+    sf_status status = sf_context_create(ctx, &options);
+    if (!status) return 0;
+    if (status == SF_ERR_ARGUMENT) {
+        const char *isa = options.isa ? options.isa : getenv("SPLATFIT_ISA");
+        fprintf(stderr, "splatfit %s: isa: \"%s\" is none of: scalar\n", a->command->name, isa ? isa : "");
+        return EXIT_USAGE;
+    }
+    return app_say(a, "cannot start", sf_status_text(status));
+}
+
+int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene) {
+    sf_load_options options = sf_load_options_default();
+    options.images = args_value(a, "images");
+    options.test_list = args_value(a, "test-list");
+    int error = args_int(a, "downscale", 1, 64, &options.downscale);
+    if (!error) error = args_int(a, "hold-out", 0, 1000000, &options.hold_out);
+    if (error) return error;
+    return sf_scene_load(ctx, path, &options, scene) ? app_fail(a, ctx) : 0;
+}
+
+int app_color(const char *text, float color[3]) {
+    if (!strcmp(text, "black") || !strcmp(text, "white")) {
+        for (int k = 0; k < 3; k++) color[k] = text[0] == 'w';
+        return 1;
+    }
+    for (int k = 0; k < 3; k++) {
+        char *end;
+        double value = strtod(text, &end);
+        if (end == text || *end != (k < 2 ? ',' : 0) || !(value >= 0 && value <= 1)) return 0;
+        color[k] = (float)value;
+        text = end + 1;
+    }
+    return 1;
+}
+
+int app_render_options(const args *a, sf_scene *scene, sf_render_options *options) {
+    *options = sf_render_options_default();
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    options->near_plane = (float)(sf_fit_options_default().near_plane * info.extent);
+    const char *near_plane = args_value(a, "near-plane"), *background = args_value(a, "background");
+    if (background && !app_color(background, options->background)) {
+        app_say(a, "--background", "neither black, white nor R,G,B in 0..1");
+        return EXIT_USAGE;
+    }
+    if (!near_plane) return 0;
+    char *end;
+    double value = strtod(near_plane, &end);
+    if (end == near_plane || *end || !(value > 0 && isfinite(value))) {
+        app_say(a, "--near-plane", "not a number above 0");
+        return EXIT_USAGE;
+    }
+    options->near_plane = (float)value;
+    return 0;
+}
+
+static const char *split_or(const args *a, const char *otherwise) {
+    const char *split = args_value(a, "split");
+    return split ? split : otherwise;
+}
+
+int app_split_check(const args *a) {
+    const char *split = split_or(a, "all");
+    if (!strcmp(split, "test") || !strcmp(split, "train") || !strcmp(split, "all")) return 0;
+    fprintf(stderr, "splatfit %s: --split: \"%s\" is none of test, train, all\n", a->command->name, split);
+    return EXIT_USAGE;
+}
+
+int app_split_wants(const args *a, const char *otherwise, sf_split split) {
+    const char *wanted = split_or(a, otherwise);
+    return !strcmp(wanted, "all") || !strcmp(wanted, split == SF_SPLIT_TEST ? "test" : "train");
+}
+
+char *app_folder(const char *path) {
+    const char *slash = strrchr(path, '/');
+    size_t n = slash ? (size_t)(slash - path) + 1 : 0;
+    char *folder = malloc(n + 1);
+    if (!folder) return NULL;
+    memcpy(folder, path, n);
+    folder[n] = 0;
+    return folder;
+}
+
+int app_check_output(const args *a, const char *path) {
+    struct stat st;
+    if (!strcmp(path, "-")) return 0;
+    if (!stat(path, &st)) {
+        if (S_ISDIR(st.st_mode)) return app_say(a, path, "is a folder");
+        if (!S_ISREG(st.st_mode)) return access(path, W_OK) ? app_say(a, path, strerror(errno)) : 0;
+    } else if (errno != ENOENT) {
+        return app_say(a, path, strerror(errno)); /* its parent is a file, for example */
+    }
+    char *folder = app_folder(path);
+    if (!folder) return app_say(a, path, "out of memory");
+    int error = access(*folder ? folder : ".", W_OK | X_OK) ? errno : 0;
+    if (error) app_say(a, path, strerror(error));
+    free(folder);
+    return error ? EXIT_FAILED : 0;
+}
+
+int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json) {
+    char *text = json ? json_dumps(json, JSON_INDENT(1)) : NULL;
+    json_decref(json);
+    if (!text) return app_say(a, path, "out of memory");
+    size_t n = strlen(text);
+    text[n] = '\n'; /* in place of the 0 */
+    sf_status status = sf_write_file(ctx, path, text, n + 1);
+    free(text);
+    return status ? app_fail(a, ctx) : 0;
+}

@@ -1,0 +1,87 @@
+/* eval.c - splatfit eval: PSNR and SSIM of a model on the held-out views of a project. */
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "app.h"
+
+static const arg_option own_options[] = {
+    {"json", 0, "FILE", "also write psnr, ssim, gaussians, bytes and views[] as JSON"},
+    {0},
+};
+
+typedef struct drawer {
+    sf_renderer *renderer;
+    const sf_model *model;
+    sf_render_options options;
+} drawer;
+
+static sf_status draw(void *user, const sf_camera *camera, float *rgb) {
+    drawer *d = user;
+    sf_image_out out = {.rgb = rgb};
+    return sf_render(d->renderer, d->model, camera, &d->options, &out);
+}
+
+static void print_table(const evaluation *e, size_t gaussians, long long bytes) {
+    size_t i;
+    json_t *view;
+    printf("%-40s %8s %8s\n", "view", "PSNR dB", "SSIM");
+    json_array_foreach(e->list, i, view) printf(
+        "%-40s %8.3f %8.4f\n", json_string_value(json_object_get(view, "name")),
+        json_real_value(json_object_get(view, "psnr")), json_real_value(json_object_get(view, "ssim")));
+    printf("%-40s %8.3f %8.4f\n", "mean", e->psnr, e->ssim);
+    printf("%zu Gaussians, %lld bytes\n", gaussians, bytes);
+}
+
+static int report(const args *a, sf_context *ctx, const evaluation *e, size_t gaussians) {
+    struct stat st = {0};
+    long long bytes = stat(a->positional[0], &st) ? 0 : (long long)st.st_size;
+    if (!args_value(a, "quiet")) print_table(e, gaussians, bytes);
+    const char *path = args_value(a, "json");
+    if (!path) return 0;
+    return app_write_json(a, ctx, path,
+                          json_pack("{s:s, s:s, s:f, s:f, s:I, s:I, s:O}", "model", a->positional[0],
+                                    "project", a->positional[1], "psnr", e->psnr, "ssim", e->ssim,
+                                    "gaussians", (json_int_t)gaussians, "bytes", (json_int_t)bytes, "views",
+                                    e->list));
+}
+
+static int run(const args *a) {
+    sf_context *ctx = NULL;
+    sf_model *model = NULL;
+    sf_scene *scene = NULL;
+    drawer d = {0};
+    evaluation e = {0};
+    int error = app_split_check(a);
+    if (!error) error = app_context(a, &ctx);
+    if (!error && sf_model_load(ctx, a->positional[0], &model)) error = app_fail(a, ctx);
+    if (!error) error = app_load(a, ctx, a->positional[1], &scene);
+    if (!error) error = app_render_options(a, scene, &d.options);
+    if (!error && sf_renderer_create(ctx, &d.renderer)) error = app_fail(a, ctx);
+    d.model = model;
+    if (!error && app_evaluate(ctx, scene, a, "test", draw, &d, &e)) error = app_fail(a, ctx);
+    if (!error && !e.views)
+        error = app_say(a, a->positional[1],
+                        "no view to evaluate: nothing is held out (see --hold-out, --split)");
+    if (!error) error = report(a, ctx, &e, sf_model_count(model));
+    json_decref(e.list);
+    sf_renderer_destroy(&d.renderer);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {own_options, render_options, load_options, common_options, NULL};
+
+const command command_eval = {
+    .name = "eval",
+    .synopsis = "MODEL PROJECT [OPTIONS]",
+    .summary = "Evaluates a model on the held-out views of a project. Prints PSNR (values clamped to 0..1, "
+               "not rounded) "
+               "and SSIM (11x11 Gaussian window, zero padding) of each view and their means.",
+    .tables = tables,
+    .least = 2,
+    .most = 2,
+    .run = run,
+};

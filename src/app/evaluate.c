@@ -1,0 +1,76 @@
+/* evaluate.c - renders views and compares them with their pictures. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "app.h"
+
+/* A view's picture, its weights, and its render. */
+typedef struct pair {
+    float *truth, *weight, *drawn; /* one block */
+} pair;
+
+static sf_status draw_pair(sf_scene *scene, const sf_view_info *view, app_draw draw, void *user, pair *p) {
+    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height;
+    p->truth = malloc(7 * pixels * sizeof *p->truth);
+    if (!p->truth) return SF_ERR_MEMORY;
+    p->weight = p->truth + 3 * pixels;
+    p->drawn = p->weight + pixels;
+    sf_status status = sf_scene_get_pixels(scene, view->id, p->truth, p->weight);
+    return status ? status : draw(user, &view->camera, p->drawn);
+}
+
+static sf_status evaluate_view(sf_scene *scene, sf_renderer *renderer, const sf_view_info *view,
+                               app_draw draw, void *user, evaluation *result) {
+    pair p = {0};
+    sf_quality quality = {0};
+    sf_status status = draw_pair(scene, view, draw, user, &p);
+    if (!status)
+        status = sf_compare(renderer, view->camera.width, view->camera.height, p.drawn, p.truth,
+                            view->has_mask ? p.weight : NULL, &quality);
+    free(p.truth);
+    if (status == SF_ERR_EMPTY) return SF_OK; /* masked altogether */
+    if (status) return status;
+    result->views++;
+    result->psnr += quality.psnr;
+    result->ssim += quality.ssim;
+    json_array_append_new(result->list, json_pack("{s:s, s:f, s:f}", "name", view->name, "psnr", quality.psnr,
+                                                  "ssim", quality.ssim));
+    return SF_OK;
+}
+
+sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
+                       void *user, evaluation *result) {
+    *result = (evaluation){.list = json_array()};
+    sf_renderer *renderer = NULL;
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    sf_status status = sf_renderer_create(ctx, &renderer);
+    for (size_t i = 0; i < info.views && !status; i++) {
+        sf_view_info view;
+        status = sf_scene_get_view(scene, i, &view);
+        if (!status && app_split_wants(a, otherwise, view.split))
+            status = evaluate_view(scene, renderer, &view, draw, user, result);
+    }
+    sf_renderer_destroy(&renderer);
+    if (result->views) {
+        result->psnr /= (double)result->views;
+        result->ssim /= (double)result->views;
+    }
+    return status;
+}
+
+sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
+                         void *user, const char *path) {
+    size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height, row = 3 * width;
+    pair p = {0};
+    float *both = malloc(2 * row * height * sizeof *both);
+    sf_status status = both ? draw_pair(scene, view, draw, user, &p) : SF_ERR_MEMORY;
+    for (size_t y = 0; y < height && !status; y++) {
+        memcpy(both + 2 * row * y, p.truth + row * y, row * sizeof *both);
+        memcpy(both + 2 * row * y + row, p.drawn + row * y, row * sizeof *both);
+    }
+    if (!status) status = sf_write_png(ctx, path, (int)(2 * width), (int)height, both);
+    free(both);
+    free(p.truth);
+    return status;
+}

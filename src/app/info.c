@@ -1,0 +1,122 @@
+/* info.c - splatfit info: what a model or a project holds. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "app.h"
+
+/* Least, mean and greatest of some values. */
+typedef struct range {
+    double least, sum, most;
+} range;
+
+static range range_of(const float *values, size_t n, size_t stride) {
+    range r = {INFINITY, 0, -INFINITY};
+    for (size_t i = 0; i < n; i++) {
+        double x = (double)values[i * stride];
+        r.least = fmin(r.least, x);
+        r.most = fmax(r.most, x);
+        r.sum += x;
+    }
+    return r;
+}
+
+static void print_model(const sf_model *model, const sf_gaussians *g, long long bytes) {
+    size_t n = sf_model_count(model);
+    printf("%zu Gaussians, SH degree %d, %lld bytes%s\n", n, sf_model_sh_degree(model), bytes,
+           sf_model_antialiased(model) ? ", anti-aliased (mip)" : "");
+    if (!n) return;
+    static const char axes[] = "xyz";
+    for (size_t k = 0; k < 3; k++) {
+        range r = range_of(g->means + k, n, 3);
+        printf("mean %c         %12.5g .. %.5g\n", axes[k], r.least, r.most);
+    }
+    range scale = range_of(g->log_scales, 3 * n, 1);
+    printf("scale          %12.5g .. %.5g, geometric mean %.5g\n", exp(scale.least), exp(scale.most),
+           exp(scale.sum / (double)(3 * n)));
+    size_t needles = 0;
+    double opacity = 0;
+    for (size_t i = 0; i < n; i++) {
+        range axes_of = range_of(g->log_scales + 3 * i, 3, 1);
+        double middle = axes_of.sum - axes_of.least - axes_of.most;
+        needles += axes_of.most - middle > log(100);
+        opacity += 1 / (1 + exp(-(double)g->logit_opacities[i]));
+    }
+    printf("opacity        mean %.4f\n", opacity / (double)n);
+    printf("needles        %zu with a longest axis above 100 times the middle one\n", needles);
+}
+
+static int info_model(const args *a, sf_context *ctx, const char *path) {
+    sf_model *model = NULL;
+    if (sf_model_load(ctx, path, &model)) return app_fail(a, ctx);
+    size_t n = sf_model_count(model);
+    float *values = malloc((7 * n + 1) * sizeof *values);
+    int error = values ? 0 : app_say(a, path, "out of memory");
+    if (!error) {
+        sf_gaussians g = {.means = values, .log_scales = values + 3 * n, .logit_opacities = values + 6 * n};
+        struct stat st = {0};
+        long long bytes = stat(path, &st) ? 0 : (long long)st.st_size;
+        if (sf_model_get(model, 0, n, &g))
+            error = app_fail(a, ctx);
+        else
+            print_model(model, &g, bytes);
+    }
+    free(values);
+    sf_model_destroy(&model);
+    return error;
+}
+
+static int info_project(const args *a, sf_context *ctx, const char *path) {
+    sf_scene *scene = NULL;
+    int error = app_load(a, ctx, path, &scene);
+    if (error) return error;
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    printf("%zu views: %zu to train on, %zu held out\n", info.views, info.train_views, info.test_views);
+    printf("%zu sparse points\n", info.points);
+    if (info.skipped_missing)
+        printf("%zu views skipped: picture missing or not readable\n", info.skipped_missing);
+    if (info.skipped_pose) printf("%zu views skipped: pose not usable\n", info.skipped_pose);
+    if (info.skipped_points) printf("%zu points skipped: not finite\n", info.skipped_points);
+    if (info.undistorted_views) printf("%zu views undistorted\n", info.undistorted_views);
+    printf("extent %.5g, centre %.5g %.5g %.5g\n", info.extent, info.center[0], info.center[1],
+           info.center[2]);
+    sf_camera last = {0};
+    for (size_t i = 0; i < info.views; i++) {
+        sf_view_info view;
+        if (sf_scene_get_view(scene, i, &view)) break;
+        const sf_camera *c = &view.camera;
+        int same = c->width == last.width && c->height == last.height && c->fx == last.fx &&
+                   c->fy == last.fy && c->cx == last.cx && c->cy == last.cy;
+        if (!same)
+            printf("from %s on: %dx%d px, fx %.2f, fy %.2f, cx %.2f, cy %.2f\n", view.name, (int)c->width,
+                   (int)c->height, c->fx, c->fy, c->cx, c->cy);
+        last = *c;
+    }
+    sf_scene_destroy(&scene);
+    return 0;
+}
+
+static int run(const args *a) {
+    sf_context *ctx = NULL;
+    const char *path = a->positional[0], *dot = strrchr(path, '.');
+    int error = app_context(a, &ctx);
+    if (error) return error;
+    error = dot && !strcmp(dot, ".ply") ? info_model(a, ctx, path) : info_project(a, ctx, path);
+    sf_context_destroy(&ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {load_options, common_options, NULL};
+
+const command command_info = {
+    .name = "info",
+    .synopsis = "FILE [OPTIONS]",
+    .summary = "Says what a model (.ply) or a project holds.",
+    .tables = tables,
+    .least = 1,
+    .most = 1,
+    .run = run,
+};

@@ -1,0 +1,70 @@
+/* progress.c - one line a moment about a fit: rewritten on a terminal, plain lines or JSON otherwise. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "app.h"
+
+int progress_start(progress_line *line, const args *a, FILE *out) {
+    const char *kind = args_value(a, "progress");
+    *line = (progress_line){.out = out, .last = -1e9};
+    if (args_value(a, "quiet") && !kind)
+        line->kind = PROGRESS_NONE;
+    else if (!kind || !strcmp(kind, "auto"))
+        line->kind = isatty(fileno(out)) ? PROGRESS_BAR : PROGRESS_PLAIN;
+    else if (!strcmp(kind, "plain"))
+        line->kind = PROGRESS_PLAIN;
+    else if (!strcmp(kind, "json"))
+        line->kind = PROGRESS_JSON;
+    else if (!strcmp(kind, "none"))
+        line->kind = PROGRESS_NONE;
+    else {
+        fprintf(stderr, "splatfit %s: --progress: \"%s\" is none of auto, plain, json, none\n",
+                a->command->name, kind);
+        return EXIT_USAGE;
+    }
+    return 0;
+}
+
+static void print_json(const progress_line *line, const sf_fit_progress *p) {
+    fprintf(line->out,
+            "{\"step\": %lld, \"steps\": %lld, \"fraction\": %.6f, \"seconds\": %.3f, \"loss\": %.6g, "
+            "\"gaussians\": %zu, \"steps_per_second\": %.4g, \"eta_seconds\": %.1f, \"level\": %d, "
+            "\"sh_degree\": %d}\n",
+            (long long)p->step, (long long)p->steps, p->fraction, p->seconds,
+            isfinite(p->loss) ? p->loss : -1.0, p->gaussians, p->steps_per_second,
+            isfinite(p->eta_seconds) ? p->eta_seconds : -1.0, p->level, p->sh_degree);
+}
+
+static void print_text(const progress_line *line, const sf_fit_progress *p) {
+    char steps[32] = "", eta[32] = "";
+    if (p->steps) snprintf(steps, sizeof steps, "/%lld", (long long)p->steps);
+    if (isfinite(p->eta_seconds) && p->eta_seconds < 3.6e6) {
+        long s = (long)(p->eta_seconds + 0.5);
+        snprintf(eta, sizeof eta, "  ETA %ld:%02ld", s / 60, s % 60);
+    }
+    fprintf(line->out, "step %lld%s  loss %.4f  N %zu  %.3g steps/s%s", (long long)p->step, steps, p->loss,
+            p->gaussians, p->steps_per_second, eta);
+}
+
+void progress_show(progress_line *line, const sf_fit_progress *p, int now) {
+    static const double interval[] = {[PROGRESS_BAR] = 0.1, [PROGRESS_PLAIN] = 5, [PROGRESS_JSON] = 0.5};
+    if (line->kind == PROGRESS_NONE) return;
+    if (!now && p->seconds - line->last < interval[line->kind]) return;
+    line->last = p->seconds;
+    if (line->kind == PROGRESS_JSON) {
+        print_json(line, p);
+    } else {
+        if (line->kind == PROGRESS_BAR) fprintf(line->out, "\r\033[K");
+        print_text(line, p);
+        if (line->kind == PROGRESS_PLAIN) fprintf(line->out, "\n");
+        line->open = line->kind == PROGRESS_BAR;
+    }
+    fflush(line->out);
+}
+
+void progress_break(progress_line *line) {
+    if (line->open) fprintf(line->out, "\n");
+    line->open = 0;
+}

@@ -1,0 +1,269 @@
+/* fit.c - the loop: a view, a picture of it, the loss, the gradients, an update; now and then growth. */
+#include "fitter.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/clock.h"
+#include "../base/pool.h"
+#include "../scene/first.h"
+
+static sf_status choose_start(sf_fitter *f, const sf_model *from) {
+    const sf_fit_options *o = &f->options;
+    if (from) {
+        int degree = from->sh_degree > o->sh_degree ? from->sh_degree : (int)o->sh_degree;
+        if (from->count > (size_t)o->max_gaussians)
+            return sf_fail(f->ctx, SF_ERR_ARGUMENT,
+                           "max_gaussians: %lld is less than the %zu of the model gone on from",
+                           (long long)o->max_gaussians, from->count);
+        f->gone_on = 1;
+        return sf_model_copy(from, from->count, degree, &f->model);
+    }
+    sf_first_options first = {.max_gaussians = (size_t)o->max_gaussians,
+                              .random_count = (size_t)o->init_random,
+                              .sh_degree = (int)o->sh_degree,
+                              .opacity = o->init_opacity,
+                              .scale = o->init_scale,
+                              .extent = f->extent};
+    return sf_first_gaussians(f->scene, &first, &f->rng, &f->model);
+}
+
+static void choose_background(sf_fitter *f) {
+    const sf_fit_options *o = &f->options;
+    double white = o->background == SF_BACKGROUND_WHITE, color[3] = {white, white, white};
+    if (o->background == SF_BACKGROUND_AUTO) color[0] = color[1] = color[2] = 0.5;
+    if (o->background == SF_BACKGROUND_COLOR) {
+        color[0] = o->background_red;
+        color[1] = o->background_green;
+        color[2] = o->background_blue;
+    }
+    memcpy(f->background, color, sizeof color);
+}
+
+sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *from,
+                           const sf_fit_options *options, sf_fitter **out) {
+    *out = NULL;
+    sf_fit_options defaults = sf_fit_options_default();
+    if (!options) options = &defaults;
+    sf_status status = sf_fit_options_check(ctx, options);
+    if (status) return status;
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    if (!info.train_views) return sf_fail(ctx, SF_ERR_EMPTY, "scene: no training view");
+
+    sf_fitter *f = sf_calloc(ctx, 1, sizeof *f);
+    if (!f) return SF_ERR_MEMORY;
+    f->ctx = ctx;
+    f->scene = scene;
+    f->options = *options;
+    f->extent = info.extent;
+    f->near_plane = (float)(options->near_plane * info.extent);
+    f->start = f->rate_time = sf_clock();
+    atomic_init(&f->cancelled, 0);
+    sf_rng_seed(&f->rng, (uint64_t)options->seed);
+    sf_workspace_init(&f->workspace, ctx);
+    choose_background(f);
+    status = choose_start(f, from);
+    if (!status) {
+        f->model->antialiased = options->antialiased;
+        f->first_count = f->model->count;
+        status = sf_fitter_room(f, f->model->count ? f->model->count : 1);
+    }
+    *out = f;
+    if (status) sf_fitter_destroy(out);
+    return status;
+}
+
+void sf_fitter_destroy(sf_fitter **fitter_pointer) {
+    sf_fitter *f = *fitter_pointer;
+    if (!f) return;
+    sf_model_destroy(&f->model);
+    sf_params_destroy(f->ctx, &f->grads);
+    sf_params_destroy(f->ctx, &f->m);
+    sf_params_destroy(f->ctx, &f->v);
+    sf_free(f->ctx, f->screen_sum);
+    sf_free(f->ctx, f->screen_seen);
+    sf_free(f->ctx, f->order);
+    sf_workspace_free(&f->workspace);
+    sf_free(f->ctx, f);
+    *fitter_pointer = NULL;
+}
+
+/* The next training view, each once a pass in random order; views that came or went since are taken up with
+ * the next pass. The reference is the caller's. */
+static sf_status next_view(sf_fitter *f, sf_view **view) {
+    for (int passes = 0; passes < 2;) {
+        if (f->order_at == f->order_count) {
+            sf_free(f->ctx, f->order);
+            f->order_at = f->order_count = 0;
+            sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
+            if (status) return status;
+            for (size_t i = f->order_count; i > 1; i--) {
+                size_t j = (size_t)sf_rng_below(&f->rng, i);
+                uint32_t keep = f->order[i - 1];
+                f->order[i - 1] = f->order[j];
+                f->order[j] = keep;
+            }
+            passes++;
+            continue;
+        }
+        *view = sf_scene_retain_id(f->scene, f->order[f->order_at++]);
+        if (*view && (*view)->split == SF_SPLIT_TRAIN) return SF_OK;
+        sf_view_release(*view);
+    }
+    return sf_fail(f->ctx, SF_ERR_EMPTY, "scene: no training view is left");
+}
+
+typedef struct target_job {
+    sf_workspace *ws;
+    const sf_kernels *kernels;
+    const sf_view *view;
+    int factor;
+} target_job;
+
+static void target_task(void *job_pointer, size_t row, int thread) {
+    (void)thread;
+    const target_job *job = job_pointer;
+    sf_workspace *ws = job->ws;
+    size_t width = (size_t)job->view->camera.width, height = (size_t)job->view->camera.height;
+    size_t from = row * (size_t)job->factor * width, to = row * ws->stride;
+    const uint8_t *weight = job->view->weight ? job->view->weight + from : NULL;
+    for (size_t ch = 0; ch < SF_CHANNELS; ch++)
+        job->kernels->unpack(job->view->rgb + ch * width * height + from, weight, width, job->factor,
+                             ws->target[ch] + to, ws->eye.width);
+    if (weight) job->kernels->unpack(NULL, weight, width, job->factor, ws->weight + to, ws->eye.width);
+}
+
+/* The picture to compare with, and the sum of its weights. */
+static double load_target(sf_fitter *f, const sf_view *view, int factor) {
+    sf_workspace *ws = &f->workspace;
+    target_job job = {ws, f->ctx->kernels, view, factor};
+    sf_pool_run(f->ctx->pool, (size_t)ws->eye.height, target_task, &job);
+    ws->has_weight = view->weight != NULL;
+    double sum = (double)ws->eye.width * ws->eye.height;
+    if (ws->has_weight) {
+        sum = 0;
+        for (int y = 0; y < ws->eye.height; y++)
+            for (int x = 0; x < ws->eye.width; x++)
+                sum += (double)ws->weight[(size_t)y * ws->stride + (size_t)x];
+    }
+    return sum;
+}
+
+static void set_step_background(sf_fitter *f) {
+    for (int k = 0; k < 3; k++)
+        f->step_background[k] = f->options.background == SF_BACKGROUND_RANDOM ? (float)sf_rng_uniform(&f->rng)
+                                                                              : (float)f->background[k];
+}
+
+/* Everything of a step that can fail, up to the gradients. */
+static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_loss_value *loss, double *d_background) {
+    sf_workspace *ws = &f->workspace;
+    sf_camera camera = sf_camera_downscaled(&view->camera, 1 << f->level);
+    sf_status status = sf_workspace_look(ws, &camera, f->near_plane);
+    if (!status) status = sf_workspace_loss_room(ws);
+    if (!status)
+        status =
+            sf_stage_project(ws, &f->model->params, f->model->count, f->sh_degree, f->model->antialiased);
+    if (!status) status = sf_stage_bin(ws);
+    if (status) return status;
+    sf_stage_blend(ws, f->step_background, 0);
+    double weight_sum = load_target(f, view, 1 << f->level);
+    if (!(weight_sum > 0)) return SF_ERR_EMPTY; /* masked altogether: nothing to learn from it */
+    sf_stage_loss(ws, f->options.lambda_dssim, weight_sum, 0, 1, loss);
+    status = sf_stage_blend_bwd(ws);
+    if (!status) status = sf_stage_project_bwd(ws, &f->grads, NULL);
+    if (!status && f->options.background == SF_BACKGROUND_AUTO)
+        status = sf_stage_background_bwd(ws, d_background);
+    return status;
+}
+
+static void note_progress(sf_fitter *f, double loss) {
+    f->losses[f->step % SF_LOSS_WINDOW] = loss;
+    f->step++;
+    double now = sf_clock();
+    if (now - f->rate_time >= 1 || f->steps_per_second == 0) {
+        f->steps_per_second = (double)(f->step - f->rate_step) / fmax(now - f->rate_time, 1e-9);
+        if (now - f->rate_time >= 1) f->rate_time = now, f->rate_step = f->step;
+    }
+}
+
+sf_status sf_fitter_step(sf_fitter *f) {
+    if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
+    double fraction = sf_fraction(f);
+    if (fraction >= 1) return SF_ERR_END;
+    sf_view *view;
+    sf_status status = next_view(f, &view);
+    if (status) return status;
+    f->level = sf_scheduled_level(f, fraction, view->camera.width, view->camera.height);
+    f->sh_degree = sf_scheduled_degree(f, fraction);
+    set_step_background(f);
+
+    sf_loss_value loss = {0};
+    double d_background[3];
+    status = differentiate(f, view, &loss, d_background);
+    sf_view_release(view);
+    if (status && status != SF_ERR_EMPTY) return status;
+    if (!status) {
+        sf_update(f, fraction);
+        if (f->options.background == SF_BACKGROUND_AUTO) sf_update_background(f, d_background);
+        f->skipped_values += f->workspace.not_finite;
+    }
+    note_progress(f, loss.loss);
+    if (sf_growth_due(f, fraction)) sf_grow_and_prune(f, fraction);
+    return SF_OK;
+}
+
+sf_status sf_fitter_run(sf_fitter *f, sf_fit_callback callback, void *user) {
+    for (;;) {
+        sf_status status = sf_fitter_step(f);
+        if (status) return status == SF_ERR_END ? SF_OK : status;
+        if (!callback) continue;
+        sf_fit_progress progress;
+        sf_fitter_get_progress(f, &progress);
+        callback(user, &progress);
+    }
+}
+
+void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
+    *p = (sf_fit_progress){.step = f->step,
+                           .steps = f->options.steps,
+                           .fraction = sf_fraction(f),
+                           .seconds = sf_clock() - f->start,
+                           .gaussians = f->model->count,
+                           .steps_per_second = f->steps_per_second,
+                           .level = f->level,
+                           .sh_degree = f->sh_degree,
+                           .skipped_values = f->skipped_values};
+    int64_t window = f->step < SF_LOSS_WINDOW ? f->step : SF_LOSS_WINDOW;
+    for (int64_t i = 0; i < window; i++) p->loss += f->losses[i] / (double)window;
+    /* steps get dearer as the picture and the model grow: the fraction done says more than the present rate
+     * only where time plans the run */
+    double left = f->options.steps > 0 && f->steps_per_second > 0
+                      ? (double)(f->options.steps - f->step) / f->steps_per_second
+                      : INFINITY;
+    if (f->options.time_limit > 0) left = fmin(left, f->options.time_limit - p->seconds);
+    p->eta_seconds = fmax(left, 0);
+    for (int k = 0; k < 3; k++) p->background[k] = (float)f->background[k];
+}
+
+void sf_fitter_cancel(sf_fitter *f) { atomic_store(&f->cancelled, 1); }
+void sf_fitter_resume(sf_fitter *f) { atomic_store(&f->cancelled, 0); }
+
+sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
+    return sf_model_copy(f->model, f->model->count, f->model->sh_degree, model);
+}
+
+void sf_fitter_render_options(const sf_fitter *f, sf_render_options *options) {
+    *options = sf_render_options_default();
+    options->near_plane = f->near_plane;
+    for (int k = 0; k < 3; k++) options->background[k] = (float)f->background[k];
+}
+
+sf_status sf_fitter_render(sf_fitter *f, const sf_camera *camera, const sf_image_out *out) {
+    sf_render_options options;
+    sf_fitter_render_options(f, &options);
+    sf_status status = sf_forward(&f->workspace, f->model, camera, &options, out->depth != NULL);
+    if (!status) sf_copy_out(&f->workspace, out);
+    return status;
+}

@@ -1,0 +1,217 @@
+/* grow.c - pruning, cloning, splitting.
+ *
+ * The plan says how many Gaussians there may be; those with the largest mean screen gradient grow: a small
+ * one gets a clone beside it, a large one is split along its longest axis. What is faint or not finite goes.
+ */
+#include "fitter.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
+ * middle. */
+#define CLONE_SPREAD 0.3
+#define SPLIT_SPREAD 0.5
+/* Halves of a split: scales of the longest and the other axes, opacity. */
+#define SPLIT_LONG    0.6f
+#define SPLIT_OTHERS  0.9f
+#define SPLIT_OPACITY 0.7f
+
+static float *at(const sf_params *params, int field, size_t i, int component) {
+    return &params->field[field][sf_at(i, sf_field_components(field), component)];
+}
+
+static float opacity_of(float logit) { return 1.0f / (1.0f + expf(-logit)); }
+static float logit_of(float opacity) { return logf(opacity / (1.0f - opacity)); }
+
+static int longest_axis(const sf_params *params, size_t i) {
+    int longest = 0;
+    for (int k = 1; k < 3; k++)
+        if (*at(params, SF_FIELD_log_scale, i, k) > *at(params, SF_FIELD_log_scale, i, longest)) longest = k;
+    return longest;
+}
+
+sf_status sf_fitter_room(sf_fitter *f, size_t count) {
+    if (count <= f->capacity) return SF_OK;
+    size_t most = (size_t)f->options.max_gaussians, room = count + count / 2;
+    if (room > most) room = count > most ? count : most;
+    int degree = f->model->sh_degree;
+    sf_model *model = NULL;
+    sf_params grads = {{0}}, m = {{0}}, v = {{0}};
+    double *sum = sf_calloc(f->ctx, room, sizeof *sum);
+    uint32_t *seen = sf_calloc(f->ctx, room, sizeof *seen);
+    sf_status status = sum && seen ? sf_model_copy(f->model, room, degree, &model) : SF_ERR_MEMORY;
+    if (!status) status = sf_params_create(f->ctx, room, degree, &grads);
+    if (!status) status = sf_params_create(f->ctx, room, degree, &m);
+    if (!status) status = sf_params_create(f->ctx, room, degree, &v);
+    if (status) {
+        sf_free(f->ctx, sum);
+        sf_free(f->ctx, seen);
+        sf_params_destroy(f->ctx, &grads);
+        sf_params_destroy(f->ctx, &m);
+        sf_params_destroy(f->ctx, &v);
+        sf_model_destroy(&model);
+        return status;
+    }
+    for (size_t i = 0; f->capacity && i < f->model->count; i++) {
+        sf_params_copy(&f->m, i, &m, i);
+        sf_params_copy(&f->v, i, &v, i);
+        sum[i] = f->screen_sum[i];
+        seen[i] = f->screen_seen[i];
+    }
+    sf_free(f->ctx, f->screen_sum);
+    sf_free(f->ctx, f->screen_seen);
+    sf_params_destroy(f->ctx, &f->grads);
+    sf_params_destroy(f->ctx, &f->m);
+    sf_params_destroy(f->ctx, &f->v);
+    sf_model_destroy(&f->model);
+    f->model = model, f->grads = grads, f->m = m, f->v = v;
+    f->screen_sum = sum, f->screen_seen = seen;
+    f->capacity = room;
+    return SF_OK;
+}
+
+static void copy_all(sf_fitter *f, size_t from, size_t to) {
+    sf_params_copy(&f->model->params, from, &f->model->params, to);
+    sf_params_copy(&f->m, from, &f->m, to);
+    sf_params_copy(&f->v, from, &f->v, to);
+    f->screen_sum[to] = f->screen_sum[from];
+    f->screen_seen[to] = f->screen_seen[from];
+}
+
+static void forget_moments(sf_fitter *f, size_t i) {
+    for (int field = 0; field < SF_FIELD_COUNT; field++)
+        for (int c = 0; f->m.field[field] && c < sf_field_components(field); c++)
+            *at(&f->m, field, i, c) = *at(&f->v, field, i, c) = 0;
+}
+
+static int worth_keeping(const sf_fitter *f, size_t i, float least_logit, float most_log_scale) {
+    const sf_params *p = &f->model->params;
+    if (!(p->field[SF_FIELD_logit_opacity][i] >= least_logit)) return 0;
+    for (int k = 0; k < 3; k++) {
+        if (!isfinite(*at(p, SF_FIELD_mean, i, k))) return 0;
+        if (!(*at(p, SF_FIELD_log_scale, i, k) <= most_log_scale)) return 0;
+    }
+    return 1;
+}
+
+static void prune(sf_fitter *f) {
+    const sf_fit_options *o = &f->options;
+    float least_logit = o->prune_opacity > 0 ? logit_of(fminf((float)o->prune_opacity, 0.999f)) : -INFINITY;
+    float most_log_scale = o->prune_scale > 0 ? (float)log(o->prune_scale * f->extent) : INFINITY;
+    size_t kept = 0;
+    for (size_t i = 0; i < f->model->count; i++) {
+        if (!worth_keeping(f, i, least_logit, most_log_scale)) continue;
+        if (kept != i) copy_all(f, i, kept);
+        kept++;
+    }
+    for (size_t i = kept; i < f->model->count; i++) forget_moments(f, i);
+    sf_model_resize(f->model, kept);
+}
+
+/* Column `axis` of the rotation of Gaussian i (M.1). */
+static void axis_of(const sf_params *params, size_t i, int axis, float *direction) {
+    float q[4], norm = 0;
+    for (int k = 0; k < 4; k++) {
+        q[k] = *at(params, SF_FIELD_quat, i, k);
+        norm += q[k] * q[k];
+    }
+    norm = 1.0f / sqrtf(norm);
+    float w = q[0] * norm, x = q[1] * norm, y = q[2] * norm, z = q[3] * norm;
+    float R[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+                  2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+                  2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+    for (int k = 0; k < 3; k++) direction[k] = R[3 * k + axis];
+}
+
+static void set_opacity(const sf_params *p, size_t i, float opacity) {
+    p->field[SF_FIELD_logit_opacity][i] = logit_of(fminf(fmaxf(opacity, 0.006f), 0.995f));
+}
+
+/* Gaussian j, a copy of i, and i become the halves of what i was. */
+static void split(sf_fitter *f, size_t i, size_t j) {
+    const sf_params *p = &f->model->params;
+    int longest = longest_axis(p, i);
+    float direction[3], half = (float)SPLIT_SPREAD * expf(*at(p, SF_FIELD_log_scale, i, longest));
+    float opacity = SPLIT_OPACITY * opacity_of(p->field[SF_FIELD_logit_opacity][i]);
+    axis_of(p, i, longest, direction);
+    for (int k = 0; k < 3; k++) {
+        float shrink = logf(k == longest ? SPLIT_LONG : SPLIT_OTHERS);
+        *at(p, SF_FIELD_mean, i, k) += half * direction[k];
+        *at(p, SF_FIELD_mean, j, k) -= half * direction[k];
+        *at(p, SF_FIELD_log_scale, i, k) += shrink;
+        *at(p, SF_FIELD_log_scale, j, k) += shrink;
+    }
+    set_opacity(p, i, opacity);
+    set_opacity(p, j, opacity);
+    forget_moments(f, i);
+    forget_moments(f, j);
+}
+
+/* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
+static void clone(sf_fitter *f, size_t i, size_t j) {
+    const sf_params *p = &f->model->params;
+    for (int axis = 0; axis < 3; axis++) {
+        float direction[3], scale = expf(*at(p, SF_FIELD_log_scale, j, axis));
+        float step = (float)(CLONE_SPREAD * sf_rng_normal(&f->rng)) * scale;
+        axis_of(p, j, axis, direction);
+        for (int k = 0; k < 3; k++) *at(p, SF_FIELD_mean, j, k) += step * direction[k];
+    }
+    float opacity = 1.0f - sqrtf(1.0f - opacity_of(p->field[SF_FIELD_logit_opacity][i]));
+    set_opacity(p, i, opacity);
+    set_opacity(p, j, opacity);
+    forget_moments(f, j);
+}
+
+typedef struct candidate {
+    double score;
+    uint32_t index;
+} candidate;
+
+/* Largest score first, ties by index: a total order, so that any sort gives the same. */
+static int by_score(const void *a, const void *b) {
+    const candidate *x = a, *y = b;
+    if (x->score != y->score) return x->score < y->score ? 1 : -1;
+    return (x->index > y->index) - (x->index < y->index);
+}
+
+static void grow(sf_fitter *f, size_t wanted) {
+    size_t n = 0, count = f->model->count;
+    candidate *candidates = sf_alloc(f->ctx, count, sizeof *candidates);
+    if (!candidates) return;
+    for (size_t i = 0; i < count; i++) {
+        double score = f->screen_seen[i] ? f->screen_sum[i] / f->screen_seen[i] : 0;
+        if (score > 0 && score >= f->options.grow_threshold)
+            candidates[n++] = (candidate){score, (uint32_t)i};
+    }
+    qsort(candidates, n, sizeof *candidates, by_score);
+    float split_log_scale = (float)log(fmax(f->options.split_scale * f->extent, 1e-30));
+    if (n > wanted) n = wanted;
+    sf_model_resize(f->model, count + n);
+    for (size_t k = 0; k < n; k++) {
+        size_t i = candidates[k].index, j = count + k;
+        copy_all(f, i, j);
+        int longest = longest_axis(&f->model->params, i);
+        if (*at(&f->model->params, SF_FIELD_log_scale, i, longest) > split_log_scale)
+            split(f, i, j);
+        else
+            clone(f, i, j);
+    }
+    sf_free(f->ctx, candidates);
+}
+
+void sf_grow_and_prune(sf_fitter *f, double fraction) {
+    prune(f);
+    size_t count = f->model->count, planned = sf_planned_count(f, fraction);
+    size_t wanted = planned > count ? planned - count : 0;
+    size_t most = (size_t)(f->options.grow_rate * (double)count);
+    if (wanted > most) wanted = most;
+    if (wanted && !f->growth_ended && sf_fitter_room(f, count + wanted)) {
+        f->growth_ended = 1;
+        sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", count);
+    }
+    if (wanted && !f->growth_ended) grow(f, wanted);
+    memset(f->screen_sum, 0, f->capacity * sizeof *f->screen_sum);
+    memset(f->screen_seen, 0, f->capacity * sizeof *f->screen_seen);
+}
