@@ -59,18 +59,24 @@ static sf_status draw(void *user, const sf_camera *camera, float *rgb) {
 }
 
 /* --background R,G,B stands for the option color and its three components. */
-static sf_status set_option(fit_run *r, const char *name, const char *text) {
-    static const char *const components[] = {"background_red", "background_green", "background_blue"};
+static int set_background(fit_run *r, const char *text) {
     float color[3];
-    if (strcmp(name, "background") || !strchr(text, ',') || !app_color(text, color))
-        return sf_fit_options_set(r->ctx, &r->options, name, text);
-    for (int k = 0; k < 3; k++) {
-        char value[32];
-        snprintf(value, sizeof value, "%.9g", (double)color[k]);
-        sf_status status = sf_fit_options_set(r->ctx, &r->options, components[k], value);
-        if (status) return status;
+    if (!app_color(text, color)) {
+        app_say(r->a, "--background", "neither R,G,B in 0..1 nor black, white, random or auto");
+        return EXIT_USAGE;
     }
-    return sf_fit_options_set(r->ctx, &r->options, name, "color");
+    r->options.background = SF_BACKGROUND_COLOR;
+    r->options.background_red = (double)color[0];
+    r->options.background_green = (double)color[1];
+    r->options.background_blue = (double)color[2];
+    return 0;
+}
+
+static int set_option(fit_run *r, const char *name, const char *text) {
+    if (!strcmp(name, "background") && strchr(text, ',')) return set_background(r, text);
+    if (!sf_fit_options_set(r->ctx, &r->options, name, text)) return 0;
+    app_fail(r->a, r->ctx);
+    return EXIT_USAGE;
 }
 
 static int read_options(fit_run *r) {
@@ -78,10 +84,8 @@ static int read_options(fit_run *r) {
     sf_option_info info;
     for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
         const char *text = args_value(r->a, info.name);
-        if (text && set_option(r, info.name, text)) {
-            app_fail(r->a, r->ctx);
-            return EXIT_USAGE;
-        }
+        int error = text ? set_option(r, info.name, text) : 0;
+        if (error) return error;
     }
     if (args_value(r->a, "time_limit") && !args_value(r->a, "steps")) r->options.steps = 0;
     return args_int(r->a, "eval-every", 1, 1000000000, &r->eval_every);

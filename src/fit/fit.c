@@ -237,11 +237,9 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .skipped_values = f->skipped_values};
     int64_t window = f->step < SF_LOSS_WINDOW ? f->step : SF_LOSS_WINDOW;
     for (int64_t i = 0; i < window; i++) p->loss += f->losses[i] / (double)window;
-    /* steps get dearer as the picture and the model grow: the fraction done says more than the present rate
-     * only where time plans the run */
-    double left = f->options.steps > 0 && f->steps_per_second > 0
-                      ? (double)(f->options.steps - f->step) / f->steps_per_second
-                      : INFINITY;
+    double left = INFINITY;
+    if (f->options.steps > 0 && f->steps_per_second > 0)
+        left = (double)(f->options.steps - f->step) / f->steps_per_second * sf_cost_ahead(f, p->fraction);
     if (f->options.time_limit > 0) left = fmin(left, f->options.time_limit - p->seconds);
     p->eta_seconds = fmax(left, 0);
     for (int k = 0; k < 3; k++) p->background[k] = (float)f->background[k];

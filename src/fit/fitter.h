@@ -59,6 +59,9 @@ double sf_scheduled_rate(const sf_fitter *fitter, double fraction, int field);
 int sf_growth_due(const sf_fitter *fitter, double fraction);
 size_t sf_planned_count(const sf_fitter *fitter, double fraction);
 
+/* What a step from here to the end costs on average, in steps of now: for the ETA. */
+double sf_cost_ahead(const sf_fitter *fitter, double fraction);
+
 /* update.c: one step of Adam on all fields, the limit on needles, the statistics of growth. */
 void sf_update(sf_fitter *fitter, double fraction);
 void sf_update_background(sf_fitter *fitter, const double *gradient);

@@ -1,6 +1,7 @@
 /* schedule.c - what holds at a fraction of the run. */
 #include "fitter.h"
 
+#include <limits.h>
 #include <math.h>
 
 #include "../base/clock.h"
@@ -63,4 +64,16 @@ size_t sf_planned_count(const sf_fitter *f, double fraction) {
     double span = f->options.grow_end - f->options.grow_start;
     double part = span > 0 ? fmin((fraction - f->options.grow_start) / span, 1) : 1;
     return (size_t)(first + fmax(most - first, 0) * part);
+}
+
+/* A step of a coarser picture costs less; a tenth stays. */
+static double step_cost(const sf_fitter *f, double fraction) {
+    return 0.1 + 0.9 * pow(0.25, sf_scheduled_level(f, fraction, INT_MAX, INT_MAX));
+}
+
+double sf_cost_ahead(const sf_fitter *f, double fraction) {
+    enum { SAMPLES = 64 };
+    double sum = 0;
+    for (int i = 0; i < SAMPLES; i++) sum += step_cost(f, fraction + (1 - fraction) * (i + 0.5) / SAMPLES);
+    return sum / SAMPLES / step_cost(f, fraction);
 }

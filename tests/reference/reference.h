@@ -1,9 +1,9 @@
-/* reference.h - a renderer, its loss and all gradients in float64: what MATH.md says, as plainly as it can be
- * said.
+/* reference.h - a renderer, its loss and all gradients in float64: what src/render/README.md says, as plainly
+ * as it can be said.
  *
  * Dense: every Gaussian meets every pixel; there are no tiles, no lists and nothing is shared with src/.
- * Equations are cited as in MATH.md: F.* and B.* of its sources, M.* of its sections. Each step forward has
- * its twin backward. Memory that runs out fails the test in progress.
+ * Equations are cited as in src/render/README.md: F.* and B.* of its sources, M.* of its sections. Each step
+ * forward has its twin backward. Memory that runs out fails the test in progress.
  */
 #ifndef TESTS_REFERENCE_H
 #define TESTS_REFERENCE_H
