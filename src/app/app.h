@@ -40,6 +40,9 @@ int app_check_output(const args *a, const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
+/* A string for JSON, which holds UTF-8 alone: where `text` is not, its bytes above 127 become ?. */
+json_t *app_json_text(const char *text);
+
 /* Writes JSON, indented, whole or not at all; takes the reference. 0 or an exit code. */
 int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json);
 

@@ -152,6 +152,19 @@ int app_check_output(const args *a, const char *path) {
     return error ? EXIT_FAILED : 0;
 }
 
+json_t *app_json_text(const char *text) {
+    json_t *string = json_string(text);
+    if (string) return string;
+    char *plain = malloc(strlen(text) + 1);
+    if (!plain) return NULL;
+    strcpy(plain, text);
+    for (char *c = plain; *c; c++)
+        if ((unsigned char)*c > 127) *c = '?';
+    string = json_string(plain);
+    free(plain);
+    return string;
+}
+
 int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json) {
     char *text = json ? json_dumps(json, JSON_INDENT(1)) : NULL;
     json_decref(json);

@@ -39,11 +39,11 @@ static int report(const args *a, sf_context *ctx, const evaluation *e, size_t ga
     if (!args_value(a, "quiet")) print_table(e, gaussians, bytes);
     const char *path = args_value(a, "json");
     if (!path) return 0;
-    return app_write_json(a, ctx, path,
-                          json_pack("{s:s, s:s, s:f, s:f, s:I, s:I, s:O}", "model", a->positional[0],
-                                    "project", a->positional[1], "psnr", e->psnr, "ssim", e->ssim,
-                                    "gaussians", (json_int_t)gaussians, "bytes", (json_int_t)bytes, "views",
-                                    e->list));
+    return app_write_json(
+        a, ctx, path,
+        json_pack("{s:o, s:o, s:f, s:f, s:I, s:I, s:O}", "model", app_json_text(a->positional[0]), "project",
+                  app_json_text(a->positional[1]), "psnr", e->psnr, "ssim", e->ssim, "gaussians",
+                  (json_int_t)gaussians, "bytes", (json_int_t)bytes, "views", e->list));
 }
 
 static int run(const args *a) {

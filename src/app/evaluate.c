@@ -33,8 +33,8 @@ static sf_status evaluate_view(sf_scene *scene, sf_renderer *renderer, const sf_
     result->views++;
     result->psnr += quality.psnr;
     result->ssim += quality.ssim;
-    json_array_append_new(result->list, json_pack("{s:s, s:f, s:f}", "name", view->name, "psnr", quality.psnr,
-                                                  "ssim", quality.ssim));
+    json_array_append_new(result->list, json_pack("{s:o, s:f, s:f}", "name", app_json_text(view->name),
+                                                  "psnr", quality.psnr, "ssim", quality.ssim));
     return SF_OK;
 }
 

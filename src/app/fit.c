@@ -150,11 +150,12 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         json_object_set_new(result, "ssim", json_real(e->ssim));
         json_object_set(result, "views", e->list);
     }
-    return json_pack("{s:s, s:s, s:i, s:s, s:{s:I, s:I, s:I, s:f}, s:o, s:O, s:o}", "version", sf_version(),
+    return json_pack("{s:s, s:s, s:i, s:o, s:{s:I, s:I, s:I, s:f}, s:o, s:O, s:o}", "version", sf_version(),
                      "isa", sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "project",
-                     r->a->positional[0], "scene", "train_views", (json_int_t)scene.train_views, "test_views",
-                     (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent", scene.extent,
-                     "options", options_json(&r->options), "curve", r->curve, "result", result);
+                     app_json_text(r->a->positional[0]), "scene", "train_views",
+                     (json_int_t)scene.train_views, "test_views", (json_int_t)scene.test_views, "points",
+                     (json_int_t)scene.points, "extent", scene.extent, "options", options_json(&r->options),
+                     "curve", r->curve, "result", result);
 }
 
 static int is_file(const char *path) {

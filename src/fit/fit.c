@@ -65,7 +65,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     choose_background(f);
     status = choose_start(f, from);
     if (!status) {
-        f->model->antialiased = options->antialiased;
+        f->model->antialiased = options->antialiased || (from && from->antialiased);
         f->first_count = f->model->count;
         status = sf_fitter_room(f, f->model->count ? f->model->count : 1);
     }
