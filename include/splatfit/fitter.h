@@ -53,7 +53,7 @@ typedef enum sf_background {
     REAL(init_scale, 1, 0.001, 1000, "", "their scale, in mean distances to the 3 nearest points")           \
     INT(init_random, 10000, 1, 100000000, "", "first Gaussians at random where the scene has no points")     \
     INT(pyramid_levels, 2, 0, 4, "", "halvings of the picture at the start")                                 \
-    REAL(pyramid_end, 0.6, 0, 1, "of the run", "full resolution from here on")                               \
+    REAL(pyramid_end, 0.7, 0, 1, "of the run", "full resolution from here on")                               \
     REAL(pyramid_ratio, 0.35, 0.01, 1, "", "end of a coarser level, as a fraction of the next finer one's")  \
     REAL(sh_start, 0.1, 0, 1, "of the run", "SH degree 1 from here on")                                      \
     REAL(sh_end, 0.5, 0, 1, "of the run", "the highest SH degree from here on; the others evenly between")   \
