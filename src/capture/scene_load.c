@@ -1,0 +1,168 @@
+/* scene_load.c - sf_scene_load: a project from files, or a scene made from the frames of a simulation. */
+#include <stdio.h>
+#include <string.h>
+
+#include "../base/rng.h"
+#include "../io/project.h"
+#include "../scene/scene.h"
+#include "sim.h"
+
+/* As many as structure from motion finds in a scene of this kind. */
+enum { SPARSE_POINTS = 8000, FRAME_NAME = 16 };
+
+sf_load_options sf_load_options_default(void) { return (sf_load_options){.downscale = 1, .hold_out = 8}; }
+
+static sf_status check_options(sf_context *ctx, const char *name, const sf_sim *sim,
+                               const sf_load_options *options) {
+    int smaller = sim->width < sim->height ? sim->width : sim->height;
+    if (options->downscale < 1 || options->downscale > 64 || options->downscale > smaller)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: downscale: %d is not in 1..%d", name, options->downscale,
+                       smaller < 64 ? smaller : 64);
+    if (options->hold_out < 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: hold_out: %d is negative", name, options->hold_out);
+    if (options->max_views < 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: max_views: %d is negative", name, options->max_views);
+    if (options->max_views > 0 && sim->frames > (uint64_t)options->max_views)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: frames: %u are more than max_views %d", name,
+                       (unsigned)sim->frames, options->max_views);
+    return SF_OK;
+}
+
+static const char *frame_name(uint64_t frame, char name[FRAME_NAME]) {
+    snprintf(name, FRAME_NAME, "frame_%04u", (unsigned)(frame % 10000));
+    return name;
+}
+
+/* Box-averages a frame into the planes of a view whose size is the frame's divided by `factor`. */
+static void fill_planes(const sf_frame *frame, size_t factor, sf_view *view) {
+    size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
+    uint32_t area = (uint32_t)(factor * factor);
+    for (size_t i = 0; i < 3 * width * height; i++) {
+        size_t channel = i / (width * height), y = i / width % height, x = i % width;
+        uint32_t sum = area / 2;
+        for (size_t v = y * factor; v < (y + 1) * factor; v++)
+            for (size_t u = x * factor; u < (x + 1) * factor; u++)
+                sum += frame->data[v * frame->stride + 3 * u + channel];
+        view->rgb[i] = (uint8_t)(sum / area);
+    }
+}
+
+static sf_status add_frame(sf_scene *scene, const sf_frame *frame, int factor, sf_split split) {
+    char name[FRAME_NAME];
+    frame_name(frame->sequence, name);
+    sf_camera camera = sf_camera_downscaled(&frame->camera, factor);
+    sf_view *view;
+    sf_status status = sf_view_create(scene->ctx, name, &camera, split, 0, &view);
+    if (status != SF_OK) return status;
+    fill_planes(frame, (size_t)factor, view);
+    return sf_scene_take_view(scene, view);
+}
+
+static sf_status add_frames(sf_scene *scene, const char *name, int factor, const sf_split *splits) {
+    sf_source *source;
+    sf_status status = sf_source_open(scene->ctx, name, &source);
+    while (status == SF_OK) {
+        sf_frame frame;
+        status = sf_source_next(source, -1, &frame);
+        if (status != SF_OK) break;
+        status = add_frame(scene, &frame, factor, splits[frame.sequence]);
+        sf_source_release(source, &frame);
+    }
+    sf_source_close(&source);
+    return status == SF_ERR_END ? SF_OK : status;
+}
+
+/* A point as structure from motion would give it: seen in a training view, with the colour there and off by
+ * about a pixel. */
+static void sparse_point(const sf_studio *studio, const sf_view *view, sf_rng *rng, float xyz[3],
+                         uint8_t rgb[3]) {
+    size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
+    double x = sf_rng_uniform(rng) * (double)width, y = sf_rng_uniform(rng) * (double)height;
+    sf_hit hit;
+    sf_studio_look(studio, &view->camera, x, y, &hit);
+    double pixel = hit.distance / view->camera.fx;
+    xyz[0] = (float)(hit.point.x + pixel * sf_rng_normal(rng));
+    xyz[1] = (float)(hit.point.y + pixel * sf_rng_normal(rng));
+    xyz[2] = (float)(hit.point.z + pixel * sf_rng_normal(rng));
+    size_t at = (size_t)y * width + (size_t)x;
+    for (size_t i = 0; i < 3; i++) rgb[i] = view->rgb[i * width * height + at];
+}
+
+static sf_status cast_points(sf_scene *scene, const sf_sim *sim, float *xyz, uint8_t *rgb) {
+    uint32_t *ids;
+    size_t views;
+    sf_status status = sf_scene_training_ids(scene, &ids, &views);
+    if (status != SF_OK) return status;
+    sf_rng rng;
+    sf_rng_seed(&rng, sim->seed);
+    for (size_t i = 0; i < SPARSE_POINTS; i++) {
+        sf_view *view = sf_scene_retain_id(scene, ids[i % views]);
+        sparse_point(&sim->studio, view, &rng, xyz + 3 * i, rgb + 3 * i);
+        sf_view_release(view);
+    }
+    sf_free(scene->ctx, ids);
+    return SF_OK;
+}
+
+static sf_status add_points(sf_scene *scene, const sf_sim *sim) {
+    float *xyz = sf_alloc(scene->ctx, SPARSE_POINTS, 3 * sizeof *xyz);
+    uint8_t *rgb = sf_alloc(scene->ctx, SPARSE_POINTS, 3);
+    sf_status status = xyz && rgb ? cast_points(scene, sim, xyz, rgb) : SF_ERR_MEMORY;
+    if (status == SF_OK) status = sf_scene_add_points(scene, SPARSE_POINTS, xyz, rgb);
+    sf_free(scene->ctx, xyz);
+    sf_free(scene->ctx, rgb);
+    return status;
+}
+
+static sf_status choose_splits(sf_context *ctx, const sf_load_options *options, size_t count,
+                               sf_split *splits) {
+    char(*texts)[FRAME_NAME] = sf_alloc(ctx, count, sizeof *texts);
+    const char **names = sf_alloc(ctx, count, sizeof *names);
+    sf_status status = SF_ERR_MEMORY;
+    if (texts && names) {
+        for (size_t i = 0; i < count; i++) names[i] = frame_name(i, texts[i]);
+        status = sf_split_names(ctx, options, count, names, splits);
+    }
+    sf_free(ctx, names);
+    sf_free(ctx, texts);
+    return status;
+}
+
+static sf_status need_training(sf_context *ctx, const char *name, const sf_split *splits, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (splits[i] == SF_SPLIT_TRAIN) return SF_OK;
+    return sf_fail(ctx, SF_ERR_EMPTY, "%s: frames: all %zu are held out, no training view is left", name,
+                   count);
+}
+
+static sf_status fill_scene(sf_scene *scene, const char *name, const sf_sim *sim,
+                            const sf_load_options *options) {
+    size_t count = (size_t)sim->frames;
+    sf_split *splits = sf_alloc(scene->ctx, count, sizeof *splits);
+    sf_status status = splits ? choose_splits(scene->ctx, options, count, splits) : SF_ERR_MEMORY;
+    if (status == SF_OK) status = need_training(scene->ctx, name, splits, count);
+    if (status == SF_OK) status = add_frames(scene, name, options->downscale, splits);
+    if (status == SF_OK) status = add_points(scene, sim);
+    sf_free(scene->ctx, splits);
+    return status;
+}
+
+static sf_status load_simulated(sf_context *ctx, const char *name, const sf_load_options *options,
+                                sf_scene **scene) {
+    sf_sim sim;
+    sf_status status = sf_sim_init(ctx, name, &sim);
+    if (status == SF_OK) status = check_options(ctx, name, &sim, options);
+    if (status == SF_OK) status = sf_scene_create(ctx, scene);
+    if (status != SF_OK) return status;
+    status = fill_scene(*scene, name, &sim, options);
+    if (status != SF_OK) sf_scene_destroy(scene);
+    return status;
+}
+
+sf_status sf_scene_load(sf_context *ctx, const char *path, const sf_load_options *options, sf_scene **scene) {
+    sf_load_options defaults = sf_load_options_default();
+    *scene = NULL;
+    if (!options) options = &defaults;
+    if (strncmp(path, "sim:", 4) == 0) return load_simulated(ctx, path, options, scene);
+    return sf_project_load(ctx, path, options, scene);
+}

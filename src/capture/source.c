@@ -1,0 +1,133 @@
+/* source.c - opens frame sources by name and keeps count of the frames that are out. */
+#include "source.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "sim.h"
+
+typedef struct scheme {
+    const char *prefix;
+    sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
+} scheme;
+
+static const scheme schemes[] = {{"sim:", sf_sim_open}};
+
+static const scheme *scheme_of(const char *name) {
+    for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++)
+        if (strncmp(name, schemes[i].prefix, strlen(schemes[i].prefix)) == 0) return &schemes[i];
+    return NULL;
+}
+
+sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) {
+    *source = NULL;
+    const scheme *known = scheme_of(name);
+    if (!known) return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known: sim:", name);
+    sf_source *s = sf_calloc(ctx, 1, sizeof *s);
+    if (!s) return SF_ERR_MEMORY;
+    s->ctx = ctx;
+    sf_status status = known->open(ctx, name, s);
+    if (status != SF_OK) {
+        sf_free(ctx, s);
+        return status;
+    }
+    *source = s;
+    return SF_OK;
+}
+
+void sf_source_close(sf_source **source) {
+    sf_source *s = *source;
+    if (!s) return;
+    s->ops->close(s->self);
+    sf_free(s->ctx, s);
+    *source = NULL;
+}
+
+void sf_source_describe(const sf_source *source, sf_source_info *info) {
+    memset(info, 0, sizeof *info);
+    source->ops->describe(source->self, info);
+}
+
+static const void **slot_of(sf_source *source, const void *lease) {
+    for (int i = 0; i < SF_SOURCE_MAX_LEASES; i++)
+        if (source->out[i] == lease) return &source->out[i];
+    return NULL;
+}
+
+sf_status sf_source_next(sf_source *source, int timeout_ms, sf_frame *frame) {
+    memset(frame, 0, sizeof *frame);
+    if (timeout_ms < -1)
+        return sf_fail(source->ctx, SF_ERR_ARGUMENT, "source: timeout_ms: %d is less than -1", timeout_ms);
+    const void **slot = slot_of(source, NULL);
+    if (!slot)
+        return sf_fail(source->ctx, SF_ERR_ARGUMENT, "source: %d frames are out: release one before the next",
+                       SF_SOURCE_MAX_LEASES);
+    sf_status status = source->ops->next(source->self, timeout_ms, frame);
+    if (status == SF_OK) *slot = frame->lease;
+    return status;
+}
+
+void sf_source_release(sf_source *source, sf_frame *frame) {
+    const void **slot = frame->lease ? slot_of(source, frame->lease) : NULL;
+    if (!slot) return;
+    *slot = NULL;
+    source->ops->release(source->self, frame);
+    memset(frame, 0, sizeof *frame);
+}
+
+static sf_source_option *find_option(sf_source_option *options, size_t count, const char *name,
+                                     size_t length) {
+    for (size_t i = 0; i < count; i++)
+        if (strlen(options[i].name) == length && memcmp(options[i].name, name, length) == 0)
+            return &options[i];
+    return NULL;
+}
+
+/* Reads text up to `end` as a plain decimal number. */
+static int parse_number(const char *text, const char *end, double *value) {
+    char copy[32], *stop;
+    size_t length = (size_t)(end - text);
+    if (length == 0 || length >= sizeof copy || strspn(text, "0123456789.-") < length) return 0;
+    memcpy(copy, text, length);
+    copy[length] = 0;
+    *value = strtod(copy, &stop);
+    return *stop == 0;
+}
+
+static int in_range(const sf_source_option *option, double value) {
+    return value >= option->least && value <= option->most &&
+           !(option->whole && value != (double)(int64_t)value);
+}
+
+/* Reads one "name=value" that ends at `end`. */
+static sf_status parse_option(sf_context *ctx, const char *source_name, const char *text, const char *end,
+                              sf_source_option *options, size_t count) {
+    size_t length = strcspn(text, "=&");
+    sf_source_option *option = find_option(options, count, text, length);
+    if (!option)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown option \"%.*s\"", source_name, (int)length, text);
+    const char *value = text + length + (text[length] == '=');
+    double number;
+    if (!parse_number(value, end, &number))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%.*s\" is not a number", source_name, option->name,
+                       (int)(end - value), value);
+    if (!in_range(option, number))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: %.*s is not a%s number from %.16g to %.16g",
+                       source_name, option->name, (int)(end - value), value, option->whole ? " whole" : "",
+                       option->least, option->most);
+    option->value = number;
+    return SF_OK;
+}
+
+sf_status sf_source_parse_options(sf_context *ctx, const char *source_name, sf_source_option *options,
+                                  size_t count) {
+    const char *text = strchr(source_name, '?');
+    while (text && *text) {
+        text++; /* over ? or & */
+        const char *end = text + strcspn(text, "&");
+        sf_status status = parse_option(ctx, source_name, text, end, options, count);
+        if (status != SF_OK) return status;
+        text = end;
+    }
+    return SF_OK;
+}
