@@ -1,0 +1,226 @@
+# Makefile - builds, tests and installs splatfit.
+#
+# make               build/splatfit, build/libsplatfit.a and build/libsplatfit.so.0
+# make demo          fits a simulated scene and shows what came out; installs what is missing
+# make test          unit and golden tests; installs what is missing
+# make test-golden   the golden tests alone; make check: the kernels alone
+# make lint          include order, headers, symbols, format, forbidden words, scripts
+# make ci            lint, and the tests by every compiler, sanitizer and emulated machine
+# make deps          installs what build and tests need; make deps-ci: what ci needs
+# make install       program, headers, libraries and splatfit.pc to $(DESTDIR)$(PREFIX)
+# make clean         removes build/
+#
+# CC=clang           another compiler            CFLAGS=, LDFLAGS=  appended to the flags
+# TOOLCHAIN=NAME     one of toolchains/*.mk      SAN=LIST           sanitizers, e.g. address,undefined
+# TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
+# PREFIX=/usr/local  where to install            V=1                shows the commands
+
+TOOLCHAIN ?= native
+PREFIX    ?= /usr/local
+LIBDIR    ?= $(PREFIX)/lib
+
+VERSION   := $(shell sed -n 's/.*sf_version(void).*"\(.*\)".*/\1/p' src/kernels/context.c)
+SOVERSION := 0
+
+# A toolchain sets CC, AR, NM, PKG_CONFIG, TARGET_CFLAGS, TARGET_LDFLAGS, RUN (what runs its programs here),
+# DEPS_BUILD and DEPS_TEST (sets of tests/deps/deps.sh), PREPARE (a command before the first build).
+DEPS_BUILD := build
+DEPS_TEST  := test
+include toolchains/$(TOOLCHAIN).mk
+NM         ?= nm
+PKG_CONFIG ?= pkg-config
+
+# ---- files -------------------------------------------------------------------------------------------------
+
+comma  := ,
+CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
+CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))
+O      := build/$(CONFIG)
+
+HEADERS := $(wildcard include/splatfit/*.h)
+LIB_SRC := $(filter-out src/app/%,$(wildcard src/*/*.c)) $(wildcard arch/scalar/*.c)
+APP_SRC := $(wildcard src/app/*.c)
+REF_SRC := $(wildcard tests/reference/*.c tests/golden/golden.c)
+
+tests_in   = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/test_*.c))
+UNIT_SRC  := $(call tests_in,unit)
+GOLD_SRC  := $(call tests_in,golden)
+CHECK_SRC := $(call tests_in,check)
+
+LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o)
+APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
+REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
+TEST_OBJ := $(O)/tests/testing.o
+
+LIB     := $(O)/libsplatfit.a
+SO      := $(O)/libsplatfit.so.$(SOVERSION)
+PROGRAM := $(O)/splatfit
+UNIT    := $(UNIT_SRC:%.c=$(O)/%)
+GOLD    := $(GOLD_SRC:%.c=$(O)/%)
+CHECK   := $(CHECK_SRC:%.c=$(O)/%)
+
+# ---- flags -------------------------------------------------------------------------------------------------
+
+WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
+            -Wpointer-arith -Wwrite-strings -Wundef -Wvla
+# Contraction would make arithmetic depend on the compiler.
+BASE_CFLAGS  := -std=c11 -O2 -g $(WARNINGS) -ffp-contract=off -fno-math-errno \
+                -fvisibility=hidden -fPIC -pthread -D_POSIX_C_SOURCE=200809L -D_FILE_OFFSET_BITS=64 \
+                -Iinclude $(TARGET_CFLAGS)
+BASE_LDFLAGS := -pthread $(TARGET_LDFLAGS)
+ifeq ($(WERROR),1)
+BASE_CFLAGS += -Werror
+endif
+ifneq ($(SAN),)
+SANITIZE     := -fsanitize=$(SAN)$(if $(findstring undefined,$(SAN)),$(comma)float-cast-overflow)
+BASE_CFLAGS  += $(SANITIZE) -fno-sanitize-recover=all -fno-omit-frame-pointer
+BASE_LDFLAGS += $(SANITIZE)
+endif
+
+MODULES     := libturbojpeg spng jansson zlib
+LIBS_CFLAGS := $(strip $(shell $(PKG_CONFIG) --cflags $(MODULES) 2>/dev/null))
+LIBS        := $(strip $(shell $(PKG_CONFIG) --libs $(MODULES) 2>/dev/null || \
+                 echo -lturbojpeg -lspng -ljansson -lz)) -lm
+TEST_LIBS   := $(strip $(shell $(PKG_CONFIG) --libs cmocka 2>/dev/null || echo -lcmocka))
+
+ALL_CFLAGS  = $(BASE_CFLAGS) $(LIBS_CFLAGS) $(CFLAGS)
+ALL_LDFLAGS = $(BASE_LDFLAGS) $(LDFLAGS)
+
+ifeq ($(V),1)
+say := @:
+else
+Q   := @
+say := @printf '%-5s %s\n'
+endif
+
+# ---- building ----------------------------------------------------------------------------------------------
+
+.PHONY: all lib
+all: lib $(PROGRAM)
+lib: $(LIB) $(if $(SAN),,$(SO))
+
+# build/splatfit is the last native program made, and so are the libraries beside it.
+ifeq ($(TOOLCHAIN)$(SAN),native)
+LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
+.PHONY: $(LATEST)
+all: $(LATEST)
+$(LATEST): build/%: $(O)/%
+	@ln -sfn $(CONFIG)/$* $@
+endif
+
+# Each holds what it is named for; it changes only when that does, and then all that depends on it is remade.
+$(O)/flags: TEXT = $(CC) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
+$(O)/sources: TEXT = $(LIB_SRC) $(APP_SRC) $(REF_SRC)
+$(O)/flags $(O)/sources: FORCE
+	@mkdir -p $(@D)
+	@printf '%s\n' '$(subst ','\'',$(TEXT))' | cmp -s - $@ || printf '%s\n' '$(subst ','\'',$(TEXT))' >$@
+.PHONY: FORCE
+FORCE:
+
+$(O)/%.o: %.c $(O)/flags | have-deps
+	$(say) CC $<
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(ALL_CFLAGS) $(if $(filter tests/%,$<),-Isrc -Itests) -MMD -MP -c -o $@ $<
+
+$(LIB): $(LIB_OBJ) $(O)/sources
+	$(say) AR $@
+	@rm -f $@
+	$(Q)$(AR) rcs $@ $(LIB_OBJ)
+
+$(SO): $(LIB_OBJ) $(O)/sources
+	$(say) LD $@
+	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--no-undefined $(ALL_LDFLAGS) -o $@ $(LIB_OBJ) $(LIBS)
+
+$(PROGRAM): $(APP_OBJ) $(LIB) $(O)/sources
+	$(say) LD $@
+	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(LIB) $(LIBS)
+
+# A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
+$(UNIT) $(GOLD) $(CHECK): $(REF_OBJ)
+$(UNIT) $(GOLD) $(CHECK): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+	$(say) LD $@
+	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
+	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
+
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(UNIT:=.o) $(GOLD:=.o) $(CHECK:=.o))
+
+# ---- testing -----------------------------------------------------------------------------------------------
+
+run_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
+
+.PHONY: test test-golden check build-tests test-install lint ci demo
+build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
+test: build-tests
+	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
+test-golden: $(GOLD)
+	$(run_tests) $(GOLD)
+check: $(CHECK)
+	$(run_tests) $(CHECK)
+
+test-install: all
+	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
+
+lint: $(LIB) $(SO)
+	@CC='$(CC)' NM='$(NM)' CFLAGS='$(BASE_CFLAGS) $(LIBS_CFLAGS)' LIB=$(LIB) SO=$(SO) tests/lint/lint.sh
+
+ci:
+	@MAKE='$(MAKE)' tests/ci.sh
+
+DEMO := build/demo
+demo: all
+	@mkdir -p $(DEMO)
+	$(PROGRAM) fit sim:studio -o $(DEMO)/studio.ply $(DEMO_FLAGS)
+	@ls -l $(DEMO)
+
+# ---- what must be there first ------------------------------------------------------------------------------
+
+find_deps = CC='$(CC)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
+
+.PHONY: have-deps deps deps-ci
+# Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
+INSTALL_DEPS := $(filter demo test test-golden check build-tests,$(MAKECMDGOALS))
+have-deps:
+	@$(find_deps) $(if $(INSTALL_DEPS),$(DEPS_BUILD) $(DEPS_TEST),--look $(DEPS_BUILD))
+	@$(PREPARE)
+
+deps:
+	@$(find_deps) $(DEPS_BUILD) $(DEPS_TEST)
+	@$(PREPARE)
+
+CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
+deps-ci: deps
+	@tests/deps/deps.sh ci arm64 armhf
+	@set -e; for t in $(CI_TOOLCHAINS); do $(MAKE) --no-print-directory TOOLCHAIN=$$t deps; done
+
+# ---- installing --------------------------------------------------------------------------------------------
+
+define PC
+prefix=$(PREFIX)
+libdir=$(LIBDIR)
+includedir=$${prefix}/include
+
+Name: splatfit
+Description: Fits 3D Gaussian scenes to pictures on CPUs
+Version: $(VERSION)
+Requires.private: $(MODULES)
+Libs: -L$${libdir} -lsplatfit
+Libs.private: -lm -pthread
+Cflags: -I$${includedir}
+endef
+export PC
+
+.PHONY: install clean help
+install: all
+	$(Q)install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/include/splatfit"
+	$(Q)install -d "$(DESTDIR)$(LIBDIR)/pkgconfig"
+	$(Q)install -m 755 $(PROGRAM) "$(DESTDIR)$(PREFIX)/bin"
+	$(Q)install -m 644 $(HEADERS) "$(DESTDIR)$(PREFIX)/include/splatfit"
+	$(Q)install -m 644 $(LIB) $(SO) "$(DESTDIR)$(LIBDIR)"
+	$(Q)ln -sfn $(notdir $(SO)) "$(DESTDIR)$(LIBDIR)/libsplatfit.so"
+	$(Q)printf '%s\n' "$$PC" >"$(DESTDIR)$(LIBDIR)/pkgconfig/splatfit.pc"
+
+clean:
+	$(Q)rm -rf build
+
+help:
+	@sed -n '2,/^$$/s/^# \{0,1\}//p' Makefile

@@ -1,0 +1,106 @@
+#!/bin/sh
+# deps.sh [--look] SET... - installs what is missing for the named sets: build, test, ci, amd64, arm64, armhf.
+#
+# As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
+# With --look it never installs. What is there is found by use, not by package name, so that libraries may
+# come from elsewhere; CC and CFLAGS are used for that.
+set -eu
+
+install=1
+if [ "${1:-}" = --look ]; then
+    install=0
+    shift
+fi
+
+CC=${CC:-gcc}
+missing=
+
+# need PACKAGE TEST...: PACKAGE is missing unless TEST succeeds.
+need() {
+    package=$1
+    shift
+    "$@" >/dev/null 2>&1 || missing="$missing $package"
+}
+
+program() { command -v "$1"; }
+
+# shellcheck disable=SC2086
+compiles() { printf '%s\n' "$@" | $CC ${CFLAGS:-} -x c -fsyntax-only -; }
+
+library() { # MODULE HEADER
+    pkg-config --exists "$1" || compiles '#include <stdio.h>' "#include <$2>"
+}
+
+links_with_clang() { # FLAGS
+    echo 'int main(void) { return 0; }' | clang "$@" -x c -o /dev/null -
+}
+
+need_build() {
+    need gcc program "${CC%% *}"
+    need libc6-dev compiles '#include <stdlib.h>'
+    need pkg-config program pkg-config
+    need libturbojpeg0-dev library libturbojpeg turbojpeg.h
+    need libspng-dev library spng spng.h
+    need libjansson-dev library jansson jansson.h
+    need zlib1g-dev library zlib zlib.h
+}
+
+need_test() {
+    need libcmocka-dev compiles '#include <setjmp.h>' '#include <stdarg.h>' '#include <stddef.h>' \
+        '#include <stdint.h>' '#include <cmocka.h>'
+}
+
+# The tools for a Debian sysroot and programs of another machine.
+need_cross() { # TRIPLE CPU
+    need "gcc-$(echo "$1" | tr _ -)" program "$1-gcc"
+    need pkg-config program pkg-config
+    need qemu-user-static program "qemu-$2-static"
+    need debian-archive-keyring test -e /usr/share/keyrings/debian-archive-keyring.gpg
+}
+
+need_ci() {
+    need binutils program nm
+    need g++ program g++
+    need clang program clang
+    need libclang-rt-dev links_with_clang -fsanitize=address,undefined
+    need clang-format program clang-format
+    need shellcheck program shellcheck
+}
+
+for name in "$@"; do
+    case $name in
+    build) need_build ;;
+    test) need_test ;;
+    amd64) need_cross x86_64-linux-gnu x86_64 ;;
+    arm64) need_cross aarch64-linux-gnu aarch64 ;;
+    armhf) need_cross arm-linux-gnueabihf arm ;;
+    ci) need_ci ;;
+    *) echo "deps.sh: \"$name\" is none of build, test, ci, amd64, arm64, armhf" >&2 && exit 2 ;;
+    esac
+done
+
+missing=$(echo "$missing" | tr -s ' ' '\n' | sort -u | xargs)
+[ -n "$missing" ] || exit 0
+
+command="apt-get install --no-install-recommends $missing"
+if [ $install = 0 ] || ! program apt-get >/dev/null; then
+    echo "missing: $missing (Debian's names); \"make deps\" installs them on Debian and Ubuntu" >&2
+    exit 1
+fi
+if [ "$(id -u)" != 0 ]; then
+    printf 'missing: %s\ninstall them with: sudo %s\n' "$missing" "$command" >&2
+    exit 1
+fi
+
+echo "installing what is missing: $missing"
+export DEBIAN_FRONTEND=noninteractive
+log=$(mktemp)
+# shellcheck disable=SC2086
+install_now() { apt-get install -qq -y --no-install-recommends $missing >"$log" 2>&1; }
+trap 'rm -f "$log"' EXIT
+# A fresh system has no lists, and old lists may name packages that are gone.
+if ! install_now && ! { apt-get update -qq >"$log" 2>&1 && install_now; }; then
+    cat "$log" >&2
+    echo "deps.sh: $command: failed" >&2
+    exit 1
+fi

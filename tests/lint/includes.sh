@@ -1,0 +1,45 @@
+#!/bin/sh
+# includes.sh - every module of src/ and arch/ includes only what lies before it.
+#
+#   base <- kernels <- scene <- {io, render};  io <- capture;  {io, capture, render} <- {pose, fit} <- live
+#   preview sees base and scene;  app sees preview;  arch sees kernels;  all see include/splatfit
+set -eu
+
+# The module of a file: src/<module>/..., or arch for all of arch/.
+find src arch -type f \( -name '*.[ch]' -o -name '*.cc' -o -name '*.hh' \) | sort | while read -r file; do
+    sed -n 's/^ *# *include *"\([^"]*\)".*/\1/p' "$file" | while read -r name; do
+        echo "$file $(realpath -m --relative-to=. "$(dirname "$file")/$name")"
+    done
+done | awk '
+    function allow(module, list) { allowed[module] = " " module " " list " " }
+    function module_of(path, part) {
+        split(path, part, "/")
+        return part[1] == "src" ? part[2] : part[1]
+    }
+    BEGIN {
+        allow("base", "")
+        allow("kernels", "base")
+        allow("scene", "base kernels")
+        allow("io", "base kernels scene")
+        allow("render", "base kernels scene")
+        allow("capture", "base kernels scene io")
+        allow("pose", "base kernels scene io capture render")
+        allow("fit", "base kernels scene io capture render")
+        allow("live", "base kernels scene io capture render pose fit")
+        allow("preview", "base scene")
+        allow("app", "preview")
+        allow("arch", "kernels")
+    }
+    $2 ~ /^include\/splatfit\// { next }
+    {
+        from = module_of($1)
+        to = module_of($2)
+        if (!(from in allowed)) {
+            print $1 ": " from " is not a module that the order knows"
+            bad = 1
+        } else if (!index(allowed[from], " " to " ")) {
+            print $1 ": " from " must not include " $2
+            bad = 1
+        }
+    }
+    END { exit bad }'

@@ -1,0 +1,9 @@
+#!/bin/sh
+# scripts.sh - shellcheck has nothing to say about the scripts.
+set -eu
+
+command -v shellcheck >/dev/null || {
+    echo "shellcheck is not installed"
+    exit 77
+}
+find .ci tests -type f \( -name '*.sh' -o -path .ci/run \) -print0 | xargs -0 shellcheck

@@ -1,0 +1,30 @@
+#!/bin/sh
+# symbols.sh - what LIB and SO define: the interface, names that begin with sf_, no variable data.
+set -eu
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+bad=0
+report() { # PREFIX FILE: says each line of FILE
+    [ -s "$2" ] || return 0
+    sed "s|^|$1 |" "$2"
+    bad=1
+}
+
+grep -hv '^#define' include/splatfit/*.h | tr '\n' ' ' | grep -o 'SF_API [^(;]*(' |
+    sed 's/.*[ *]\(sf_[a-z0-9_]*\)($/\1/' | sort >"$scratch/declared"
+"${NM:-nm}" -D --defined-only "$SO" | awk '{ print $3 }' | sort >"$scratch/exported"
+comm -13 "$scratch/declared" "$scratch/exported" >"$scratch/undeclared"
+comm -23 "$scratch/declared" "$scratch/exported" >"$scratch/undefined"
+report "$SO exports, but no public header declares," "$scratch/undeclared"
+report "$SO does not define" "$scratch/undefined"
+
+"${NM:-nm}" -g --defined-only "$LIB" | awk 'NF == 3 && $3 !~ /^sf_/ { print $3 }' >"$scratch/foreign"
+report "$LIB defines a global that does not begin with sf_:" "$scratch/foreign"
+
+# The library has no globals that change. Tables of pointers are relocated once and read-only after that.
+objdump -t "$LIB" | awk '
+    / O / && /[ \t]([*]COM[*]|\.t?(data|bss)[^ \t]*)[ \t]/ && !/\.data\.rel\.ro/ { print $NF }
+' >"$scratch/data"
+report "$LIB holds a variable of static duration:" "$scratch/data"
+exit $bad

@@ -1,0 +1,39 @@
+#!/bin/sh
+# run.sh PROGRAM... - runs cmocka programs, shows what failed or was skipped and why, and sums up.
+#
+# RUN       runs a program of another machine here, for example "qemu-aarch64-static -L DIR"
+# TIMEOUT   seconds that one program may take, 300 if unset
+set -u
+
+if [ $# = 0 ]; then
+    echo "run.sh: there is no such test" >&2
+    exit 1
+fi
+here=$(dirname "$0")
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+trap 'exit 130' INT TERM
+export CMOCKA_MESSAGE_OUTPUT=TAP
+# Sanitizers: a refused allocation is for the program to handle, a crash is reported before cmocka catches it.
+export ASAN_OPTIONS="${ASAN_OPTIONS:-allocator_may_return_null=1:handle_segv=2:handle_sigfpe=2}"
+export TSAN_OPTIONS="${TSAN_OPTIONS:-allocator_may_return_null=1}"
+export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
+
+: >"$scratch/sums"
+for program in "$@"; do
+    began=$(date +%s)
+    # RUN is a command and its arguments.
+    # shellcheck disable=SC2086
+    timeout --foreground -k 10 "${TIMEOUT:-300}" ${RUN:-} "$program" >"$scratch/out" 2>&1 </dev/null
+    status=$?
+    awk -v name="$(basename "$program")" -v status=$status -v seconds=$(($(date +%s) - began)) \
+        -v limit="${TIMEOUT:-300}" -v sums="$scratch/sums" -f "$here/tap.awk" "$scratch/out"
+done
+
+awk -v programs=$# '
+    { passed += $1; failed += $2; skipped += $3 }
+    END {
+        failed += programs - NR # one that left no line
+        printf "%d passed, %d failed, %d skipped\n", passed, failed, skipped
+        exit failed > 0
+    }' "$scratch/sums"
