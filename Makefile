@@ -4,6 +4,7 @@
 # make demo          fits a simulated scene and shows what came out; installs what is missing
 # make test          unit and golden tests; installs what is missing
 # make test-golden   the golden tests alone; make check: the kernels alone
+# make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -46,6 +47,7 @@ tests_in   = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/
 UNIT_SRC  := $(call tests_in,unit)
 GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
+SCENE_SRC := $(call tests_in,scenes)
 
 LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o)
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
@@ -58,6 +60,7 @@ PROGRAM := $(O)/splatfit
 UNIT    := $(UNIT_SRC:%.c=$(O)/%)
 GOLD    := $(GOLD_SRC:%.c=$(O)/%)
 CHECK   := $(CHECK_SRC:%.c=$(O)/%)
+SCENES  := $(SCENE_SRC:%.c=$(O)/%)
 
 # ---- flags -------------------------------------------------------------------------------------------------
 
@@ -137,25 +140,30 @@ $(PROGRAM): $(APP_OBJ) $(LIB) $(O)/sources
 
 # A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
 $(UNIT) $(GOLD) $(CHECK): $(REF_OBJ)
-$(UNIT) $(GOLD) $(CHECK): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+$(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(UNIT:=.o) $(GOLD:=.o) $(CHECK:=.o))
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(UNIT:=.o) $(GOLD:=.o) $(CHECK:=.o) $(SCENES:=.o))
 
 # ---- testing -----------------------------------------------------------------------------------------------
 
-run_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
+run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
+show_tests = @RUN='$(RUN)' SHOW=1 tests/run.sh
 
-.PHONY: test test-golden check build-tests test-install lint ci demo
+.PHONY: test test-golden test-scenes check build-tests test-install lint ci demo
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
 test-golden: $(GOLD)
-	$(run_tests) $(GOLD)
+	$(show_tests) $(GOLD)
 check: $(CHECK)
 	$(run_tests) $(CHECK)
+
+# Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
+test-scenes: $(SCENES)
+	$(show_tests) $(SCENES)
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
@@ -166,11 +174,11 @@ lint: $(LIB) $(SO)
 ci:
 	@MAKE='$(MAKE)' tests/ci.sh
 
-DEMO := build/demo
 demo: all
-	@mkdir -p $(DEMO)
-	$(PROGRAM) fit sim:studio -o $(DEMO)/studio.ply $(DEMO_FLAGS)
-	@ls -l $(DEMO)
+	$(PROGRAM) fit sim:studio --steps 1500 --max-gaussians 40000 -o build/demo.ply --compare build/demo.png \
+	    --cameras none $(DEMO_FLAGS)
+	@echo 'build/demo.ply: the model, for any viewer of Gaussian splats'
+	@echo 'build/demo.png: left a picture that the fit never saw, right the fit rendered from there'
 
 # ---- what must be there first ------------------------------------------------------------------------------
 
@@ -178,7 +186,7 @@ find_deps = CC='$(CC)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 
 .PHONY: have-deps deps deps-ci
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-golden check build-tests,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-golden test-scenes check build-tests,$(MAKECMDGOALS))
 have-deps:
 	@$(find_deps) $(if $(INSTALL_DEPS),$(DEPS_BUILD) $(DEPS_TEST),--look $(DEPS_BUILD))
 	@$(PREPARE)

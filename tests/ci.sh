@@ -39,6 +39,7 @@ step aarch64 "${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN=aarch64-linux-gnu 
 step armhf "${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN=arm-linux-gnueabihf test
 step install "${make[@]}" test-install
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
+step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
 
 awk '{ passed += $1; failed += $3; skipped += $5 }
      END {

@@ -3,6 +3,7 @@
 #
 # RUN       runs a program of another machine here, for example "qemu-aarch64-static -L DIR"
 # TIMEOUT   seconds that one program may take, 300 if unset
+# SHOW      1: also prints the figures that passed tests print
 set -u
 
 if [ $# = 0 ]; then
@@ -27,7 +28,7 @@ for program in "$@"; do
     timeout --foreground -k 10 "${TIMEOUT:-300}" ${RUN:-} "$program" >"$scratch/out" 2>&1 </dev/null
     status=$?
     awk -v name="$(basename "$program")" -v status=$status -v seconds=$(($(date +%s) - began)) \
-        -v limit="${TIMEOUT:-300}" -v sums="$scratch/sums" -f "$here/tap.awk" "$scratch/out"
+        -v limit="${TIMEOUT:-300}" -v show="${SHOW:-0}" -v sums="$scratch/sums" -f "$here/tap.awk" "$scratch/out"
 done
 
 awk -v programs=$# '

@@ -1,6 +1,7 @@
 # tap.awk - the output of one cmocka program: a line of sums, then each failure and skip with its reason.
 #
-# Variables: name, status (of the program), seconds, limit, sums (a file that gets "passed failed skipped").
+# Variables: name, status (of the program), seconds, limit, sums (a file that gets "passed failed skipped"), show (not
+# 0: what passed tests say is printed too).
 
 function note(text) { notes = notes "    " text "\n" }
 
@@ -33,6 +34,7 @@ function keep(text) {
 
 /^ok [0-9]+/ {
     passed++
+    for (i = 1; show && i <= lines; i++) note(line[i])
     failing = lines = 0
     next
 }

@@ -36,9 +36,7 @@ static double number(place in, const char *key) {
 /* The sizes of nested lists, outermost first. */
 #define NO_MORE SIZE_MAX
 #define SHAPE(...)                                                                                           \
-    (const size_t[]) {                                                                                       \
-        __VA_ARGS__, NO_MORE                                                                                 \
-    }
+    (const size_t[]) { __VA_ARGS__, NO_MORE }
 
 /* Flattens nested lists of that shape, of numbers or booleans; 0 if they are not that. */
 static int flatten(const json_t *value, const size_t *dims, double **out) {

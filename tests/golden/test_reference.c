@@ -270,9 +270,7 @@ typedef struct parameter {
     const double *gradient, *unit;
 } parameter;
 
-static double unit_of(const parameter *p, size_t i) {
-    return p->unit ? p->unit[i / p->width] : 1;
-}
+static double unit_of(const parameter *p, size_t i) { return p->unit ? p->unit[i / p->width] : 1; }
 
 /* One value by the longest step that stays on one side of every branch; 0 if none does. */
 static int check_value(const fixture *f, const parameter *p, size_t i, double largest, double *error) {

@@ -24,9 +24,7 @@ static double factored_power(const test_ref_splat *s, double d0, double d1) {
     return -0.5 * (t * t + d1 * d1 / c);
 }
 
-static float dot3f(const float a[3], const float b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static float dot3f(const float a[3], const float b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* The same in float32, with the determinant of M.1. */
 static float factored_powerf(const float A[6], float d0, float d1) {

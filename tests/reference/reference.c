@@ -95,6 +95,4 @@ void test_ref_backward(const test_ref_scene *scene, const test_ref_frame *frame,
     free(d_splats);
 }
 
-void test_ref_grads_free(test_ref_grads *grads) {
-    test_ref_gaussians_free(&grads->gaussians);
-}
+void test_ref_grads_free(test_ref_grads *grads) { test_ref_gaussians_free(&grads->gaussians); }

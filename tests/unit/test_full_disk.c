@@ -79,9 +79,7 @@ ssize_t __wrap_write(int fd, const void *data, size_t size) {
     return __real_write(fd, data, faults.most && size > faults.most ? faults.most : size);
 }
 
-int __wrap_fsync(int fd) {
-    return is_failing(CALL_FSYNC) ? -1 : __real_fsync(fd);
-}
+int __wrap_fsync(int fd) { return is_failing(CALL_FSYNC) ? -1 : __real_fsync(fd); }
 
 int __wrap_rename(const char *from, const char *to) {
     if (is_failing(CALL_RENAME)) return -1;
@@ -107,9 +105,7 @@ typedef struct subject {
 
 typedef sf_status (*write_fn)(const subject *s, const char *path);
 
-static sf_status write_model(const subject *s, const char *path) {
-    return sf_model_save(s->model, path);
-}
+static sf_status write_model(const subject *s, const char *path) { return sf_model_save(s->model, path); }
 static sf_status write_cameras(const subject *s, const char *path) {
     return sf_scene_save_cameras(s->scene, path);
 }
@@ -192,9 +188,7 @@ static void check_outcome(const subject *s, sf_status status, const char *path, 
     if (existed) assert_content(path, old_text, sizeof old_text);
 }
 
-static int open_files(void) {
-    return test_count_entries("/proc/self/fd");
-}
+static int open_files(void) { return test_count_entries("/proc/self/fd"); }
 
 /* Lets the at-th call fail; returns whether there was one. */
 static int write_with_fault(const subject *s, write_fn write_it, struct faults fault, int existed,

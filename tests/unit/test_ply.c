@@ -100,9 +100,7 @@ static void put(file *f, const void *data, size_t size) {
     f->size += size;
 }
 
-static void put_text(file *f, const char *text) {
-    put(f, text, strlen(text));
-}
+static void put_text(file *f, const char *text) { put(f, text, strlen(text)); }
 
 static void put_uint(file *f, uint64_t v, int size) {
     for (int i = 0; i < size; i++) {
@@ -131,13 +129,9 @@ static const char *write_bytes(const void *data, size_t size) {
     return path;
 }
 
-static const char *write_file(const file *f) {
-    return write_bytes(f->data, f->size);
-}
+static const char *write_file(const file *f) { return write_bytes(f->data, f->size); }
 
-static const char *write_text(const char *text) {
-    return write_bytes(text, strlen(text));
-}
+static const char *write_text(const char *text) { return write_bytes(text, strlen(text)); }
 
 /* Degree 0 without normals. */
 #define GAUSSIAN_PROPERTIES                                                                                  \
