@@ -74,7 +74,10 @@ static int project_shape(const sf_project_args *a, size_t i, const double *mean,
     if (!(f->q_norm >= SF_QUAT_MIN) || !(f->q_norm <= FLT_MAX) || !(fabs(logit) <= FLT_MAX)) return 0;
     for (int k = 0; k < 4; k++) f->q[k] = q[k] / f->q_norm;
     rotation(f->q, f->R);
-    for (int k = 0; k < 3; k++) f->s[k] = exp(log_scale[k]);
+    for (int k = 0; k < 3; k++) {
+        if (!(fabs(log_scale[k]) <= FLT_MAX)) return 0; /* exp(-inf) would pass for flat */
+        f->s[k] = exp(log_scale[k]);
+    }
 
     double fz = eye->fx * f->inv_z, gz = eye->fy * f->inv_z;
     for (int k = 0; k < 3; k++) {

@@ -62,14 +62,21 @@ sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t
     return SF_OK;
 }
 
+/* One line, whatever a file put into it. */
+static void write_line(char *line, size_t size, const char *format, va_list args) SF_PRINTF(3, 0);
+
+static void write_line(char *line, size_t size, const char *format, va_list args) {
+    vsnprintf(line, size, format, args);
+    for (char *c = line; *c; c++)
+        if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
+}
+
 sf_status sf_fail(sf_context *ctx, sf_status status, const char *format, ...) {
     char message[sizeof ctx->error];
     va_list args;
     va_start(args, format);
-    vsnprintf(message, sizeof message, format, args);
+    write_line(message, sizeof message, format, args);
     va_end(args);
-    for (char *c = message; *c; c++) /* one line, whatever a file put into it */
-        if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
     pthread_mutex_lock(&ctx->lock);
     memcpy(ctx->error, message, sizeof message);
     pthread_mutex_unlock(&ctx->lock);
@@ -81,7 +88,7 @@ void sf_log(sf_context *ctx, sf_log_level level, const char *format, ...) {
     char message[sizeof ctx->error];
     va_list args;
     va_start(args, format);
-    vsnprintf(message, sizeof message, format, args);
+    write_line(message, sizeof message, format, args);
     va_end(args);
     pthread_mutex_lock(&ctx->lock);
     ctx->log(ctx->log_user, level, message);

@@ -176,10 +176,19 @@ static int by_score(const void *a, const void *b) {
     return (x->index > y->index) - (x->index < y->index);
 }
 
+/* Said once: the fit goes on with the Gaussians that it has. */
+static void end_growth(sf_fitter *f) {
+    f->growth_ended = 1;
+    sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", f->model->count);
+}
+
 static void grow(sf_fitter *f, size_t wanted) {
     size_t n = 0, count = f->model->count;
     candidate *candidates = sf_alloc(f->ctx, count, sizeof *candidates);
-    if (!candidates) return;
+    if (!candidates) {
+        end_growth(f);
+        return;
+    }
     for (size_t i = 0; i < count; i++) {
         double score = f->screen_seen[i] ? f->screen_sum[i] / f->screen_seen[i] : 0;
         if (score > 0 && score >= f->options.grow_threshold)
@@ -207,11 +216,12 @@ void sf_grow_and_prune(sf_fitter *f, double fraction) {
     size_t wanted = planned > count ? planned - count : 0;
     size_t most = (size_t)(f->options.grow_rate * (double)count);
     if (wanted > most) wanted = most;
-    if (wanted && !f->growth_ended && sf_fitter_room(f, count + wanted)) {
-        f->growth_ended = 1;
-        sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", count);
+    if (wanted && !f->growth_ended) {
+        if (sf_fitter_room(f, count + wanted))
+            end_growth(f);
+        else
+            grow(f, wanted);
     }
-    if (wanted && !f->growth_ended) grow(f, wanted);
     memset(f->screen_sum, 0, f->capacity * sizeof *f->screen_sum);
     memset(f->screen_seen, 0, f->capacity * sizeof *f->screen_seen);
 }

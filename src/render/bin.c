@@ -126,7 +126,8 @@ sf_status sf_stage_bin(sf_workspace *ws) {
     if (status) return status;
     sf_pool_run(ws->ctx->pool, (ws->count + CHUNK - 1) / CHUNK, spans_task, ws);
     status = prefix_sum(ws, ws->slot, ws->count);
-    if (!status) status = entry_room(ws, ws->slot[ws->count]);
+    /* one more: tiles point into the lists even where there is no entry */
+    if (!status) status = entry_room(ws, (size_t)ws->slot[ws->count] + 1);
     if (status) return status;
     for (size_t i = ws->count; i % SF_LANES; i++) ws->slot[i + 1] = ws->slot[ws->count];
     fill_lists(ws);

@@ -1,8 +1,6 @@
 /* project.c - all Gaussians to the screen, and the gradient from there to the raw parameters. */
 #include "workspace.h"
 
-#include <string.h>
-
 #include "../base/pool.h"
 
 static size_t blocks_of(size_t count) { return (count + SF_LANES - 1) / SF_LANES; }
@@ -102,8 +100,8 @@ sf_status sf_stage_project_bwd(sf_workspace *ws, const sf_params *grads, double 
         status =
             sf_grow(ws->ctx, &ws->partial_count, &ws->partial_count_capacity, 0, tasks, sizeof(unsigned));
     if (status) return status;
-    memset(ws->partial, 0, 6 * tasks * sizeof(double));
-    memset(ws->partial_count, 0, tasks * sizeof(unsigned));
+    for (size_t k = 0; k < 6 * tasks; k++) ws->partial[k] = 0;
+    for (size_t k = 0; k < tasks; k++) ws->partial_count[k] = 0;
     project_bwd_job job = {.ws = ws,
                            .args = {.forward = project_args(ws),
                                     .slot = ws->slot,
