@@ -33,8 +33,8 @@ typedef struct sf_source_option {
     int whole; /* no fraction */
 } sf_source_option;
 
-/* Reads the options of `source_name` into the table. SF_ERR_ARGUMENT: an option that is not in the table,
- * twice, not a number, out of range. */
+/* Reads the options of `source_name` into the table; of an option named twice, the last counts.
+ * SF_ERR_ARGUMENT: an option that is not in the table, not a number, out of range. */
 sf_status sf_source_parse_options(sf_context *ctx, const char *source_name, sf_source_option *options,
                                   size_t count);
 

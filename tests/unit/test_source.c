@@ -35,7 +35,8 @@ static void test_describe(void **state) {
     assert_null(source);
     sf_source_close(&source);
 
-    source = open_source(ctx, "sim:studio?frames=7&fov=60.5&width=64&height=48&seed=9007199254740992");
+    source =
+        open_source(ctx, "sim:studio?frames=7&width=32&fov=60.5&width=64&height=48&seed=9007199254740992");
     sf_source_describe(source, &info);
     assert_int_equal(info.width, 64);
     assert_int_equal(info.height, 48);
@@ -416,6 +417,24 @@ static void test_points(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* All training views give points: no single one sees three walls. */
+static void test_points_come_from_all_views(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = load(ctx, TINY "&frames=12", NULL);
+    static float xyz[3 * 8000];
+    assert_int_equal(sf_scene_get_points(scene, 0, 8000, xyz, NULL), 8000);
+    int right = 0, left = 0, front = 0;
+    for (int i = 0; i < 8000; i++) {
+        right += xyz[3 * i] > 5;
+        left += xyz[3 * i] < -5;
+        front += xyz[3 * i + 1] > 5;
+    }
+    assert_true(right > 200 && left > 200 && front > 200);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 static void test_points_are_repeatable(void **state) {
     (void)state;
     static const char *const names[3] = {TINY "&frames=3&seed=2", TINY "&frames=3&seed=2",
@@ -477,12 +496,19 @@ static void test_memory_ends(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_describe),    cmocka_unit_test(test_frames),
-        cmocka_unit_test(test_camera_path), cmocka_unit_test(test_same_seed_same_bytes),
-        cmocka_unit_test(test_leases),      cmocka_unit_test(test_bad_names),
-        cmocka_unit_test(test_scene),       cmocka_unit_test(test_downscale),
-        cmocka_unit_test(test_splits),      cmocka_unit_test(test_bad_load_options),
-        cmocka_unit_test(test_points),      cmocka_unit_test(test_points_are_repeatable),
+        cmocka_unit_test(test_describe),
+        cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_camera_path),
+        cmocka_unit_test(test_same_seed_same_bytes),
+        cmocka_unit_test(test_leases),
+        cmocka_unit_test(test_bad_names),
+        cmocka_unit_test(test_scene),
+        cmocka_unit_test(test_downscale),
+        cmocka_unit_test(test_splits),
+        cmocka_unit_test(test_bad_load_options),
+        cmocka_unit_test(test_points),
+        cmocka_unit_test(test_points_come_from_all_views),
+        cmocka_unit_test(test_points_are_repeatable),
         cmocka_unit_test(test_memory_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
