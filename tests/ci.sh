@@ -34,7 +34,7 @@ step lint "${make[@]}" lint
 step gcc "${make[@]}" test
 step clang "${quick[@]}" "${make[@]}" CC=clang test
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene fitter" test
+step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit" test
 step aarch64 "${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN=aarch64-linux-gnu test
 step armhf "${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN=arm-linux-gnueabihf test
 step install "${make[@]}" test-install

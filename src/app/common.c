@@ -137,6 +137,7 @@ char *app_folder(const char *path) {
 
 int app_check_output(const args *a, const char *path) {
     struct stat st;
+    if (!*path) return app_say(a, "\"\"", "is not the name of a file");
     if (!strcmp(path, "-")) return 0;
     if (!stat(path, &st)) {
         if (S_ISDIR(st.st_mode)) return app_say(a, path, "is a folder");

@@ -19,6 +19,11 @@ static void print_help(void) {
            "Exit codes: 0 done, 1 failed, 2 wrong usage, 130 and 143 stopped by SIGINT and SIGTERM.\n");
 }
 
+static int unknown(const char *name) {
+    fprintf(stderr, "splatfit: %s: unknown command (see splatfit --help)\n", name);
+    return EXIT_USAGE;
+}
+
 static int run(const command *cmd, int argc, char **argv) {
     args a;
     int error = args_parse(&a, cmd, argc, argv);
@@ -30,25 +35,35 @@ static int run(const command *cmd, int argc, char **argv) {
     return cmd->run(&a);
 }
 
+static const command *find_command(const char *name) {
+    for (size_t i = 0; i < COMMANDS; i++)
+        if (!strcmp(name, commands[i]->name)) return commands[i];
+    return NULL;
+}
+
+/* help, help COMMAND */
+static int help(const char *about) {
+    const command *cmd = about ? find_command(about) : NULL;
+    if (about && !cmd) return unknown(about);
+    if (cmd)
+        args_help(cmd);
+    else
+        print_help();
+    return EXIT_FINE;
+}
+
 int main(int argc, char **argv) {
     signal(SIGPIPE, SIG_IGN); /* a reader that goes away is a failed write, with its message */
-    const char *name = argc > 1 ? argv[1] : "--help";
+    if (argc < 2) {
+        fprintf(stderr, "splatfit: a command is missing (see splatfit --help)\n");
+        return EXIT_USAGE;
+    }
+    const char *name = argv[1];
     if (!strcmp(name, "--version")) {
         printf("splatfit %s\n", sf_version());
         return EXIT_FINE;
     }
-    int asked = !strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help");
-    for (size_t i = 0; i < COMMANDS; i++) {
-        if (asked && argc > 2 && !strcmp(argv[2], commands[i]->name)) {
-            args_help(commands[i]);
-            return EXIT_FINE;
-        }
-        if (!strcmp(name, commands[i]->name)) return run(commands[i], argc - 2, argv + 2);
-    }
-    if (asked) {
-        print_help();
-        return argc > 1 ? EXIT_FINE : EXIT_USAGE;
-    }
-    fprintf(stderr, "splatfit: %s: unknown command (see splatfit --help)\n", name);
-    return EXIT_USAGE;
+    if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help")) return help(argv[2]);
+    const command *cmd = find_command(name);
+    return cmd ? run(cmd, argc - 2, argv + 2) : unknown(name);
 }

@@ -147,8 +147,11 @@ sf_status sf_fit_options_get(const sf_fit_options *options, const char *name, ch
         for (int i = 0; i < (int)value; i++) values += value_length(values) + 1;
         length = snprintf(text, size, "%.*s", (int)value_length(values), values);
     } else {
-        int64_t integer = (int64_t)value;
-        if (o->info.kind == SF_KIND_INT) memcpy(&integer, (const char *)options + o->offset, sizeof integer);
+        int64_t integer; /* not by way of a double, which may be rounded up beyond its range */
+        if (o->info.kind == SF_KIND_INT)
+            memcpy(&integer, (const char *)options + o->offset, sizeof integer);
+        else
+            integer = (int64_t)value;
         length = snprintf(text, size, "%" PRId64, integer);
     }
     return length >= 0 && (size_t)length < size ? SF_OK : SF_ERR_ARGUMENT;
