@@ -39,7 +39,9 @@ CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 O      := build/$(CONFIG)
 
 HEADERS := $(wildcard include/splatfit/*.h)
-LIB_SRC := $(filter-out src/app/%,$(wildcard src/*/*.c)) $(wildcard arch/scalar/*.c)
+MACHINE := $(firstword $(subst -, ,$(shell $(CC) $(TARGET_CFLAGS) -dumpmachine)))
+FAMILY  := $(if $(filter x86_64 i%86,$(MACHINE)),x86,$(if $(filter aarch64% arm%,$(MACHINE)),arm))
+LIB_SRC := $(filter-out src/app/%,$(wildcard src/*/*.c)) $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
 APP_SRC := $(wildcard src/app/*.c)
 REF_SRC := $(wildcard tests/reference/*.c tests/golden/golden.c)
 
@@ -49,7 +51,17 @@ GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
 SCENE_SRC := $(call tests_in,scenes)
 
-LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o)
+# A file of arch/vector is compiled once a level, with that level's flags.
+LEVELS_x86   := sse4 avx2 avx512
+LEVELS_arm   := neon
+FLAGS_sse4   := -msse4.1
+FLAGS_avx2   := -mavx2 -mfma
+FLAGS_avx512 := -mavx512f -mavx512bw -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512
+FLAGS_neon   := $(if $(filter arm%,$(MACHINE)),-mfpu=neon-vfpv4)
+LEVELS       := $(LEVELS_$(FAMILY))
+VECTOR_SRC   := $(if $(LEVELS),$(wildcard arch/vector/*.c))
+
+LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
@@ -113,7 +125,7 @@ endif
 
 # Each holds what it is named for; it changes only when that does, and then all that depends on it is remade.
 $(O)/flags: TEXT = $(CC) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
-$(O)/sources: TEXT = $(LIB_SRC) $(APP_SRC) $(REF_SRC)
+$(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(REF_SRC)
 $(O)/flags $(O)/sources: FORCE
 	@mkdir -p $(@D)
 	@printf '%s\n' '$(subst ','\'',$(TEXT))' | cmp -s - $@ || printf '%s\n' '$(subst ','\'',$(TEXT))' >$@
@@ -124,6 +136,14 @@ $(O)/%.o: %.c $(O)/flags | have-deps
 	$(say) CC $<
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(ALL_CFLAGS) $(if $(filter tests/%,$<),-Isrc -Itests) -MMD -MP -c -o $@ $<
+
+define level_rule
+$(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps
+	$(say) CC '$$< ($(1))'
+	@mkdir -p $$(@D)
+	$(Q)$(CC) $(ALL_CFLAGS) -O3 $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
+endef
+$(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 
 $(LIB): $(LIB_OBJ) $(O)/sources
 	$(say) AR $@

@@ -10,11 +10,18 @@
 const char *sf_version(void) { return "0.1.0"; }
 
 static sf_status choose_kernels(sf_context *ctx, const char *isa) {
+    unsigned has = sf_cpu_detect(), wanted = has;
+    if (!isa) isa = getenv("SPLATFIT_ISA");
+    if (isa && *isa) {
+        unsigned below;
+        if (!sf_level_mask(isa, &wanted)) return SF_ERR_ARGUMENT;
+        below = wanted >> 1; /* the level's own bit is the highest */
+        if (wanted & ~below & ~has) return SF_ERR_UNSUPPORTED;
+        wanted &= has;
+    }
     ctx->kernels = sf_alloc(ctx, 1, sizeof *ctx->kernels);
     if (!ctx->kernels) return SF_ERR_MEMORY;
-    sf_kernels_init(ctx->kernels, sf_cpu_detect());
-    if (!isa) isa = getenv("SPLATFIT_ISA");
-    if (isa && *isa && strcmp(isa, "scalar")) return SF_ERR_ARGUMENT;
+    sf_kernels_init(ctx->kernels, wanted);
     return SF_OK;
 }
 

@@ -202,8 +202,10 @@ typedef struct sf_kernels {
                    int width);
 } sf_kernels;
 
-/* Levels, as a mask. */
-enum { SF_CPU_SCALAR = 0 };
+/* Levels, as a mask. A bit stands for every instruction that the level's files may use, and for the system
+ * saving its registers: AVX2 means AVX2 and FMA; AVX512 means F, BW, DQ and VL; NEON means fused multiply-add
+ * too. */
+enum { SF_CPU_SSE4 = 1, SF_CPU_AVX2 = 2, SF_CPU_AVX512 = 4, SF_CPU_NEON = 8 };
 
 /* Fills in the best kernels that `mask` allows. */
 void sf_kernels_init(sf_kernels *kernels, unsigned mask);
@@ -211,7 +213,14 @@ void sf_kernels_init(sf_kernels *kernels, unsigned mask);
 /* The levels of this machine. */
 unsigned sf_cpu_detect(void);
 
-/* In arch/, one a folder. */
+/* Names of all levels, lowest first; NULL past the last. */
+const char *sf_level_name(size_t index);
+/* The level of that name and those below it. 0 if there is none. */
+int sf_level_mask(const char *name, unsigned *mask);
+
+/* In arch/, one a folder: each overwrites what it does better. */
 void sf_kernels_init_scalar(sf_kernels *kernels);
+void sf_kernels_init_x86(sf_kernels *kernels, unsigned mask);
+void sf_kernels_init_arm(sf_kernels *kernels, unsigned mask);
 
 #endif

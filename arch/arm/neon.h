@@ -1,0 +1,102 @@
+/* neon.h - the vector vocabulary (arch/vector/vec.h) in NEON with fused multiply-add: 4 lanes, blocks of 2
+ * x 2. */
+#ifndef SF_ARCH_ARM_NEON_H
+#define SF_ARCH_ARM_NEON_H
+
+#include <arm_neon.h>
+
+enum { VW = 4, VB_COLUMNS = 2, VB_ROWS = 2 };
+typedef float32x4_t vf;
+typedef uint32x4_t vm;
+typedef uint32x4_t vu;
+
+VEC vf vf_set(float x) { return vdupq_n_f32(x); }
+VEC vf vf_load(const float *p) { return vld1q_f32(p); }
+VEC vf vf_loadu(const float *p) { return vld1q_f32(p); }
+VEC void vf_store(float *p, vf a) { vst1q_f32(p, a); }
+VEC vf vf_fma(vf a, vf b, vf c) { return vfmaq_f32(c, a, b); }
+VEC vf vf_fnma(vf a, vf b, vf c) { return vfmsq_f32(c, a, b); }
+VEC vf vf_min(vf a, vf b) { return vminq_f32(a, b); }
+VEC vf vf_max(vf a, vf b) { return vmaxq_f32(a, b); }
+#if defined(__aarch64__)
+VEC vf vf_sqrt(vf a) { return vsqrtq_f32(a); }
+VEC vf vf_div(vf a, vf b) { return vdivq_f32(a, b); }
+VEC float vf_sum(vf a) { return vaddvq_f32(a); }
+#else
+/* armv7 has estimates alone: two steps of Newton's bring them to float32; a zero stays a zero. */
+VEC vf vf_sqrt(vf a) {
+    vf r = vrsqrteq_f32(a);
+    r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
+    r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
+    vf root = vmulq_f32(a, r);
+    return vreinterpretq_f32_u32(vandq_u32(vreinterpretq_u32_f32(root), vcgtq_f32(a, vdupq_n_f32(0))));
+}
+VEC vf vf_div(vf a, vf b) {
+    vf r = vrecpeq_f32(b);
+    r = vmulq_f32(r, vrecpsq_f32(b, r));
+    r = vmulq_f32(r, vrecpsq_f32(b, r));
+    return vmulq_f32(a, r);
+}
+VEC float vf_sum(vf a) {
+    float32x2_t half = vadd_f32(vget_low_f32(a), vget_high_f32(a));
+    return vget_lane_f32(vpadd_f32(half, half), 0);
+}
+#endif
+
+VEC vm vf_ge(vf a, vf b) { return vcgeq_f32(a, b); }
+VEC vm vf_le(vf a, vf b) { return vcleq_f32(a, b); }
+VEC vm vm_and(vm a, vm b) { return vandq_u32(a, b); }
+VEC unsigned vm_bits(vm m) {
+    static const uint32_t lane[4] = {1, 2, 4, 8};
+    uint32x4_t bits = vandq_u32(m, vld1q_u32(lane));
+    uint32x2_t half = vorr_u32(vget_low_u32(bits), vget_high_u32(bits));
+    return vget_lane_u32(half, 0) | vget_lane_u32(half, 1);
+}
+VEC int vm_any(vm m) {
+    uint32x2_t half = vorr_u32(vget_low_u32(m), vget_high_u32(m));
+    return (vget_lane_u32(half, 0) | vget_lane_u32(half, 1)) != 0;
+}
+VEC vf vf_keep(vm m, vf a) { return vreinterpretq_f32_u32(vandq_u32(m, vreinterpretq_u32_f32(a))); }
+VEC vf vf_select(vm m, vf a, vf b) { return vbslq_f32(m, a, b); }
+VEC vu vu_zero(void) { return vdupq_n_u32(0); }
+VEC vu vu_or_where(vu a, vm m, uint32_t bits) { return vorrq_u32(a, vandq_u32(m, vdupq_n_u32(bits))); }
+VEC void vu_store(uint32_t *p, vu a) { vst1q_u32(p, a); }
+
+VEC vf vf_exp2_parts(vf x, vf *n) {
+    vf magic = vdupq_n_f32(12582912.0f); /* 1.5 x 2^23: adding it rounds to an integer */
+    *n = x + magic - magic;
+    return x - *n;
+}
+VEC vf vf_times_exp2(vf p, vf n) {
+    return vreinterpretq_f32_s32(vaddq_s32(vreinterpretq_s32_f32(p), vshlq_n_s32(vcvtq_s32_f32(n), 23)));
+}
+
+VEC vf vf_load_block(const float *p, size_t stride) {
+    return vcombine_f32(vld1_f32(p), vld1_f32(p + stride));
+}
+VEC void vf_store_block(float *p, size_t stride, vf a) {
+    vst1_f32(p, vget_low_f32(a));
+    vst1_f32(p + stride, vget_high_f32(a));
+}
+
+VEC void vf_sums8(const vf a[8], float *out) {
+    for (int i = 0; i < 8; i += 4) {
+        float32x2_t h[4];
+        for (int k = 0; k < 4; k++) h[k] = vadd_f32(vget_low_f32(a[i + k]), vget_high_f32(a[i + k]));
+        vst1q_f32(out + i, vcombine_f32(vpadd_f32(h[0], h[1]), vpadd_f32(h[2], h[3])));
+    }
+}
+
+/* r[j] lane i = rows[i][j], of 4 rows of 16 floats. */
+VEC void vf_transpose(const float *const rows[VW], vf r[16]) {
+    for (int quarter = 0; quarter < 4; quarter++) {
+        vf *q = r + 4 * quarter;
+        float32x4x2_t a = vtrnq_f32(vld1q_f32(rows[0] + 4 * quarter), vld1q_f32(rows[1] + 4 * quarter));
+        float32x4x2_t b = vtrnq_f32(vld1q_f32(rows[2] + 4 * quarter), vld1q_f32(rows[3] + 4 * quarter));
+        q[0] = vcombine_f32(vget_low_f32(a.val[0]), vget_low_f32(b.val[0]));
+        q[1] = vcombine_f32(vget_low_f32(a.val[1]), vget_low_f32(b.val[1]));
+        q[2] = vcombine_f32(vget_high_f32(a.val[0]), vget_high_f32(b.val[0]));
+        q[3] = vcombine_f32(vget_high_f32(a.val[1]), vget_high_f32(b.val[1]));
+    }
+}
+#endif

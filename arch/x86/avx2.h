@@ -1,0 +1,87 @@
+/* avx2.h - the vector vocabulary (arch/vector/vec.h) in AVX2 and FMA: 8 lanes, blocks of 4 x 2. */
+#ifndef SF_ARCH_X86_AVX2_H
+#define SF_ARCH_X86_AVX2_H
+
+#include <immintrin.h>
+
+enum { VW = 8, VB_COLUMNS = 4, VB_ROWS = 2 };
+typedef __m256 vf;
+typedef __m256 vm;
+typedef __m256i vu;
+
+VEC vf vf_set(float x) { return _mm256_set1_ps(x); }
+VEC vf vf_load(const float *p) { return _mm256_load_ps(p); }
+VEC vf vf_loadu(const float *p) { return _mm256_loadu_ps(p); }
+VEC void vf_store(float *p, vf a) { _mm256_store_ps(p, a); }
+VEC vf vf_fma(vf a, vf b, vf c) { return _mm256_fmadd_ps(a, b, c); }
+VEC vf vf_fnma(vf a, vf b, vf c) { return _mm256_fnmadd_ps(a, b, c); }
+VEC vf vf_min(vf a, vf b) { return _mm256_min_ps(a, b); }
+VEC vf vf_max(vf a, vf b) { return _mm256_max_ps(a, b); }
+VEC vf vf_sqrt(vf a) { return _mm256_sqrt_ps(a); }
+VEC vf vf_div(vf a, vf b) { return a / b; }
+
+VEC vm vf_ge(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_GE_OQ); }
+VEC vm vf_le(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_LE_OQ); }
+VEC vm vm_and(vm a, vm b) { return _mm256_and_ps(a, b); }
+VEC unsigned vm_bits(vm m) { return (unsigned)_mm256_movemask_ps(m); }
+VEC int vm_any(vm m) { return !_mm256_testz_ps(m, m); }
+VEC vf vf_keep(vm m, vf a) { return _mm256_and_ps(m, a); }
+VEC vf vf_select(vm m, vf a, vf b) { return _mm256_blendv_ps(b, a, m); }
+VEC vu vu_zero(void) { return _mm256_setzero_si256(); }
+VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
+    return _mm256_or_si256(a, _mm256_and_si256(_mm256_castps_si256(m), _mm256_set1_epi32((int)bits)));
+}
+VEC void vu_store(uint32_t *p, vu a) { _mm256_store_si256((__m256i *)p, a); }
+
+VEC vf vf_exp2_parts(vf x, vf *n) {
+    *n = _mm256_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+    return x - *n;
+}
+VEC vf vf_times_exp2(vf p, vf n) {
+    return _mm256_castsi256_ps(
+        _mm256_add_epi32(_mm256_castps_si256(p), _mm256_slli_epi32(_mm256_cvtps_epi32(n), 23)));
+}
+
+VEC vf vf_load_block(const float *p, size_t stride) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(p)), _mm_load_ps(p + stride), 1);
+}
+VEC void vf_store_block(float *p, size_t stride, vf a) {
+    _mm_store_ps(p, _mm256_castps256_ps128(a));
+    _mm_store_ps(p + stride, _mm256_extractf128_ps(a, 1));
+}
+
+VEC void vf_sums8(const vf a[8], float *out) {
+    vf x = _mm256_hadd_ps(_mm256_hadd_ps(a[0], a[1]), _mm256_hadd_ps(a[2], a[3]));
+    vf y = _mm256_hadd_ps(_mm256_hadd_ps(a[4], a[5]), _mm256_hadd_ps(a[6], a[7]));
+    _mm256_storeu_ps(out, _mm256_permute2f128_ps(x, y, 0x20) + _mm256_permute2f128_ps(x, y, 0x31));
+}
+VEC float vf_sum(vf a) {
+    __m128 x = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    x = _mm_add_ps(x, _mm_movehl_ps(x, x));
+    return _mm_cvtss_f32(_mm_add_ss(x, _mm_movehdup_ps(x)));
+}
+
+/* r[j] lane i = rows[i][j], of 8 rows of 16 floats. */
+VEC void vf_transpose(const float *const rows[VW], vf r[16]) {
+    for (int half = 0; half < 2; half++) {
+        vf t[8], *q = r + 8 * half;
+        for (int i = 0; i < 8; i++) q[i] = _mm256_load_ps(rows[i] + 8 * half);
+        for (int i = 0; i < 4; i++) {
+            t[2 * i] = _mm256_unpacklo_ps(q[2 * i], q[2 * i + 1]);
+            t[2 * i + 1] = _mm256_unpackhi_ps(q[2 * i], q[2 * i + 1]);
+        }
+        for (int i = 0; i < 2; i++)
+            for (int j = 0; j < 2; j++) {
+                __m256d a = _mm256_castps_pd(t[4 * i + j]), b = _mm256_castps_pd(t[4 * i + j + 2]);
+                q[4 * i + 2 * j] = _mm256_castpd_ps(_mm256_unpacklo_pd(a, b));
+                q[4 * i + 2 * j + 1] = _mm256_castpd_ps(_mm256_unpackhi_pd(a, b));
+            }
+        for (int i = 0; i < 4; i++) {
+            vf low = q[i], high = q[4 + i];
+            t[i] = _mm256_permute2f128_ps(low, high, 0x20);
+            t[4 + i] = _mm256_permute2f128_ps(low, high, 0x31);
+        }
+        for (int i = 0; i < 8; i++) q[i] = t[i];
+    }
+}
+#endif

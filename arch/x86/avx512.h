@@ -1,0 +1,101 @@
+/* avx512.h - the vector vocabulary (arch/vector/vec.h) in AVX-512 F, BW, DQ and VL: 16 lanes, blocks of 4
+ * x 4. */
+#ifndef SF_ARCH_X86_AVX512_H
+#define SF_ARCH_X86_AVX512_H
+
+#include <immintrin.h>
+
+enum { VW = 16, VB_COLUMNS = 4, VB_ROWS = 4 };
+typedef __m512 vf;
+typedef __mmask16 vm;
+typedef __m512i vu;
+
+VEC vf vf_set(float x) { return _mm512_set1_ps(x); }
+VEC vf vf_load(const float *p) { return _mm512_load_ps(p); }
+VEC vf vf_loadu(const float *p) { return _mm512_loadu_ps(p); }
+VEC void vf_store(float *p, vf a) { _mm512_store_ps(p, a); }
+VEC vf vf_fma(vf a, vf b, vf c) { return _mm512_fmadd_ps(a, b, c); }
+VEC vf vf_fnma(vf a, vf b, vf c) { return _mm512_fnmadd_ps(a, b, c); }
+VEC vf vf_min(vf a, vf b) { return _mm512_min_ps(a, b); }
+VEC vf vf_max(vf a, vf b) { return _mm512_max_ps(a, b); }
+VEC vf vf_sqrt(vf a) { return _mm512_sqrt_ps(a); }
+VEC vf vf_div(vf a, vf b) { return a / b; }
+
+VEC vm vf_ge(vf a, vf b) { return _mm512_cmp_ps_mask(a, b, _CMP_GE_OQ); }
+VEC vm vf_le(vf a, vf b) { return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ); }
+VEC vm vm_and(vm a, vm b) { return a & b; }
+VEC unsigned vm_bits(vm m) { return m; }
+VEC int vm_any(vm m) { return m != 0; }
+VEC vf vf_keep(vm m, vf a) { return _mm512_maskz_mov_ps(m, a); }
+VEC vf vf_select(vm m, vf a, vf b) { return _mm512_mask_blend_ps(m, b, a); }
+
+VEC vu vu_zero(void) { return _mm512_setzero_si512(); }
+VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
+    return _mm512_mask_or_epi32(a, m, a, _mm512_set1_epi32((int)bits));
+}
+VEC void vu_store(uint32_t *p, vu a) { _mm512_store_si512(p, a); }
+
+VEC vf vf_exp2_parts(vf x, vf *n) {
+    *n = _mm512_roundscale_ps(x, 0);
+    return x - *n;
+}
+VEC vf vf_times_exp2(vf p, vf n) { return _mm512_scalef_ps(p, n); }
+
+VEC vf vf_load_block(const float *p, size_t stride) {
+    vf r = _mm512_castps128_ps512(_mm_loadu_ps(p));
+    r = _mm512_insertf32x4(r, _mm_loadu_ps(p + stride), 1);
+    r = _mm512_insertf32x4(r, _mm_loadu_ps(p + 2 * stride), 2);
+    return _mm512_insertf32x4(r, _mm_loadu_ps(p + 3 * stride), 3);
+}
+VEC void vf_store_block(float *p, size_t stride, vf a) {
+    _mm_storeu_ps(p, _mm512_castps512_ps128(a));
+    _mm_storeu_ps(p + stride, _mm512_extractf32x4_ps(a, 1));
+    _mm_storeu_ps(p + 2 * stride, _mm512_extractf32x4_ps(a, 2));
+    _mm_storeu_ps(p + 3 * stride, _mm512_extractf32x4_ps(a, 3));
+}
+
+VEC void vf_sums8(const vf a[8], float *out) {
+    vf h[4], q[2];
+    for (int i = 0; i < 4; i++) /* halves added: a[2i] below, a[2i+1] above */
+        h[i] = _mm512_shuffle_f32x4(a[2 * i], a[2 * i + 1], 0x44) +
+               _mm512_shuffle_f32x4(a[2 * i], a[2 * i + 1], 0xee);
+    for (int i = 0; i < 2; i++) /* quarters: one of four vectors each */
+        q[i] = _mm512_shuffle_f32x4(h[2 * i], h[2 * i + 1], 0x88) +
+               _mm512_shuffle_f32x4(h[2 * i], h[2 * i + 1], 0xdd);
+    vf z = _mm512_unpacklo_ps(q[0], q[1]) + _mm512_unpackhi_ps(q[0], q[1]);
+    z = z + _mm512_shuffle_ps(z, z, 0x4e);
+    z = _mm512_permutexvar_ps(_mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0), z);
+    _mm256_storeu_ps(out, _mm512_castps512_ps256(z));
+}
+VEC float vf_sum(vf a) { return _mm512_reduce_add_ps(a); }
+
+/* r[j] lane i = rows[i][j] of 16 rows of 16 floats. */
+VEC void vf_transpose(const float *const rows[VW], vf r[16]) {
+    vf t[16];
+    for (int i = 0; i < 16; i++) r[i] = _mm512_load_ps(rows[i]);
+    for (int i = 0; i < 8; i++) {
+        t[2 * i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
+        t[2 * i + 1] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
+    }
+    for (int i = 0; i < 4; i++) {
+        __m512d a = _mm512_castps_pd(t[4 * i]), b = _mm512_castps_pd(t[4 * i + 1]);
+        __m512d c = _mm512_castps_pd(t[4 * i + 2]), d = _mm512_castps_pd(t[4 * i + 3]);
+        r[4 * i] = _mm512_castpd_ps(_mm512_unpacklo_pd(a, c));
+        r[4 * i + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(a, c));
+        r[4 * i + 2] = _mm512_castpd_ps(_mm512_unpacklo_pd(b, d));
+        r[4 * i + 3] = _mm512_castpd_ps(_mm512_unpackhi_pd(b, d));
+    }
+    for (int i = 0; i < 4; i++) {
+        t[i] = _mm512_shuffle_f32x4(r[i], r[4 + i], 0x88);
+        t[4 + i] = _mm512_shuffle_f32x4(r[i], r[4 + i], 0xdd);
+        t[8 + i] = _mm512_shuffle_f32x4(r[8 + i], r[12 + i], 0x88);
+        t[12 + i] = _mm512_shuffle_f32x4(r[8 + i], r[12 + i], 0xdd);
+    }
+    for (int i = 0; i < 4; i++) {
+        r[i] = _mm512_shuffle_f32x4(t[i], t[8 + i], 0x88);
+        r[8 + i] = _mm512_shuffle_f32x4(t[i], t[8 + i], 0xdd);
+        r[4 + i] = _mm512_shuffle_f32x4(t[4 + i], t[12 + i], 0x88);
+        r[12 + i] = _mm512_shuffle_f32x4(t[4 + i], t[12 + i], 0xdd);
+    }
+}
+#endif

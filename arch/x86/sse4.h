@@ -1,0 +1,70 @@
+/* sse4.h - the vector vocabulary (arch/vector/vec.h) in SSE4.1: 4 lanes, blocks of 2 x 2. */
+#ifndef SF_ARCH_X86_SSE4_H
+#define SF_ARCH_X86_SSE4_H
+
+#include <smmintrin.h>
+
+enum { VW = 4, VB_COLUMNS = 2, VB_ROWS = 2 };
+typedef __m128 vf;
+typedef __m128 vm;
+typedef __m128i vu;
+
+VEC vf vf_set(float x) { return _mm_set1_ps(x); }
+VEC vf vf_load(const float *p) { return _mm_load_ps(p); }
+VEC vf vf_loadu(const float *p) { return _mm_loadu_ps(p); }
+VEC void vf_store(float *p, vf a) { _mm_store_ps(p, a); }
+VEC vf vf_fma(vf a, vf b, vf c) { return a * b + c; }
+VEC vf vf_fnma(vf a, vf b, vf c) { return c - a * b; }
+VEC vf vf_min(vf a, vf b) { return _mm_min_ps(a, b); }
+VEC vf vf_max(vf a, vf b) { return _mm_max_ps(a, b); }
+VEC vf vf_sqrt(vf a) { return _mm_sqrt_ps(a); }
+VEC vf vf_div(vf a, vf b) { return a / b; }
+
+VEC vm vf_ge(vf a, vf b) { return _mm_cmpge_ps(a, b); }
+VEC vm vf_le(vf a, vf b) { return _mm_cmple_ps(a, b); }
+VEC vm vm_and(vm a, vm b) { return _mm_and_ps(a, b); }
+VEC unsigned vm_bits(vm m) { return (unsigned)_mm_movemask_ps(m); }
+VEC int vm_any(vm m) { return _mm_movemask_ps(m) != 0; }
+VEC vf vf_keep(vm m, vf a) { return _mm_and_ps(m, a); }
+VEC vf vf_select(vm m, vf a, vf b) { return _mm_blendv_ps(b, a, m); }
+VEC vu vu_zero(void) { return _mm_setzero_si128(); }
+VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
+    return _mm_or_si128(a, _mm_and_si128(_mm_castps_si128(m), _mm_set1_epi32((int)bits)));
+}
+VEC void vu_store(uint32_t *p, vu a) { _mm_store_si128((__m128i *)p, a); }
+
+VEC vf vf_exp2_parts(vf x, vf *n) {
+    *n = _mm_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+    return x - *n;
+}
+VEC vf vf_times_exp2(vf p, vf n) {
+    return _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(p), _mm_slli_epi32(_mm_cvtps_epi32(n), 23)));
+}
+
+VEC vf vf_load_block(const float *p, size_t stride) {
+    return _mm_loadh_pi(_mm_castpd_ps(_mm_load_sd((const double *)(const void *)p)),
+                        (const __m64 *)(const void *)(p + stride));
+}
+VEC void vf_store_block(float *p, size_t stride, vf a) {
+    _mm_storel_pi((__m64 *)(void *)p, a);
+    _mm_storeh_pi((__m64 *)(void *)(p + stride), a);
+}
+
+VEC void vf_sums8(const vf a[8], float *out) {
+    _mm_storeu_ps(out, _mm_hadd_ps(_mm_hadd_ps(a[0], a[1]), _mm_hadd_ps(a[2], a[3])));
+    _mm_storeu_ps(out + 4, _mm_hadd_ps(_mm_hadd_ps(a[4], a[5]), _mm_hadd_ps(a[6], a[7])));
+}
+VEC float vf_sum(vf a) {
+    a = _mm_add_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)));
+}
+
+/* r[j] lane i = rows[i][j], of 4 rows of 16 floats. */
+VEC void vf_transpose(const float *const rows[VW], vf r[16]) {
+    for (int quarter = 0; quarter < 4; quarter++) {
+        vf *q = r + 4 * quarter;
+        for (int i = 0; i < 4; i++) q[i] = _mm_load_ps(rows[i] + 4 * quarter);
+        _MM_TRANSPOSE4_PS(q[0], q[1], q[2], q[3]);
+    }
+}
+#endif

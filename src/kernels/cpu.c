@@ -1,0 +1,51 @@
+/* cpu.c - which levels this machine has. */
+#include "kernels.h"
+
+#include <stddef.h>
+#include <string.h>
+
+#if defined(__arm__) || defined(__aarch64__)
+#include <sys/auxv.h>
+#endif
+
+/* Lowest first; a level includes those before it of the same machine. */
+static const struct {
+    const char *name;
+    unsigned bit;
+} levels[] = {
+    {"scalar", 0},         {"sse4", SF_CPU_SSE4}, {"avx2", SF_CPU_AVX2}, {"avx512", SF_CPU_AVX512},
+    {"neon", SF_CPU_NEON},
+};
+
+enum { LEVELS = sizeof levels / sizeof *levels };
+
+unsigned sf_cpu_detect(void) {
+    unsigned mask = 0;
+#if defined(__x86_64__) || defined(__i386__)
+    /* the compiler's run-time asks the processor, and the system whether it saves the registers */
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("sse4.1")) mask |= SF_CPU_SSE4;
+    if (mask && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) mask |= SF_CPU_AVX2;
+    if (mask & SF_CPU_AVX2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+        mask |= SF_CPU_AVX512;
+#elif defined(__aarch64__)
+    mask = SF_CPU_NEON; /* part of the architecture */
+#elif defined(__arm__)
+    enum { NEON = 1 << 12, VFP4 = 1 << 16 }; /* AT_HWCAP of 32-bit ARM */
+    unsigned long has = getauxval(AT_HWCAP);
+    if (has & NEON && has & VFP4) mask = SF_CPU_NEON;
+#endif
+    return mask;
+}
+
+const char *sf_level_name(size_t index) { return index < LEVELS ? levels[index].name : NULL; }
+
+int sf_level_mask(const char *name, unsigned *mask) {
+    for (size_t i = 0; i < LEVELS; i++)
+        if (!strcmp(levels[i].name, name)) {
+            *mask = levels[i].bit ? levels[i].bit | (levels[i].bit - 1) : 0;
+            return 1;
+        }
+    return 0;
+}
