@@ -3,7 +3,8 @@
 # make               build/splatfit, build/libsplatfit.a and build/libsplatfit.so.0
 # make demo          fits a simulated scene and shows what came out; installs what is missing
 # make test          unit and golden tests; installs what is missing
-# make test-golden   the golden tests alone; make check: the kernels alone
+# make test-golden   the golden tests alone
+# make check         the kernels at every level of this machine
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
@@ -178,9 +179,10 @@ test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
 test-golden: $(GOLD)
 	$(show_tests) $(GOLD)
-check: $(CHECK)
-	$(run_tests) $(CHECK)
-
+# The programs that hold kernels to float64, once a level; then what compares the levels.
+LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
+check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/levels.sh '$(LEVEL_TESTS)' '$(CHECK)' scalar $(LEVELS)
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)

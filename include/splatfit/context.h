@@ -35,8 +35,8 @@ typedef struct sf_context_options {
     sf_log_fn log;                 /* NULL: silent */
     void *log_user;
     int threads;     /* 1..256; 0: what the affinity mask and the control group allow */
-    const char *isa; /* a kernel level by name ("scalar"); NULL: the best one here, or the
-                        environment's SPLATFIT_ISA */
+    const char *isa; /* a kernel level by name (sf_isa_describe); NULL: what the environment's
+                        SPLATFIT_ISA names, else the best one here */
 } sf_context_options;
 
 /* Creates a context and its threads. `options` may be NULL. On failure *context is NULL.
@@ -54,8 +54,17 @@ SF_API const char *sf_last_error(const sf_context *context);
 /* Number of threads in use (with the caller's), 1..256. */
 SF_API int sf_context_threads(const sf_context *context);
 
-/* Name of the kernel level in use, for example "scalar". */
+/* Name of the kernel level in use, for example "avx2". */
 SF_API const char *sf_context_isa(const sf_context *context);
+
+/* A level of the kernels: "scalar" is everywhere, the others name what their files may use. */
+typedef struct sf_isa_info {
+    const char *name;
+    int usable; /* this machine has it, and the library is built with it */
+} sf_isa_info;
+
+/* Level `index`, lowest first. SF_ERR_END past the last. */
+SF_API sf_status sf_isa_describe(size_t index, sf_isa_info *info);
 
 /* "major.minor.patch". */
 SF_API const char *sf_version(void);

@@ -11,7 +11,7 @@
 
 const arg_option common_options[] = {
     {"threads", 0, "N", "threads to use; default: what the affinity mask and the control group allow"},
-    {"isa", 0, "NAME", "kernel level: scalar; default: the best one here"},
+    {"isa", 0, "NAME", "kernel level (see info --cpu); default: the best one here"},
     {"quiet", 'q', NULL, "print errors only"},
     {"help", 'h', NULL, "print this"},
     {0},
@@ -54,9 +54,14 @@ int app_context(const args *a, sf_context **ctx) {
     if (error) return error;
     sf_status status = sf_context_create(ctx, &options);
     if (!status) return 0;
-    if (status == SF_ERR_ARGUMENT) {
+    if (status == SF_ERR_ARGUMENT || status == SF_ERR_UNSUPPORTED) {
         const char *isa = options.isa ? options.isa : getenv("SPLATFIT_ISA");
-        fprintf(stderr, "splatfit %s: isa: \"%s\" is none of: scalar\n", a->command->name, isa ? isa : "");
+        fprintf(stderr, "splatfit %s: isa: \"%s\" is none of this machine's:", a->command->name,
+                isa ? isa : "");
+        sf_isa_info info;
+        for (size_t i = 0; !sf_isa_describe(i, &info); i++)
+            if (info.usable) fprintf(stderr, " %s", info.name);
+        fprintf(stderr, "\n");
         return EXIT_USAGE;
     }
     return app_say(a, "cannot start", sf_status_text(status));

@@ -99,24 +99,48 @@ static int info_project(const args *a, sf_context *ctx, const char *path) {
     return 0;
 }
 
+static int info_cpu(const sf_context *ctx) {
+    sf_isa_info info;
+    printf("%d threads\n", sf_context_threads(ctx));
+    for (size_t i = 0; !sf_isa_describe(i, &info); i++)
+        printf("%-8s %s\n", info.name,
+               !strcmp(info.name, sf_context_isa(ctx)) ? "in use"
+               : info.usable                           ? "usable"
+                                                       : "not on this machine");
+    return 0;
+}
+
 static int run(const args *a) {
     sf_context *ctx = NULL;
-    const char *path = a->positional[0], *dot = strrchr(path, '.');
+    const char *path = a->positional[0], *dot = path ? strrchr(path, '.') : NULL;
+    int cpu = args_value(a, "cpu") != NULL;
+    if (!path && !cpu) {
+        app_say(a, "an argument is missing", "a model or a project, or --cpu");
+        return EXIT_USAGE;
+    }
     int error = app_context(a, &ctx);
     if (error) return error;
-    error = dot && !strcmp(dot, ".ply") ? info_model(a, ctx, path) : info_project(a, ctx, path);
+    if (cpu)
+        error = info_cpu(ctx);
+    else
+        error = dot && !strcmp(dot, ".ply") ? info_model(a, ctx, path) : info_project(a, ctx, path);
     sf_context_destroy(&ctx);
     return error;
 }
 
-static const arg_option *const tables[] = {load_options, common_options, NULL};
+static const arg_option own_options[] = {
+    {"cpu", 0, NULL, "print the threads and the kernel levels of this machine instead"},
+    {0},
+};
+
+static const arg_option *const tables[] = {own_options, load_options, common_options, NULL};
 
 const command command_info = {
     .name = "info",
     .synopsis = "FILE [OPTIONS]",
     .summary = "Says what a model or a project holds.",
     .tables = tables,
-    .least = 1,
+    .least = 0,
     .most = 1,
     .run = run,
 };

@@ -10,18 +10,13 @@
 const char *sf_version(void) { return "0.1.0"; }
 
 static sf_status choose_kernels(sf_context *ctx, const char *isa) {
-    unsigned has = sf_cpu_detect(), wanted = has;
+    unsigned mask = sf_cpu_detect();
     if (!isa) isa = getenv("SPLATFIT_ISA");
-    if (isa && *isa) {
-        unsigned below;
-        if (!sf_level_mask(isa, &wanted)) return SF_ERR_ARGUMENT;
-        below = wanted >> 1; /* the level's own bit is the highest */
-        if (wanted & ~below & ~has) return SF_ERR_UNSUPPORTED;
-        wanted &= has;
-    }
+    sf_status status = isa && *isa ? sf_cpu_choose(isa, &mask) : SF_OK;
+    if (status) return status;
     ctx->kernels = sf_alloc(ctx, 1, sizeof *ctx->kernels);
     if (!ctx->kernels) return SF_ERR_MEMORY;
-    sf_kernels_init(ctx->kernels, wanted);
+    sf_kernels_init(ctx->kernels, mask);
     return SF_OK;
 }
 

@@ -1,8 +1,9 @@
 /* cpu.c - which levels this machine has. */
 #include "kernels.h"
 
-#include <stddef.h>
 #include <string.h>
+
+#include <splatfit/context.h>
 
 #if defined(__arm__) || defined(__aarch64__)
 #include <sys/auxv.h>
@@ -39,13 +40,20 @@ unsigned sf_cpu_detect(void) {
     return mask;
 }
 
-const char *sf_level_name(size_t index) { return index < LEVELS ? levels[index].name : NULL; }
+sf_status sf_isa_describe(size_t index, sf_isa_info *info) {
+    if (index >= LEVELS) return SF_ERR_END;
+    unsigned bit = levels[index].bit;
+    *info = (sf_isa_info){levels[index].name, !bit || (sf_cpu_detect() & bit)};
+    return SF_OK;
+}
 
-int sf_level_mask(const char *name, unsigned *mask) {
-    for (size_t i = 0; i < LEVELS; i++)
-        if (!strcmp(levels[i].name, name)) {
-            *mask = levels[i].bit ? levels[i].bit | (levels[i].bit - 1) : 0;
-            return 1;
-        }
-    return 0;
+sf_status sf_cpu_choose(const char *name, unsigned *mask) {
+    for (size_t i = 0; i < LEVELS; i++) {
+        unsigned bit = levels[i].bit, has = sf_cpu_detect();
+        if (strcmp(levels[i].name, name)) continue;
+        if (bit && !(has & bit)) return SF_ERR_UNSUPPORTED;
+        *mask = bit ? has & (bit | (bit - 1)) : 0;
+        return SF_OK;
+    }
+    return SF_ERR_ARGUMENT;
 }

@@ -15,6 +15,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include <splatfit/status.h>
+
 enum {
     SF_LANES = 16, /* Gaussians a block */
     SF_TILE = 16,  /* px a side */
@@ -213,10 +215,8 @@ void sf_kernels_init(sf_kernels *kernels, unsigned mask);
 /* The levels of this machine. */
 unsigned sf_cpu_detect(void);
 
-/* Names of all levels, lowest first; NULL past the last. */
-const char *sf_level_name(size_t index);
-/* The level of that name and those below it. 0 if there is none. */
-int sf_level_mask(const char *name, unsigned *mask);
+/* The level of that name and those below it. SF_ERR_ARGUMENT: there is none; SF_ERR_UNSUPPORTED: not here. */
+sf_status sf_cpu_choose(const char *name, unsigned *mask);
 
 /* In arch/, one a folder: each overwrites what it does better. */
 void sf_kernels_init_scalar(sf_kernels *kernels);
