@@ -2,7 +2,7 @@
 #
 # make               build/splatfit, build/libsplatfit.a and build/libsplatfit.so.0
 # make demo          fits a simulated scene and shows what came out; installs what is missing
-# make test          unit and golden tests; installs what is missing
+# make test          unit tests, golden cases, levels; installs what is missing
 # make test-golden   the golden tests alone
 # make check         the kernels at every level of this machine
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too

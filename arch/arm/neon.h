@@ -23,13 +23,15 @@ VEC vf vf_sqrt(vf a) { return vsqrtq_f32(a); }
 VEC vf vf_div(vf a, vf b) { return vdivq_f32(a, b); }
 VEC float vf_sum(vf a) { return vaddvq_f32(a); }
 #else
-/* armv7 has estimates alone: two steps of Newton's bring them to float32; a zero stays a zero. */
+/* armv7 has estimates alone: two steps of Newton's bring them to float32; zero and
+ * infinity stay what they are. */
 VEC vf vf_sqrt(vf a) {
     vf r = vrsqrteq_f32(a);
     r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
     r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
     vf root = vmulq_f32(a, r);
-    return vreinterpretq_f32_u32(vandq_u32(vreinterpretq_u32_f32(root), vcgtq_f32(a, vdupq_n_f32(0))));
+    root = vreinterpretq_f32_u32(vandq_u32(vreinterpretq_u32_f32(root), vcgtq_f32(a, vdupq_n_f32(0))));
+    return vbslq_f32(vceqq_f32(a, vdupq_n_f32(__builtin_inff())), a, root);
 }
 VEC vf vf_div(vf a, vf b) {
     vf r = vrecpeq_f32(b);

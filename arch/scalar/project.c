@@ -355,7 +355,7 @@ static void gradient_one(const sf_project_args *a, size_t i, const double *sums,
 }
 
 static int finite_gradient(const gradient *g, int coefficients) {
-    double sum = g->logit_opacity + g->screen; /* one value that is not finite makes the sum so */
+    double sum = fabs(g->logit_opacity) + g->screen; /* one value that is not finite makes the sum so */
     for (int k = 0; k < 3; k++) sum += fabs(g->mean[k]) + fabs(g->log_scale[k]);
     for (int k = 0; k < 4; k++) sum += fabs(g->quat[k]);
     for (int k = 0; k < coefficients; k++) sum += fabs(g->sh[k][0]) + fabs(g->sh[k][1]) + fabs(g->sh[k][2]);

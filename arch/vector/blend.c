@@ -18,7 +18,7 @@ enum {
 };
 
 /* log2(1/255): a pair below it is skipped. */
-#define LEAST_POWER (-7.99435343685886f)
+#define LEAST_POWER ((float)-SF_LOG2_255)
 
 /* Gaussians of a chunk. Offsets are from the tile's first pixel centre: t = l00 X + l01 Y + t0, s = m Y + s0.
  */

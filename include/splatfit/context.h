@@ -19,7 +19,7 @@ typedef struct sf_context sf_context;
 typedef enum sf_log_level { SF_LOG_DEBUG, SF_LOG_INFO, SF_LOG_WARNING } sf_log_level;
 
 /* Receives one line, without its newline. Called from the thread that made the call in progress, or from a
- * thread of the pool, one call at a time. */
+ * thread of the pool, one call at a time. It must not call the library. */
 typedef void (*sf_log_fn)(void *user, sf_log_level level, const char *message);
 
 /* Memory. alloc returns `size` bytes aligned for any type, or NULL; free takes what alloc gave. Both are

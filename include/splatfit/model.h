@@ -23,8 +23,8 @@ typedef struct sf_gaussians {
 
 typedef struct sf_model sf_model;
 
-/* A model of `count` (0 .. 2^31 - 1) neutral Gaussians: mean 0, identity rotation, log-scale 0, logit-opacity
- * -20 (invisible), SH 0. sh_degree 0..3. */
+/* A model of `count` (0 .. 2^31 - 17) neutral Gaussians: mean 0, identity rotation, log-scale 0,
+ * logit-opacity -20 (invisible), SH 0. sh_degree 0..3. */
 SF_API sf_status sf_model_create(sf_context *context, size_t count, int sh_degree, sf_model **model);
 SF_API void sf_model_destroy(sf_model **model);
 

@@ -22,7 +22,7 @@ typedef enum sf_status {
     SF_ERR_EMPTY = 6,       /* nothing to work on: no view, no Gaussian */
     SF_ERR_CANCELLED = 7,   /* sf_fitter_cancel was called; the fitter is whole and can go on */
     SF_ERR_TIMEOUT = 8,     /* a bounded wait ended first */
-    SF_ERR_END = 9          /* a frame source has no more frames */
+    SF_ERR_END = 9          /* there is no more: frames, steps, entries of a list */
 } sf_status;
 
 /* A few words for a status, for example "out of memory". Never NULL, never freed. */

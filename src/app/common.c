@@ -33,7 +33,8 @@ const arg_option render_options[] = {
 };
 
 int app_fail(const args *a, const sf_context *ctx) {
-    fprintf(stderr, "splatfit %s: %s\n", a->command->name, sf_last_error(ctx));
+    const char *message = sf_last_error(ctx);
+    fprintf(stderr, "splatfit %s: %s\n", a->command->name, *message ? message : "out of memory");
     return EXIT_FAILED;
 }
 
@@ -149,6 +150,8 @@ int app_check_output(const args *a, const char *path) {
         if (!S_ISREG(st.st_mode)) return access(path, W_OK) ? app_say(a, path, strerror(errno)) : 0;
     } else if (errno != ENOENT) {
         return app_say(a, path, strerror(errno)); /* its parent is a file, for example */
+    } else if (!lstat(path, &st)) {
+        return app_say(a, path, "is a symbolic link to nothing");
     }
     char *folder = app_folder(path);
     if (!folder) return app_say(a, path, "out of memory");

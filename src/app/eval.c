@@ -52,7 +52,9 @@ static int run(const args *a) {
     sf_scene *scene = NULL;
     drawer d = {0};
     evaluation e = {0};
+    const char *json = args_value(a, "json");
     int error = app_split_check(a);
+    if (!error && json) error = app_check_output(a, json);
     if (!error) error = app_context(a, &ctx);
     if (!error && sf_model_load(ctx, a->positional[0], &model)) error = app_fail(a, ctx);
     if (!error) error = app_load(a, ctx, a->positional[1], &scene);

@@ -11,7 +11,7 @@ typedef struct pair {
 
 static sf_status draw_pair(sf_scene *scene, const sf_view_info *view, app_draw draw, void *user, pair *p) {
     size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height;
-    p->truth = malloc(7 * pixels * sizeof *p->truth);
+    p->truth = calloc(pixels, 7 * sizeof *p->truth);
     if (!p->truth) return SF_ERR_MEMORY;
     p->weight = p->truth + 3 * pixels;
     p->drawn = p->weight + pixels;
@@ -63,7 +63,7 @@ sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *v
                          void *user, const char *path) {
     size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height, row = 3 * width;
     pair p = {0};
-    float *both = malloc(2 * row * height * sizeof *both);
+    float *both = calloc(row * height, 2 * sizeof *both);
     sf_status status = both ? draw_pair(scene, view, draw, user, &p) : SF_ERR_MEMORY;
     for (size_t y = 0; y < height && !status; y++) {
         memcpy(both + 2 * row * y, p.truth + row * y, row * sizeof *both);

@@ -48,6 +48,7 @@ typedef struct fit_run {
     progress_line line;
     int eval_every;
     json_t *curve;
+    int stopped;        /* the number of the signal that ended the run early; 0: none */
     double seconds;     /* that the steps took */
     double next_sample; /* fraction of the run at which the curve gets its next point */
     sf_status eval_status;
@@ -87,7 +88,11 @@ static int read_options(fit_run *r) {
         int error = text ? set_option(r, info.name, text) : 0;
         if (error) return error;
     }
-    if (args_value(r->a, "time_limit") && !args_value(r->a, "steps")) r->options.steps = 0;
+    if (r->options.time_limit > 0 && !args_value(r->a, "steps")) r->options.steps = 0;
+    if (!r->options.steps && !(r->options.time_limit > 0)) {
+        app_say(r->a, "--steps", "0 needs --time-limit");
+        return EXIT_USAGE;
+    }
     return args_int(r->a, "eval-every", 1, 1000000000, &r->eval_every);
 }
 
@@ -144,7 +149,7 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
                                "seconds", r->seconds, "peak_memory_mb", peak_memory(), "gaussians",
                                (json_int_t)p.gaussians, "loss", p.loss, "background", (double)p.background[0],
                                (double)p.background[1], (double)p.background[2], "skipped_values",
-                               (json_int_t)p.skipped_values, "complete", !stopped_by);
+                               (json_int_t)p.skipped_values, "complete", !r->stopped);
     if (e->views) {
         json_object_set_new(result, "psnr", json_real(e->psnr));
         json_object_set_new(result, "ssim", json_real(e->ssim));
@@ -198,7 +203,7 @@ static void print_result(fit_run *r, const evaluation *e) {
     sf_fitter_get_progress(r->fitter, &p);
     if (args_value(r->a, "quiet") || r->line.kind == PROGRESS_JSON) return;
     fprintf(r->out, "%s after %lld steps in %.1f s (%.1f ms a step, peak memory %.0f MB)\n",
-            stopped_by ? "stopped" : "done", (long long)p.step, r->seconds,
+            r->stopped ? "stopped" : "done", (long long)p.step, r->seconds,
             1e3 * r->seconds / (double)(p.step ? p.step : 1), peak_memory());
     fprintf(r->out, "wrote %s: %zu Gaussians\n", r->output, p.gaussians);
     if (p.skipped_values)
@@ -224,7 +229,7 @@ static int finish(fit_run *r) {
     evaluation e = {.list = json_array()};
     int error = save_model(r);
     if (!error) error = write_cameras(r);
-    if (!error && !stopped_by) {
+    if (!error && !r->stopped) {
         json_decref(e.list);
         if (app_evaluate(r->ctx, r->scene, r->a, "test", draw, r->fitter, &e)) error = app_fail(r->a, r->ctx);
     }
@@ -233,18 +238,27 @@ static int finish(fit_run *r) {
     const char *log = args_value(r->a, "log");
     if (!error && log) error = app_write_json(r->a, r->ctx, log, log_json(r, &e));
     json_decref(e.list);
-    if (!error && stopped_by) error = 128 + (int)stopped_by;
+    if (!error && r->stopped) error = 128 + r->stopped;
     return error;
 }
 
+/* Each output can be written, and none is named twice. */
 static int check_outputs(const fit_run *r) {
-    static const char *const outputs[] = {"log", "compare", "cameras"};
-    int error = app_check_output(r->a, r->output);
-    for (size_t i = 0; i < 3 && !error; i++) {
-        const char *path = args_value(r->a, outputs[i]);
-        if (path && strcmp(path, "none")) error = app_check_output(r->a, path);
+    static const char *const names[] = {"output", "log", "compare", "cameras"};
+    enum { OUTPUTS = sizeof names / sizeof *names };
+    const char *paths[OUTPUTS];
+    for (int i = 0; i < OUTPUTS; i++) {
+        paths[i] = i ? args_value(r->a, names[i]) : r->output;
+        if (!paths[i] || (i && !strcmp(paths[i], "none"))) paths[i] = NULL;
+        for (int k = 0; k < i && paths[i]; k++)
+            if (paths[k] && !strcmp(paths[i], paths[k]) && strcmp(paths[i], "/dev/null")) {
+                app_say(r->a, paths[i], "is named for two outputs");
+                return EXIT_USAGE;
+            }
+        int error = paths[i] ? app_check_output(r->a, paths[i]) : 0;
+        if (error) return error;
     }
-    return error;
+    return 0;
 }
 
 static int prepare(fit_run *r) {
@@ -255,6 +269,8 @@ static int prepare(fit_run *r) {
     if (!error) error = progress_start(&r->line, r->a, r->out);
     if (!error) error = check_outputs(r);
     if (!error && from_path && sf_model_load(r->ctx, from_path, &from)) error = app_fail(r->a, r->ctx);
+    if (!error && from && !sf_model_count(from))
+        error = app_say(r->a, from_path, "holds no Gaussian to go on from");
     if (!error) error = app_load(r->a, r->ctx, r->a->positional[0], &r->scene);
     if (!error && sf_fitter_create(r->ctx, r->scene, from, &r->options, &r->fitter))
         error = app_fail(r->a, r->ctx);
@@ -290,7 +306,10 @@ static int run(const args *a) {
         progress_show(&r.line, &p, 1);
         progress_break(&r.line);
         add_sample(&r, &p, 0);
-        if (status && status != SF_ERR_CANCELLED) error = app_fail(a, r.ctx);
+        if (status == SF_ERR_CANCELLED)
+            r.stopped = (int)stopped_by;
+        else if (status || r.eval_status)
+            error = app_fail(a, r.ctx);
         int saved = finish(&r); /* also after a failure: what was fitted so far is kept */
         if (!error) error = saved;
     }

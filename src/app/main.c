@@ -53,7 +53,9 @@ static int help(const char *about) {
 }
 
 int main(int argc, char **argv) {
-    signal(SIGPIPE, SIG_IGN); /* a reader that goes away is a failed write, with its message */
+    signal(SIGPIPE,
+           SIG_IGN); /* a reader that goes away, a limit on file sizes: a failed write, with its message */
+    signal(SIGXFSZ, SIG_IGN);
     if (argc < 2) {
         fprintf(stderr, "splatfit: a command is missing (see splatfit --help)\n");
         return EXIT_USAGE;

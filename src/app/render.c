@@ -35,7 +35,7 @@ static int render_view(const args *a, sf_context *ctx, sf_renderer *renderer, co
                        const sf_render_options *options, const sf_view_info *view, const char *folder) {
     size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height,
            room = strlen(folder) + strlen(view->name) + 8;
-    float *rgb = malloc(3 * pixels * sizeof *rgb);
+    float *rgb = calloc(pixels, 3 * sizeof *rgb);
     char *path = malloc(room);
     int error = EXIT_FAILED;
     if (rgb && path) {
@@ -81,7 +81,7 @@ static int render_all(const args *a, sf_context *ctx, const sf_model *model, sf_
 static int run(const args *a) {
     const char *folder = args_value(a, "out");
     if (!folder) {
-        app_say(a, "--out", "the folder for the pictures is missing");
+        app_say(a, "--out DIR", "is needed: the folder for the pictures");
         return EXIT_USAGE;
     }
     sf_context *ctx = NULL;

@@ -88,12 +88,12 @@ static void forget_moments(sf_fitter *f, size_t i) {
 
 static int worth_keeping(const sf_fitter *f, size_t i, float least_logit, float most_log_scale) {
     const sf_params *p = &f->model->params;
-    if (!(p->field[SF_FIELD_logit_opacity][i] >= least_logit)) return 0;
-    for (int k = 0; k < 3; k++) {
-        if (!isfinite(*at(p, SF_FIELD_mean, i, k))) return 0;
-        if (!(*at(p, SF_FIELD_log_scale, i, k) <= most_log_scale)) return 0;
-    }
-    return 1;
+    for (int field = 0; field < SF_FIELD_COUNT; field++)
+        for (int c = 0; p->field[field] && c < sf_field_components(field); c++)
+            if (!isfinite(*at(p, field, i, c))) return 0;
+    for (int k = 0; k < 3; k++)
+        if (*at(p, SF_FIELD_log_scale, i, k) > most_log_scale) return 0;
+    return p->field[SF_FIELD_logit_opacity][i] >= least_logit;
 }
 
 static void prune(sf_fitter *f) {

@@ -103,8 +103,8 @@ static sf_status set_number(sf_context *ctx, const option *o, sf_fit_options *op
     if (end == text || *end || !isfinite(real))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: \"%s\" is not a number", o->info.name, text);
     if (real < o->info.least || real > o->info.most)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s is not in %g..%g", o->info.name, text, o->info.least,
-                       o->info.most);
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s is not in %.15g..%.15g", o->info.name, text,
+                       o->info.least, o->info.most);
     if (o->info.kind == SF_KIND_REAL) {
         memcpy(at, &real, sizeof real);
         return SF_OK;
@@ -162,8 +162,8 @@ sf_status sf_fit_options_check(sf_context *ctx, const sf_fit_options *options) {
         const sf_option_info *info = &options_table[i].info;
         double value = value_of(&options_table[i], options);
         if (!(value >= info->least && value <= most_of(info)))
-            return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %g is not in %g..%g", info->name, value, info->least,
-                           most_of(info));
+            return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %.15g is not in %.15g..%.15g", info->name, value,
+                           info->least, most_of(info));
     }
     if (!options->steps && !(options->time_limit > 0))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "steps: 0 needs a time_limit");

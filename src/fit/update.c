@@ -20,6 +20,14 @@ static void limit_aspect(float *log_scale, size_t i, float most_ratio) {
     if (s[longest] > middle + most_ratio) log_scale[sf_at(i, 3, longest)] = middle + most_ratio;
 }
 
+/* Within what a model's file may hold. */
+static void limit_scale(float *log_scale, size_t i) {
+    for (int k = 0; k < 3; k++) {
+        float *s = &log_scale[sf_at(i, 3, k)];
+        *s = fminf(fmaxf(*s, -SF_LOG_SCALE_MOST), SF_LOG_SCALE_MOST);
+    }
+}
+
 static void gather_statistics(sf_fitter *f, size_t i) {
     if (f->workspace.state[i] != SF_SEEN) return;
     f->screen_sum[i] += (double)f->workspace.screen[i];
@@ -39,8 +47,10 @@ static void update_task(void *job_pointer, size_t task, int thread) {
         f->ctx->kernels->adam(f->model->params.field[field] + at, f->grads.field[field] + at,
                               f->m.field[field] + at, f->v.field[field] + at, n, &job->step[field]);
     }
+    float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t i = first * SF_LANES; i < end * SF_LANES && i < f->model->count; i++) {
-        if (job->most_ratio > 0) limit_aspect(f->model->params.field[SF_FIELD_log_scale], i, job->most_ratio);
+        limit_scale(log_scale, i);
+        if (job->most_ratio > 0) limit_aspect(log_scale, i, job->most_ratio);
         gather_statistics(f, i);
     }
 }

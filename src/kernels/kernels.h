@@ -4,7 +4,8 @@
  * the machine then overwrites the entries that it does better. Stages hold a `const sf_kernels *` and name no
  * level.
  *
- * For all kernels: arrays are 64-byte aligned and do not overlap. Arrays of Gaussians are padded to a
+ * For all kernels: arrays do not overlap. Float arrays of Gaussians, planes of pixels and scratch are 64-byte
+ * aligned, the others as their type. Arrays of Gaussians are padded to a
  * multiple of SF_LANES with neutral entries (invisible: logit-opacity -20), so that there are no tails.
  * Kernels cannot fail, allocate, lock or print. Denormals are flushed. Equation numbers are those of
  * src/render/README.md.
@@ -134,7 +135,8 @@ typedef struct sf_blend_args {
     float *rgb[3];         /* blend: out, with the background; blend_bwd: in */
     float *transmittance;  /* blend: out */
     float *depth;          /* blend: out, sum of w z; NULL: not wanted */
-    uint32_t *last;        /* [SF_TILE_PIXELS] entries that a pixel has used up; blend: out; blend_bwd: in */
+    uint32_t *last;        /* [SF_TILE_PIXELS] where pixels stopped, in the level's own form: blend and
+                              blend_bwd of one level belong together; blend: out; blend_bwd: in */
     const float *d_rgb[3]; /* blend_bwd */
     const uint32_t *slots; /* blend_bwd: [count] slot of each entry */
     float *sums;           /* blend_bwd: out, [slots][SF_SUMS]: sum over pixels of w d_rgb (3), p, p t, p s,
@@ -165,7 +167,7 @@ enum {
 };
 
 typedef struct sf_adam {
-    float rate;         /* with the correction of the second moment's start in it: rate / (1 - beta1^t) */
+    float rate;         /* with the correction of the first moment's start in it: rate / (1 - beta1^t) */
     float beta1, beta2; /* decays */
     float v_scale;      /* 1 / (1 - beta2^t) */
     float epsilon;

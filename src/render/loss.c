@@ -5,6 +5,8 @@
 
 #include "../base/pool.h"
 
+_Static_assert((int)SF_LOSS_BAND == (int)SF_TILE, "a band of the loss is a row of tiles");
+
 typedef struct loss_job {
     sf_workspace *ws;
     float l1_scale, ssim_scale;

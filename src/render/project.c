@@ -2,14 +2,14 @@
 #include "workspace.h"
 
 #include "../base/pool.h"
+#include "../scene/gaussians.h"
 
-static size_t blocks_of(size_t count) { return (count + SF_LANES - 1) / SF_LANES; }
 static size_t tasks_of(size_t count) {
-    return (blocks_of(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
+    return (sf_blocks(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
 }
 
 static sf_status room(sf_workspace *ws, size_t count) {
-    size_t need = blocks_of(count) * SF_LANES + 1;
+    size_t need = sf_blocks(count) * SF_LANES + 1;
     if (need <= ws->gaussian_capacity) return SF_OK;
     struct {
         void *block;
@@ -45,7 +45,7 @@ typedef struct project_job {
 static void project_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     project_job *job = job_pointer;
-    size_t first = task * SF_PROJECT_BLOCKS, blocks = blocks_of(job->ws->count);
+    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(job->ws->count);
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
     job->ws->ctx->kernels->project(&job->args, first, end);
 }
@@ -86,7 +86,7 @@ static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     project_bwd_job *job = job_pointer;
     sf_project_bwd_args args = job->args;
-    size_t first = task * SF_PROJECT_BLOCKS, blocks = blocks_of(job->ws->count);
+    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(job->ws->count);
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
     args.pose = job->pose ? job->pose + 6 * task : NULL;
     args.not_finite = &job->ws->partial_count[task];

@@ -167,7 +167,8 @@ sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *
             }
     sf_loss_value value;
     sf_stage_loss(ws, 0.2, weight_sum, 1, 0, &value);
-    quality->psnr = -10 * log10(fmax(squares / (3 * weight_sum), 1e-10));
+    double mse = squares / (3 * weight_sum);
+    quality->psnr = -10 * log10(mse < 1e-10 ? 1e-10 : mse); /* a target that is not finite stays seen */
     quality->ssim = value.ssim;
     return SF_OK;
 }

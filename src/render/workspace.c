@@ -5,6 +5,8 @@
 
 #include "../base/pool.h"
 
+enum { MOST_TILES = (1 << 28) / SF_TILE_PIXELS };
+
 void sf_workspace_init(sf_workspace *ws, sf_context *ctx) {
     memset(ws, 0, sizeof *ws);
     ws->ctx = ctx;
@@ -58,6 +60,9 @@ static void set_eye(sf_eye *eye, const sf_camera *camera, float near_plane) {
 sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float near_plane) {
     sf_eye eye;
     set_eye(&eye, camera, near_plane);
+    if ((uint64_t)eye.tiles_x * (uint64_t)eye.tiles_y > MOST_TILES)
+        return sf_fail(ws->ctx, SF_ERR_ARGUMENT, "camera: %dx%d px are more than 2^28", (int)camera->width,
+                       (int)camera->height);
     size_t tiles = (size_t)eye.tiles_x * (size_t)eye.tiles_y, need = tiles * SF_TILE_PIXELS;
     sf_status status = SF_OK;
     if (need > ws->plane_capacity) {

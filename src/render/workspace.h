@@ -52,7 +52,7 @@ typedef struct sf_workspace {
     float *sums;                     /* [entries][SF_SUMS] by slot */
     size_t sums_capacity;
 
-    /* the loss: target and weight of the picture, both zero beyond it; maps of M.5 */
+    /* the loss: target and weight of the picture; maps of M.5 */
     float *target[SF_CHANNELS]; /* already times the weight */
     float *weight;              /* in use where has_weight */
     int has_weight;
@@ -75,8 +75,7 @@ sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float nea
 /* Makes room for the loss's planes of the present picture. */
 sf_status sf_workspace_loss_room(sf_workspace *ws);
 
-/* The stages, in order. All but sf_stage_project and sf_stage_bin need room that the others made and cannot
- * fail. */
+/* The stages, in order. Those that return a status make room when the picture or the model has grown. */
 sf_status sf_stage_project(sf_workspace *ws, const sf_params *params, size_t count, int sh_degree,
                            int antialiased);
 sf_status sf_stage_bin(sf_workspace *ws);

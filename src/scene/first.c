@@ -113,7 +113,8 @@ static sf_status random_points(sf_scene *scene, const sf_first_options *options,
 static void become_gaussians(const cloud *c, const float *distances, const sf_first_options *options,
                              sf_model *model) {
     float logit = (float)log(options->opacity / (1 - options->opacity));
-    double least = 1e-7 * options->extent, most = options->extent;
+    double least = fmax(1e-7 * options->extent, exp(-(double)SF_LOG_SCALE_MOST));
+    double most = fmin(options->extent, exp((double)SF_LOG_SCALE_MOST));
     for (size_t i = 0; i < c->n; i++) {
         double scale = distances[i] > 0 ? options->scale * (double)distances[i] : 0.01 * options->extent;
         float log_scale = (float)log(fmin(fmax(scale, least), most));

@@ -51,7 +51,7 @@ sf_status sf_model_create_room(sf_context *ctx, size_t capacity, int sh_degree, 
     if (sh_degree < 0 || sh_degree > SF_MAX_SH_DEGREE)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "sh_degree: %d is not in 0..%d", sh_degree, SF_MAX_SH_DEGREE);
     if (capacity > INT32_MAX - SF_LANES)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "count: %zu is more than 2^31 Gaussians", capacity);
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "count: %zu Gaussians are more than 2^31 - 17", capacity);
     sf_model *model = sf_calloc(ctx, 1, sizeof *model);
     if (!model) return SF_ERR_MEMORY;
     model->ctx = ctx;

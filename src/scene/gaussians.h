@@ -7,6 +7,9 @@
 
 #include <splatfit/model.h>
 
+/* Greatest |log-scale|: beyond it a file hurts other tools, and is not written. */
+#define SF_LOG_SCALE_MOST 20.0f
+
 struct sf_model {
     sf_context *ctx;
     size_t count, capacity; /* Gaussians; arrays hold capacity, a multiple of SF_LANES */

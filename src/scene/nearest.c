@@ -106,7 +106,7 @@ static void visit(const tree *t, size_t begin, size_t end, query *q) {
     int left_first = across < 0;
     visit(t, left_first ? begin : middle + 1, left_first ? middle : end, q);
     consider(t, middle, q);
-    if (across * across <= q->nearest[NEIGHBOURS - 1])
+    if (across * across < q->nearest[NEIGHBOURS - 1]) /* what is as far does not come nearer */
         visit(t, left_first ? middle + 1 : begin, left_first ? end : middle, q);
 }
 

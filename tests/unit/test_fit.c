@@ -397,7 +397,8 @@ static void test_cap_holds(void **state) {
     for (size_t i = 0; i < sizeof caps / sizeof *caps; i++) {
         sf_fit_options options = short_fit(50);
         options.max_gaussians = caps[i];
-        options.grow_every = 3;
+        options.grow_every = 2;
+        options.grow_end = 1;
         sf_fitter *fitter = start(ctx, scene, &options);
         size_t cap = (size_t)caps[i], most = progress_of(fitter).gaussians;
         assert_int_equal(most, cap < TRUE_COUNT ? cap : TRUE_COUNT);
@@ -411,6 +412,29 @@ static void test_cap_holds(void **state) {
         assert_sound(ctx, fitter);
         sf_fitter_destroy(&fitter);
     }
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+/* No more at once than grow_rate says, and with it there is growth. */
+static void test_growth_is_gradual(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = small_scene(ctx);
+    sf_fit_options options = short_fit(40);
+    options.grow_every = 4;
+    options.grow_rate = 0.1;
+    options.max_gaussians = 1000;
+    sf_fitter *fitter = start(ctx, scene, &options);
+    size_t before = progress_of(fitter).gaussians;
+    for (int step = 0; step < 40; step++) {
+        take_steps(ctx, fitter, 1);
+        size_t count = progress_of(fitter).gaussians;
+        assert_true(count <= before + before / 10);
+        before = count;
+    }
+    assert_true(before > TRUE_COUNT + TRUE_COUNT / 2);
+    sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -716,6 +740,7 @@ static void test_fully_masked_view(void **state) {
     content before = content_of(ctx, fitter);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     assert_int_equal(progress_of(fitter).step, 30);
+    assert_int_equal(progress_of(fitter).skipped_values, 0);
     assert_same(&before, content_of(ctx, fitter));
     free(before.values);
     sf_fitter_destroy(&fitter);
@@ -856,6 +881,25 @@ static void test_antialiased(void **state) {
         sf_model_destroy(&model);
         sf_fitter_destroy(&fitter);
     }
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+/* A model that was fitted so is gone on with so. */
+static void test_antialiased_from(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = small_scene(ctx);
+    sf_model *from = true_model(ctx), *model;
+    sf_fit_options options = short_fit(1);
+    sf_fitter *fitter;
+    sf_model_set_antialiased(from, 1);
+    assert_ok(ctx, sf_fitter_create(ctx, scene, from, &options, &fitter));
+    assert_ok(ctx, sf_fitter_snapshot(fitter, &model));
+    assert_true(sf_model_antialiased(model));
+    sf_model_destroy(&from);
+    sf_model_destroy(&model);
+    sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -1014,6 +1058,7 @@ int main(void) {
         cmocka_unit_test(test_going_on),
         cmocka_unit_test(test_degree_gone_on_with),
         cmocka_unit_test(test_cap_holds),
+        cmocka_unit_test(test_growth_is_gradual),
         cmocka_unit_test(test_cap_below_the_model),
         cmocka_unit_test(test_bad_options),
         cmocka_unit_test(test_progress_and_end),
@@ -1029,6 +1074,7 @@ int main(void) {
         cmocka_unit_test(test_fixed_backgrounds),
         cmocka_unit_test(test_background_is_found),
         cmocka_unit_test(test_antialiased),
+        cmocka_unit_test(test_antialiased_from),
         cmocka_unit_test(test_plain_scenes),
         cmocka_unit_test(test_single_view),
         cmocka_unit_test(test_tiny_pictures),
