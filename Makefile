@@ -166,7 +166,8 @@ $(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(UNIT:=.o) $(GOLD:=.o) $(CHECK:=.o) $(SCENES:=.o))
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(TEST_PROGRAM_OBJ))
 
 # ---- testing -----------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ typedef struct fit_case {
     double least_psnr; /* dB, mean over the held-out views */
 } fit_case;
 
-static const fit_case studio = {"sim:studio", NULL, 1500, 30000, 28.0};
+static const fit_case studio = {"sim:studio", NULL, 1500, 40000, 28.0};
 static const fit_case fox = {"fox", "images_4", 1000, 40000, 28.5};
 static const fit_case fox_centred = {"fox-centred-270", NULL, 1000, 40000, 28.5};
 static const fit_case tagboard = {"rbt-tagboard", "images_2", 1000, 40000, 26.0};
