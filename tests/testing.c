@@ -117,3 +117,31 @@ void test_skip(const char *reason) {
     print_message("skipped: %s\n", reason);
     skip();
 }
+
+sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
+    sf_quality mean = {0};
+    sf_renderer *renderer;
+    sf_scene_info info;
+    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
+    sf_scene_get_info(scene, &info);
+    for (size_t i = 0; i < info.views; i++) {
+        sf_view_info view;
+        assert_ok(ctx, sf_scene_get_view(scene, i, &view));
+        if (view.split != SF_SPLIT_TEST) continue;
+        size_t pixels = (size_t)view.camera.width * (size_t)view.camera.height;
+        float *truth = malloc(3 * pixels * sizeof *truth), *drawn = malloc(3 * pixels * sizeof *drawn);
+        assert_true(truth && drawn);
+        sf_quality quality;
+        sf_image_out out = {.rgb = drawn};
+        assert_ok(ctx, sf_scene_get_pixels(scene, view.id, truth, NULL));
+        assert_ok(ctx, sf_fitter_render(fitter, &view.camera, &out));
+        assert_ok(ctx,
+                  sf_compare(renderer, view.camera.width, view.camera.height, drawn, truth, NULL, &quality));
+        mean.psnr += quality.psnr / (double)info.test_views;
+        mean.ssim += quality.ssim / (double)info.test_views;
+        free(truth);
+        free(drawn);
+    }
+    sf_renderer_destroy(&renderer);
+    return mean;
+}

@@ -44,6 +44,9 @@ int test_exists(const char *path);
 /* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
 int test_count_entries(const char *path);
 
+/* Mean PSNR and SSIM of a fitter's model over the held-out views of its scene. */
+sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);
+
 /* The folder named by SPLATFIT_DATA, or ends the test as skipped, saying that the variable is not set. */
 const char *test_data(void);
 /* Ends the test as skipped with the reason printed. */

@@ -8,32 +8,6 @@
 /* Levels differ by rounding, and a fit spreads it. */
 static const double MOST_DIFFERENCE_DB = 0.05;
 
-static double held_out_psnr(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
-    sf_renderer *renderer;
-    sf_scene_info info;
-    double mean = 0;
-    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    sf_scene_get_info(scene, &info);
-    for (size_t i = 0; i < info.views; i++) {
-        sf_view_info view;
-        assert_ok(ctx, sf_scene_get_view(scene, i, &view));
-        if (view.split != SF_SPLIT_TEST) continue;
-        size_t pixels = (size_t)view.camera.width * (size_t)view.camera.height;
-        float *truth = malloc(6 * pixels * sizeof *truth), *drawn = truth + 3 * pixels;
-        assert_non_null(truth);
-        sf_quality quality;
-        sf_image_out out = {.rgb = drawn};
-        assert_ok(ctx, sf_scene_get_pixels(scene, view.id, truth, NULL));
-        assert_ok(ctx, sf_fitter_render(fitter, &view.camera, &out));
-        assert_ok(ctx,
-                  sf_compare(renderer, view.camera.width, view.camera.height, drawn, truth, NULL, &quality));
-        mean += quality.psnr / (double)info.test_views;
-        free(truth);
-    }
-    sf_renderer_destroy(&renderer);
-    return mean;
-}
-
 static double fit_at(const char *isa) {
     sf_context *ctx = NULL;
     sf_scene *scene;
@@ -51,7 +25,7 @@ static double fit_at(const char *isa) {
     options.grow_every = options.steps + 1; /* nothing grows and nothing is pruned */
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
-    double psnr = held_out_psnr(ctx, scene, fitter);
+    double psnr = test_held_out(ctx, scene, fitter).psnr;
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);

@@ -26,35 +26,6 @@ static double peak_memory_mb(void) {
     return (double)usage.ru_maxrss / 1024;
 }
 
-/* Means over the held-out views. */
-static sf_quality evaluate(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
-    sf_quality mean = {0};
-    sf_renderer *renderer;
-    sf_scene_info info;
-    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    sf_scene_get_info(scene, &info);
-    for (size_t i = 0; i < info.views; i++) {
-        sf_view_info view;
-        assert_ok(ctx, sf_scene_get_view(scene, i, &view));
-        if (view.split != SF_SPLIT_TEST) continue;
-        size_t pixels = (size_t)view.camera.width * (size_t)view.camera.height;
-        float *truth = malloc(3 * pixels * sizeof *truth), *drawn = malloc(3 * pixels * sizeof *drawn);
-        assert_true(truth && drawn);
-        sf_quality quality;
-        sf_image_out out = {.rgb = drawn};
-        assert_ok(ctx, sf_scene_get_pixels(scene, view.id, truth, NULL));
-        assert_ok(ctx, sf_fitter_render(fitter, &view.camera, &out));
-        assert_ok(ctx,
-                  sf_compare(renderer, view.camera.width, view.camera.height, drawn, truth, NULL, &quality));
-        mean.psnr += quality.psnr / (double)info.test_views;
-        mean.ssim += quality.ssim / (double)info.test_views;
-        free(truth);
-        free(drawn);
-    }
-    sf_renderer_destroy(&renderer);
-    return mean;
-}
-
 static void reaches_its_quality(void **state) {
     const fit_case *c = *state;
     char path[1024];
@@ -74,7 +45,7 @@ static void reaches_its_quality(void **state) {
 
     sf_fit_progress progress;
     sf_fitter_get_progress(fitter, &progress);
-    sf_quality quality = evaluate(ctx, scene, fitter);
+    sf_quality quality = test_held_out(ctx, scene, fitter);
     print_message(
         "%s: %.2f dB, SSIM %.4f held out; %lld steps, %zu Gaussians, %.1f ms a step, peak memory %.0f MB\n",
         c->project, quality.psnr, quality.ssim, (long long)progress.step, progress.gaussians,
