@@ -172,7 +172,7 @@ TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
 # ---- testing -----------------------------------------------------------------------------------------------
 
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
-show_tests = @RUN='$(RUN)' SHOW=1 tests/run.sh
+show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
 .PHONY: test test-golden test-scenes check build-tests test-install lint ci demo
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
