@@ -362,6 +362,7 @@ static int finite_gradient(const gradient *g, int coefficients) {
     return fabs(sum) <= FLT_MAX;
 }
 
+/* i counts from the first of the gradients' blocks. */
 static void store(const sf_params *grads, size_t i, const gradient *g) {
     for (int k = 0; k < 3; k++) {
         grads->field[SF_FIELD_mean][sf_at(i, 3, k)] = (float)g->mean[k];
@@ -390,7 +391,7 @@ void sf_project_bwd_scalar(const sf_project_bwd_args *b, size_t first, size_t en
                 ++*b->not_finite;
             }
         }
-        store(&b->grads, i, &g);
+        store(&b->grads, i - first * SF_LANES, &g);
         b->screen[i] = (float)g.screen;
         for (int k = 0; b->pose && k < 6; k++) b->pose[k] += g.pose[k];
     }

@@ -7,11 +7,11 @@
 void sf_project_scalar(const sf_project_args *args, size_t first, size_t end);
 void sf_project_bwd_scalar(const sf_project_bwd_args *args, size_t first, size_t end);
 void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
-                     const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans);
+                     const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
+                     uint32_t *tiles);
 void sf_blend_scalar(const sf_blend_args *args);
 void sf_blend_bwd_scalar(const sf_blend_args *args);
 void sf_loss_scalar(const sf_loss_args *args);
-void sf_loss_bwd_scalar(const sf_loss_args *args);
 void sf_adam_scalar(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
 void sf_unpack_scalar(const uint8_t *src, const uint8_t *weight, size_t src_stride, int factor, float *dst,
                       int width);

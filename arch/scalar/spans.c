@@ -4,9 +4,11 @@
 #include "interval.h"
 
 void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
-                     const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans) {
+                     const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
+                     uint32_t *tiles) {
     const float last_center = SF_TILE - 0.5f;
-    for (size_t i = first; i < end; i++)
+    for (size_t i = first; i < end; i++) {
+        tiles[i] = 0;
         for (int r = 0; r < rows[i]; r++) {
             const sf_splat *s = &splats[i];
             float top = (float)((first_row[i] + r) * SF_TILE) + 0.5f, left, right;
@@ -17,5 +19,7 @@ void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const ui
             x0 = fminf(fmaxf(x0, 0.0f), (float)tiles_x);
             x1 = fminf(fmaxf(x1, x0), (float)tiles_x);
             spans[offset[i] + (uint32_t)r] = (sf_span){(uint16_t)x0, (uint16_t)x1};
+            tiles[i] += (uint32_t)x1 - (uint32_t)x0;
         }
+    }
 }

@@ -6,9 +6,8 @@
 
 #define SF_VECTOR_KERNELS(level)                                                                             \
     void sf_blend_##level(const sf_blend_args *args);                                                        \
-    void sf_blend_bwd_##level(const sf_blend_args *args);                                                    \
     void sf_loss_##level(const sf_loss_args *args);                                                          \
-    void sf_loss_bwd_##level(const sf_loss_args *args);                                                      \
+    void sf_blend_bwd_##level(const sf_blend_args *args);                                                    \
     void sf_adam_##level(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
 
 SF_VECTOR_KERNELS(sse4)
@@ -17,14 +16,13 @@ SF_VECTOR_KERNELS(avx512)
 SF_VECTOR_KERNELS(neon)
 
 /* Enters a level's kernels into a table. */
-#define SF_VECTOR_ENTER(kernels, level)                                                                      \
+#define SF_VECTOR_ENTER(kernels, at_level)                                                                   \
     do {                                                                                                     \
-        (kernels)->isa = #level;                                                                             \
-        (kernels)->blend = sf_blend_##level;                                                                 \
-        (kernels)->blend_bwd = sf_blend_bwd_##level;                                                         \
-        (kernels)->loss = sf_loss_##level;                                                                   \
-        (kernels)->loss_bwd = sf_loss_bwd_##level;                                                           \
-        (kernels)->adam = sf_adam_##level;                                                                   \
+        (kernels)->isa = #at_level;                                                                          \
+        SF_KERNEL_ENTER(kernels, blend, at_level);                                                           \
+        SF_KERNEL_ENTER(kernels, loss, at_level);                                                            \
+        SF_KERNEL_ENTER(kernels, blend_bwd, at_level);                                                       \
+        SF_KERNEL_ENTER(kernels, adam, at_level);                                                            \
     } while (0)
 
 #endif

@@ -60,11 +60,21 @@ SF_API const char *sf_context_isa(const sf_context *context);
 /* A level of the kernels: "scalar" is everywhere, the others name what their files may use. */
 typedef struct sf_isa_info {
     const char *name;
-    int usable; /* this machine has it, and the library is built with it */
+    int built;  /* the library has it */
+    int usable; /* and so has this machine */
 } sf_isa_info;
 
 /* Level `index`, lowest first. SF_ERR_END past the last. */
 SF_API sf_status sf_isa_describe(size_t index, sf_isa_info *info);
+
+/* A kernel, and the level at which a context runs it. */
+typedef struct sf_kernel_info {
+    const char *name;
+    const char *isa;
+} sf_kernel_info;
+
+/* Kernel `index`, in the order of a step. SF_ERR_END past the last. */
+SF_API sf_status sf_kernel_describe(const sf_context *context, size_t index, sf_kernel_info *info);
 
 /* "major.minor.patch". */
 SF_API const char *sf_version(void);

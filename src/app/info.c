@@ -101,12 +101,16 @@ static int info_project(const args *a, sf_context *ctx, const char *path) {
 
 static int info_cpu(const sf_context *ctx) {
     sf_isa_info info;
+    sf_kernel_info kernel;
     printf("%d threads\n", sf_context_threads(ctx));
     for (size_t i = 0; !sf_isa_describe(i, &info); i++)
-        printf("%-8s %s\n", info.name,
-               !strcmp(info.name, sf_context_isa(ctx)) ? "in use"
-               : info.usable                           ? "usable"
-                                                       : "not on this machine");
+        printf("%-12s %s\n", info.name,
+               !info.built                               ? "not built"
+               : !info.usable                            ? "built, not on this machine"
+               : !strcmp(info.name, sf_context_isa(ctx)) ? "in use"
+                                                         : "usable");
+    for (size_t i = 0; !sf_kernel_describe(ctx, i, &kernel); i++)
+        printf("%-12s %s\n", kernel.name, kernel.isa);
     return 0;
 }
 

@@ -78,7 +78,6 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_fitter *f = *fitter_pointer;
     if (!f) return;
     sf_model_destroy(&f->model);
-    sf_params_destroy(f->ctx, &f->grads);
     sf_params_destroy(f->ctx, &f->m);
     sf_params_destroy(f->ctx, &f->v);
     sf_free(f->ctx, f->screen_sum);
@@ -156,7 +155,7 @@ static void set_step_background(sf_fitter *f) {
                                                                               : (float)f->background[k];
 }
 
-/* Everything of a step that can fail, up to the gradients. */
+/* Everything of a step up to what each pair of Gaussian and tile adds to the gradients. */
 static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_loss_value *loss, double *d_background) {
     sf_workspace *ws = &f->workspace;
     sf_camera camera = sf_camera_downscaled(&view->camera, 1 << f->level);
@@ -172,7 +171,6 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_loss_value 
     if (!(weight_sum > 0)) return SF_ERR_EMPTY; /* masked altogether: nothing to learn from it */
     sf_stage_loss(ws, f->options.lambda_dssim, weight_sum, 0, 1, loss);
     status = sf_stage_blend_bwd(ws);
-    if (!status) status = sf_stage_project_bwd(ws, &f->grads, NULL);
     if (!status && f->options.background == SF_BACKGROUND_AUTO)
         status = sf_stage_background_bwd(ws, d_background);
     return status;
@@ -203,9 +201,9 @@ sf_status sf_fitter_step(sf_fitter *f) {
     double d_background[3];
     status = differentiate(f, view, &loss, d_background);
     sf_view_release(view);
+    if (!status) status = sf_update(f, fraction);
     if (status && status != SF_ERR_EMPTY) return status;
     if (!status) {
-        sf_update(f, fraction);
         if (f->options.background == SF_BACKGROUND_AUTO) sf_update_background(f, d_background);
         f->skipped_values += f->workspace.not_finite;
     }

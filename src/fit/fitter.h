@@ -23,7 +23,7 @@ struct sf_fitter {
     size_t first_count; /* Gaussians at the start */
 
     sf_model *model;
-    sf_params grads, m, v; /* arrays of the model's capacity */
+    sf_params m, v;        /* Adam's moments, arrays of the model's capacity */
     double *screen_sum;    /* [capacity] sum of the screen gradient's norm since the last growth */
     uint32_t *screen_seen; /* [capacity] views in which it was seen */
     size_t capacity;
@@ -62,8 +62,9 @@ size_t sf_planned_count(const sf_fitter *fitter, double fraction);
 /* What a step from here to the end costs on average, in steps of now: for the ETA. */
 double sf_cost_ahead(const sf_fitter *fitter, double fraction);
 
-/* update.c: one step of Adam on all fields, the limit on needles, the statistics of growth. */
-void sf_update(sf_fitter *fitter, double fraction);
+/* update.c: the way back from the slots' sums to the parameters: gradients, one step of Adam on all fields,
+ * the limit on needles, the statistics of growth. On failure nothing has changed. */
+sf_status sf_update(sf_fitter *fitter, double fraction);
 void sf_update_background(sf_fitter *fitter, const double *gradient);
 
 /* grow.c */

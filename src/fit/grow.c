@@ -38,17 +38,15 @@ sf_status sf_fitter_room(sf_fitter *f, size_t count) {
     if (room > most) room = count > most ? count : most;
     int degree = f->model->sh_degree;
     sf_model *model = NULL;
-    sf_params grads = {{0}}, m = {{0}}, v = {{0}};
+    sf_params m = {{0}}, v = {{0}};
     double *sum = sf_calloc(f->ctx, room, sizeof *sum);
     uint32_t *seen = sf_calloc(f->ctx, room, sizeof *seen);
     sf_status status = sum && seen ? sf_model_copy(f->model, room, degree, &model) : SF_ERR_MEMORY;
-    if (!status) status = sf_params_create(f->ctx, room, degree, &grads);
     if (!status) status = sf_params_create(f->ctx, room, degree, &m);
     if (!status) status = sf_params_create(f->ctx, room, degree, &v);
     if (status) {
         sf_free(f->ctx, sum);
         sf_free(f->ctx, seen);
-        sf_params_destroy(f->ctx, &grads);
         sf_params_destroy(f->ctx, &m);
         sf_params_destroy(f->ctx, &v);
         sf_model_destroy(&model);
@@ -62,11 +60,10 @@ sf_status sf_fitter_room(sf_fitter *f, size_t count) {
     }
     sf_free(f->ctx, f->screen_sum);
     sf_free(f->ctx, f->screen_seen);
-    sf_params_destroy(f->ctx, &f->grads);
     sf_params_destroy(f->ctx, &f->m);
     sf_params_destroy(f->ctx, &f->v);
     sf_model_destroy(&f->model);
-    f->model = model, f->grads = grads, f->m = m, f->v = v;
+    f->model = model, f->m = m, f->v = v;
     f->screen_sum = sum, f->screen_seen = seen;
     f->capacity = room;
     return SF_OK;

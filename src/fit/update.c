@@ -3,8 +3,6 @@
 
 #include <math.h>
 
-#include "../base/pool.h"
-
 typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
@@ -34,18 +32,14 @@ static void gather_statistics(sf_fitter *f, size_t i) {
     f->screen_seen[i]++;
 }
 
-static void update_task(void *job_pointer, size_t task, int thread) {
-    (void)thread;
+static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     const update_job *job = job_pointer;
     sf_fitter *f = job->fitter;
-    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(f->model->count);
-    size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!sf_field_stored(field, f->sh_degree)) continue; /* a band not in use has no gradient */
-        size_t at = first * SF_LANES * (size_t)sf_field_components(field);
-        size_t n = end * SF_LANES * (size_t)sf_field_components(field) - at;
-        f->ctx->kernels->adam(f->model->params.field[field] + at, f->grads.field[field] + at,
-                              f->m.field[field] + at, f->v.field[field] + at, n, &job->step[field]);
+        size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
+        f->ctx->kernels->adam(f->model->params.field[field] + at, grads->field[field], f->m.field[field] + at,
+                              f->v.field[field] + at, (end - first) * block, &job->step[field]);
     }
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t i = first * SF_LANES; i < end * SF_LANES && i < f->model->count; i++) {
@@ -55,7 +49,7 @@ static void update_task(void *job_pointer, size_t task, int thread) {
     }
 }
 
-void sf_update(sf_fitter *f, double fraction) {
+sf_status sf_update(sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
     double t = (double)f->step + 1;
     update_job job = {.fitter = f, .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : 0.0f};
@@ -67,8 +61,7 @@ void sf_update(sf_fitter *f, double fraction) {
             .v_scale = (float)(1 / (1 - pow(o->adam_beta2, t))),
             .epsilon = (float)o->adam_epsilon,
         };
-    size_t blocks = sf_blocks(f->model->count);
-    sf_pool_run(f->ctx->pool, (blocks + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS, update_task, &job);
+    return sf_stage_project_bwd(&f->workspace, NULL, update_blocks, &job);
 }
 
 void sf_update_background(sf_fitter *f, const double *gradient) {

@@ -58,3 +58,12 @@ void sf_context_destroy(sf_context **context) {
 int sf_context_threads(const sf_context *context) { return sf_pool_threads(context->pool); }
 
 const char *sf_context_isa(const sf_context *context) { return context->kernels->isa; }
+
+sf_status sf_kernel_describe(const sf_context *context, size_t index, sf_kernel_info *info) {
+#define NAME(name) #name,
+    static const char *const names[] = {SF_KERNELS(NAME)};
+#undef NAME
+    if (index >= SF_KERNEL_COUNT) return SF_ERR_END;
+    *info = (sf_kernel_info){names[index], context->kernels->level[index]};
+    return SF_OK;
+}

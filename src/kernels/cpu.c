@@ -40,10 +40,18 @@ unsigned sf_cpu_detect(void) {
     return mask;
 }
 
+#if defined(__x86_64__) || defined(__i386__)
+static const unsigned built = SF_CPU_SSE4 | SF_CPU_AVX2 | SF_CPU_AVX512;
+#elif defined(__arm__) || defined(__aarch64__)
+static const unsigned built = SF_CPU_NEON;
+#else
+static const unsigned built = 0;
+#endif
+
 sf_status sf_isa_describe(size_t index, sf_isa_info *info) {
     if (index >= LEVELS) return SF_ERR_END;
     unsigned bit = levels[index].bit;
-    *info = (sf_isa_info){levels[index].name, !bit || (sf_cpu_detect() & bit)};
+    *info = (sf_isa_info){levels[index].name, !bit || (built & bit), !bit || (sf_cpu_detect() & bit)};
     return SF_OK;
 }
 

@@ -22,7 +22,7 @@ enum {
     SF_LANES = 16, /* Gaussians a block */
     SF_TILE = 16,  /* px a side */
     SF_TILE_PIXELS = SF_TILE * SF_TILE,
-    SF_SUMS = 16, /* floats a slot of gradient sums; the first 9 are used, the others stay untouched */
+    SF_SUMS = 16, /* floats a slot of gradient sums; the first 9 are used, the others are of no meaning */
     SF_SSIM_RADIUS = 5
 };
 
@@ -116,7 +116,8 @@ typedef struct sf_project_bwd_args {
     sf_project_args forward; /* as given to project, with its results */
     const uint32_t *slot;    /* [n + 1]: the slots of Gaussian i are slot[i] .. slot[i+1]-1 */
     const float *sums;       /* [slots][SF_SUMS], from blend_bwd */
-    sf_params grads;         /* out: overwritten for all lanes; 0 for what is not seen */
+    sf_params grads;         /* out: the blocks' own, starting with block `first`; overwritten for all lanes,
+                                0 for what is not seen and for bands above sh_degree */
     float *screen;           /* out: [n] norm of dL/d(u, v) in device units (x W/2, y H/2); 0 if not seen */
     double *pose;            /* [6], added to: dL/d(rho, phi) of M.6; NULL: not wanted */
     unsigned *not_finite;    /* added to: Gaussians left out for a gradient that was not finite */
@@ -137,34 +138,38 @@ typedef struct sf_blend_args {
     float *depth;          /* blend: out, sum of w z; NULL: not wanted */
     uint32_t *last;        /* [SF_TILE_PIXELS] where pixels stopped, in the level's own form: blend and
                               blend_bwd of one level belong together; blend: out; blend_bwd: in */
+    uint64_t *parts;       /* [count] the parts of the tile that each entry reaches, in the level's own form
+                              too; those after the last that a pixel took stay untouched */
     const float *d_rgb[3]; /* blend_bwd */
     const uint32_t *slots; /* blend_bwd: [count] slot of each entry */
     float *sums;           /* blend_bwd: out, [slots][SF_SUMS]: sum over pixels of w d_rgb (3), p, p t, p s,
                               p t^2, p t s, p s^2 (M.2 with the whitened offsets); 0s for an entry of no effect */
 } sf_blend_args;
 
-/* A band of rows of one channel of the loss (M.5). x and y hold the weight already. */
+/* Rows first_row .. end_row-1 of one channel of the loss, and its gradient (M.5). Rows are `stride` floats
+ * apart; x, y and weight may hold anything beyond the picture. */
 typedef struct sf_loss_args {
-    const float *x, *y; /* [height] rows of `stride` floats */
-    int width, height;
+    const float *x;      /* rendered */
+    const float *y;      /* target, times the weight already */
+    const float *weight; /* of each pixel; NULL: 1 */
+    int width, height;   /* px */
     size_t stride;
     int first_row, end_row;
-    float *map[3];  /* forward: out, backward: in, like x: G1 = dS/dmx - 2 mx dS/dsxx - my dS/dsxy, dS/dsxx,
-                       dS/dsxy */
-    float *scratch; /* [SF_LOSS_SCRATCH_ROWS][stride] */
-    double *l1,
-        *ssim; /* forward: added to: sums over the band of |x - y| and of S; ssim NULL: L1 alone, no maps */
-    float l1_scale;   /* backward: (1 - lambda) / (3 sum m) */
-    float ssim_scale; /* backward: -lambda / (3 sum m); 0: L1 alone, maps are not read */
-    float *d_x;       /* backward: out */
+    float *scratch;   /* sf_loss_scratch(stride) floats */
+    double *l1;       /* out: [end_row - first_row] sums over each row of |weight x - y| */
+    double *ssim;     /* out: like l1, of S; NULL: L1 alone */
+    float l1_scale;   /* (1 - lambda) / (3 sum m) */
+    float ssim_scale; /* -lambda / (3 sum m); 0, as it must be without ssim: the gradient of L1 alone */
+    float *d_x;       /* out: the rows' gradient, 0 beyond the width; NULL: not wanted */
 } sf_loss_args;
 
-/* Rows of a band at most; with its halo; rows of scratch. */
-enum {
-    SF_LOSS_BAND = 16,
-    SF_LOSS_HALO_BAND = SF_LOSS_BAND + 2 * SF_SSIM_RADIUS,
-    SF_LOSS_SCRATCH_ROWS = 5 * SF_LOSS_HALO_BAND + 5
-};
+/* Room for rows on their way through the two filters: rings of rows of four planes and three maps, and a
+ * few more, each with margins. */
+enum { SF_LOSS_RING = 16, SF_LOSS_SCRATCH_ROWS = 7 * SF_LOSS_RING + 4 };
+
+static inline size_t sf_loss_scratch(size_t stride) {
+    return SF_LOSS_SCRATCH_ROWS * (stride + 2 * (size_t)SF_LANES);
+}
 
 typedef struct sf_adam {
     float rate;         /* with the correction of the first moment's start in it: rate / (1 - beta1^t) */
@@ -173,38 +178,61 @@ typedef struct sf_adam {
     float epsilon;
 } sf_adam;
 
+/* The kernels, in the order of a step. */
+#define SF_KERNELS(X)                                                                                        \
+    X(project)                                                                                               \
+    X(spans)                                                                                                 \
+    X(blend)                                                                                                 \
+    X(unpack)                                                                                                \
+    X(loss)                                                                                                  \
+    X(blend_bwd)                                                                                             \
+    X(project_bwd)                                                                                           \
+    X(adam)
+
+#define SF_KERNEL_ENUM(name) SF_KERNEL_##name,
+enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
+#undef SF_KERNEL_ENUM
+
 typedef struct sf_kernels {
-    const char *isa; /* highest level in the table */
+    const char *isa;                    /* highest level in the table */
+    const char *level[SF_KERNEL_COUNT]; /* of each kernel */
 
     /* Blocks first .. end-1 of SF_LANES Gaussians: M.1, M.3 (opacity compensation), M.4. */
     void (*project)(const sf_project_args *args, size_t first, size_t end);
 
-    /* The tiles that Gaussians first .. end-1 touch: in each row of tiles, those with a column of pixel
-     * centres within the visible ellipse's (o g >= 1/255) reach in that row, or a hundredth of a pixel
-     * beyond. Row r of Gaussian i goes to spans[offset[i] + r]. */
+    /* The tiles that Gaussians first .. end-1 touch (first a multiple of SF_LANES): in each row of tiles,
+     * those with a column of pixel centres within the visible ellipse's (o g >= 1/255) reach in that row, or
+     * a hundredth of a pixel beyond. Row r of Gaussian i goes to spans[offset[i] + r]; tiles[i]: how many
+     * tiles in all. */
     void (*spans)(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
-                  const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans);
+                  const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
+                  uint32_t *tiles);
 
-    /* Front to back (F.5), and its reverse, also front to back (M.2). */
+    /* Front to back (F.5). */
     void (*blend)(const sf_blend_args *args);
-    void (*blend_bwd)(const sf_blend_args *args);
-
-    /* L1 and SSIM with an 11 x 11 Gaussian window and zero padding, and the gradient (M.5). */
-    void (*loss)(const sf_loss_args *args);
-    void (*loss_bwd)(const sf_loss_args *args);
-
-    /* Blocks first .. end-1: sums of the slots, then M.3, M.4, M.6 to the raw parameters. */
-    void (*project_bwd)(const sf_project_bwd_args *args, size_t first, size_t end);
-
-    /* One step of Adam (Kingma and Ba 2015, algorithm 1) on n parameters, n a multiple of SF_LANES. */
-    void (*adam)(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
 
     /* One row of a picture box-averaged by `factor` and taken to 0..1: dst[i] = mean of weight * src / 255
      * over factor x factor pixels, i < width. Rows of src and weight are src_stride bytes apart; weight NULL:
      * 1; src NULL: the mean weight itself. */
     void (*unpack)(const uint8_t *src, const uint8_t *weight, size_t src_stride, int factor, float *dst,
                    int width);
+
+    /* L1 and SSIM with an 11 x 11 Gaussian window and zero padding, and the gradient (M.5). */
+    void (*loss)(const sf_loss_args *args);
+
+    /* The reverse of blend, also front to back (M.2). */
+    void (*blend_bwd)(const sf_blend_args *args);
+
+    /* Blocks first .. end-1: sums of the slots, then M.3, M.4, M.6 to the raw parameters. */
+    void (*project_bwd)(const sf_project_bwd_args *args, size_t first, size_t end);
+
+    /* One step of Adam (Kingma and Ba 2015, algorithm 1) on n parameters, n a multiple of SF_LANES. */
+    void (*adam)(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
 } sf_kernels;
+
+/* Enters the kernel `name` of a level into a table. */
+#define SF_KERNEL_ENTER(kernels, name, at_level)                                                             \
+    ((kernels)->level[SF_KERNEL_##name] = #at_level, (kernels)->name = sf_##name##_##at_level)
 
 /* Levels, as a mask. A bit stands for every instruction that the level's files may use, and for the system
  * saving its registers: AVX2 means AVX2 and FMA; AVX512 means F, BW, DQ and VL; NEON means fused multiply-add

@@ -54,13 +54,7 @@ static void spans_task(void *ws_pointer, size_t task, int thread) {
     sf_workspace *ws = ws_pointer;
     size_t first = task * CHUNK, end = first + CHUNK < ws->count ? first + CHUNK : ws->count;
     ws->ctx->kernels->spans(ws->splats, ws->first_row, ws->rows, ws->span_offset, first, end, ws->eye.tiles_x,
-                            ws->spans);
-    for (size_t i = first; i < end; i++) { /* counts now, sums of them later */
-        uint32_t tiles = 0;
-        for (uint32_t r = ws->span_offset[i]; r < ws->span_offset[i + 1]; r++)
-            tiles += (uint32_t)(ws->spans[r].x1 - ws->spans[r].x0);
-        ws->slot[i] = tiles;
-    }
+                            ws->spans, ws->slot); /* counts now, sums of them later */
 }
 
 /* Exclusive prefix sum in place; [n] receives the total. SF_ERR_MEMORY where 32 bits do not hold it. */
@@ -80,6 +74,9 @@ static sf_status prefix_sum(sf_workspace *ws, uint32_t *counts, size_t n) {
 static sf_status entry_room(sf_workspace *ws, size_t entries) {
     size_t capacity = ws->entry_capacity;
     sf_status status = sf_grow(ws->ctx, &ws->entries, &capacity, 0, entries, sizeof(uint32_t));
+    if (status) return status;
+    capacity = ws->entry_capacity;
+    status = sf_grow(ws->ctx, &ws->entry_parts, &capacity, 0, entries, sizeof(uint64_t));
     if (status) return status;
     capacity = ws->entry_capacity;
     status = sf_grow(ws->ctx, &ws->entry_slots, &capacity, 0, entries, sizeof(uint32_t));

@@ -21,6 +21,7 @@ static sf_blend_args tile_args(const sf_workspace *ws, size_t tile) {
                           .stride = ws->stride,
                           .transmittance = ws->transmittance + at,
                           .last = ws->last + tile * SF_TILE_PIXELS,
+                          .parts = ws->entry_parts + begin,
                           .sums = ws->sums};
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         args.background[ch] = ws->background[ch];

@@ -76,39 +76,57 @@ sf_status sf_stage_project(sf_workspace *ws, const sf_params *params, size_t cou
     return SF_OK;
 }
 
+/* Floats of SF_GRAD_BLOCKS blocks of all fields. */
+static size_t grads_size(void) {
+    size_t size = 0;
+    for (int field = 0; field < SF_FIELD_COUNT; field++) size += (size_t)sf_field_components(field);
+    return size * SF_LANES * SF_GRAD_BLOCKS;
+}
+
 typedef struct project_bwd_job {
     sf_workspace *ws;
     sf_project_bwd_args args;
     double *pose; /* [tasks][6] or NULL */
+    sf_grads_fn take;
+    void *user;
 } project_bwd_job;
 
 static void project_bwd_task(void *job_pointer, size_t task, int thread) {
-    (void)thread;
     project_bwd_job *job = job_pointer;
     sf_project_bwd_args args = job->args;
     size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(job->ws->count);
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
     args.pose = job->pose ? job->pose + 6 * task : NULL;
     args.not_finite = &job->ws->partial_count[task];
-    job->ws->ctx->kernels->project_bwd(&args, first, end);
+    float *at = job->ws->grads + (size_t)thread * grads_size();
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        args.grads.field[field] = job->ws->params.field[field] ? at : NULL;
+        at += sf_field_components(field) * SF_LANES * SF_GRAD_BLOCKS;
+    }
+    for (size_t b = first; b < end; b += SF_GRAD_BLOCKS) {
+        size_t until = b + SF_GRAD_BLOCKS < end ? b + SF_GRAD_BLOCKS : end;
+        job->ws->ctx->kernels->project_bwd(&args, b, until);
+        job->take(job->user, &args.grads, b, until);
+    }
 }
 
-sf_status sf_stage_project_bwd(sf_workspace *ws, const sf_params *grads, double *pose) {
-    size_t tasks = tasks_of(ws->count);
+sf_status sf_stage_project_bwd(sf_workspace *ws, double *pose, sf_grads_fn take, void *user) {
+    size_t tasks = tasks_of(ws->count), threads = (size_t)sf_pool_threads(ws->ctx->pool);
     sf_status status = sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, 6 * tasks, sizeof(double));
     if (!status)
         status =
             sf_grow(ws->ctx, &ws->partial_count, &ws->partial_count_capacity, 0, tasks, sizeof(unsigned));
+    if (!status)
+        status = sf_grow(ws->ctx, &ws->grads, &ws->grads_capacity, 0, threads * grads_size(), sizeof(float));
     if (status) return status;
     for (size_t k = 0; k < 6 * tasks; k++) ws->partial[k] = 0;
     for (size_t k = 0; k < tasks; k++) ws->partial_count[k] = 0;
-    project_bwd_job job = {.ws = ws,
-                           .args = {.forward = project_args(ws),
-                                    .slot = ws->slot,
-                                    .sums = ws->sums,
-                                    .grads = *grads,
-                                    .screen = ws->screen},
-                           .pose = pose ? ws->partial : NULL};
+    project_bwd_job job = {
+        .ws = ws,
+        .args = {.forward = project_args(ws), .slot = ws->slot, .sums = ws->sums, .screen = ws->screen},
+        .pose = pose ? ws->partial : NULL,
+        .take = take,
+        .user = user};
     sf_pool_run(ws->ctx->pool, tasks, project_bwd_task, &job);
     for (int k = 0; pose && k < 6; k++) pose[k] = 0;
     for (size_t task = 0; task < tasks; task++) {

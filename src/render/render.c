@@ -90,6 +90,17 @@ static sf_status gradient_room(sf_renderer *renderer, const sf_model *model) {
     return SF_OK;
 }
 
+/* Keeps the gradients of some blocks. */
+static void keep_grads(void *renderer_pointer, const sf_params *grads, size_t first, size_t end) {
+    const sf_renderer *renderer = renderer_pointer;
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        size_t block = (size_t)sf_field_components(field) * SF_LANES;
+        if (grads->field[field])
+            memcpy(renderer->grads.field[field] + first * block, grads->field[field],
+                   (end - first) * block * sizeof(float));
+    }
+}
+
 sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                              const sf_render_grads *grads) {
     sf_workspace *ws = &renderer->picture;
@@ -99,7 +110,7 @@ sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const
     if (status) return status;
     sf_copy_in(ws, d_rgb, NULL, ws->d_rgb);
     status = sf_stage_blend_bwd(ws);
-    if (!status) status = sf_stage_project_bwd(ws, &renderer->grads, grads->pose);
+    if (!status) status = sf_stage_project_bwd(ws, grads->pose, keep_grads, renderer);
     if (!status && grads->background) status = sf_stage_background_bwd(ws, grads->background);
     if (!status) sf_params_get(&renderer->grads, model->sh_degree, 0, model->count, &grads->gaussians);
     return status;

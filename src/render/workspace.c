@@ -13,18 +13,17 @@ void sf_workspace_init(sf_workspace *ws, sf_context *ctx) {
 }
 
 void sf_workspace_free(sf_workspace *ws) {
-    void *blocks[] = {ws->transmittance, ws->depth,       ws->last,    ws->splats,       ws->state,
-                      ws->first_row,     ws->rows,        ws->slot,    ws->span_offset,  ws->screen,
-                      ws->order,         ws->order_swap,  ws->key,     ws->key_swap,     ws->spans,
-                      ws->tile_begin,    ws->tile_cursor, ws->entries, ws->entry_slots,  ws->sums,
-                      ws->weight,        ws->scratch,     ws->partial, ws->partial_count};
+    void *blocks[] = {ws->transmittance, ws->depth,       ws->last,        ws->splats,      ws->state,
+                      ws->first_row,     ws->rows,        ws->slot,        ws->span_offset, ws->screen,
+                      ws->grads,         ws->order,       ws->order_swap,  ws->key,         ws->key_swap,
+                      ws->spans,         ws->tile_begin,  ws->tile_cursor, ws->entries,     ws->entry_slots,
+                      ws->sums,          ws->entry_parts, ws->weight,      ws->scratch,     ws->partial,
+                      ws->partial_count};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ws->ctx, blocks[i]);
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         sf_free(ws->ctx, ws->rgb[ch]);
         sf_free(ws->ctx, ws->d_rgb[ch]);
         sf_free(ws->ctx, ws->target[ch]);
-        sf_free(ws->ctx, ws->weighted[ch]);
-        for (int k = 0; k < 3; k++) sf_free(ws->ctx, ws->map[ch][k]);
     }
     sf_workspace_init(ws, ws->ctx);
 }
@@ -94,23 +93,19 @@ sf_status sf_workspace_loss_room(sf_workspace *ws) {
     sf_status status = SF_OK;
     if (need > ws->loss_capacity) {
         ws->loss_capacity = 0;
-        for (int ch = 0; ch < SF_CHANNELS && !status; ch++) {
+        for (int ch = 0; ch < SF_CHANNELS && !status; ch++)
             status = renew(ws->ctx, &ws->target[ch], need, sizeof(float));
-            if (!status) status = renew(ws->ctx, &ws->weighted[ch], need, sizeof(float));
-            for (int k = 0; k < 3 && !status; k++)
-                status = renew(ws->ctx, &ws->map[ch][k], need, sizeof(float));
-        }
         if (!status) status = renew(ws->ctx, &ws->weight, need, sizeof(float));
         if (!status) ws->loss_capacity = need;
     }
-    size_t scratch = threads * SF_LOSS_SCRATCH_ROWS * ws->stride;
+    size_t scratch = threads * sf_loss_scratch(ws->stride);
     if (!status && scratch > ws->scratch_capacity) {
         ws->scratch_capacity = 0;
         status = renew(ws->ctx, &ws->scratch, scratch, sizeof(float));
         if (!status) ws->scratch_capacity = scratch;
     }
-    /* loss: L1 and SSIM of each band of each channel */
-    size_t partial = 2 * SF_CHANNELS * (size_t)ws->eye.tiles_y;
+    /* loss: L1 and SSIM of each row of each channel */
+    size_t partial = 2 * SF_CHANNELS * (size_t)ws->eye.height;
     if (!status) status = sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, partial, sizeof(double));
     return status;
 }

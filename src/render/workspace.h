@@ -15,6 +15,7 @@
 
 enum {
     SF_PROJECT_BLOCKS = 16, /* blocks of SF_LANES Gaussians a task */
+    SF_GRAD_BLOCKS = 4, /* blocks whose gradients are handed on at a time: 15 KB, a part of the L1 cache */
     SF_CHANNELS = 3
 };
 
@@ -39,6 +40,8 @@ typedef struct sf_workspace {
     uint32_t *span_offset; /* [n + 1] */
     uint32_t *slot;        /* [n + 1] first slot of each Gaussian: its tiles in row-major order */
     float *screen;         /* [n] */
+    float *grads;          /* SF_GRAD_BLOCKS blocks of all fields, one set a thread */
+    size_t grads_capacity;
     uint32_t *order, *order_swap, *key, *key_swap; /* what is seen, by depth */
     size_t seen;
     uint64_t not_finite; /* Gaussians left out by the last project and project_bwd */
@@ -49,17 +52,16 @@ typedef struct sf_workspace {
     uint32_t *tile_begin; /* [tiles + 1] */
     uint32_t *tile_cursor;
     uint32_t *entries, *entry_slots; /* [entries], by tile, near to far */
+    uint64_t *entry_parts;           /* [entries] what blend leaves for blend_bwd */
     float *sums;                     /* [entries][SF_SUMS] by slot */
     size_t sums_capacity;
 
-    /* the loss: target and weight of the picture; maps of M.5 */
+    /* the loss: target and weight of the picture */
     float *target[SF_CHANNELS]; /* already times the weight */
     float *weight;              /* in use where has_weight */
     int has_weight;
-    float *weighted[SF_CHANNELS]; /* rgb times weight */
-    float *map[SF_CHANNELS][3];
     size_t loss_capacity;
-    float *scratch; /* a band's, one a thread */
+    float *scratch; /* sf_loss_scratch, one a thread */
     size_t scratch_capacity;
     double *partial; /* sums of a stage, by task */
     size_t partial_capacity;
@@ -87,8 +89,11 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double weight_sum, int with_
                    sf_loss_value *value);
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws);
-/* grads: blocked arrays with room for the count; pose NULL or [6], overwritten. */
-sf_status sf_stage_project_bwd(sf_workspace *ws, const sf_params *grads, double *pose);
+/* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
+ * grads' arrays. Called on the pool's threads, for each block once. */
+typedef void (*sf_grads_fn)(void *user, const sf_params *grads, size_t first, size_t end);
+/* pose: NULL or [6], overwritten. A failure comes before the first call of `take`. */
+sf_status sf_stage_project_bwd(sf_workspace *ws, double *pose, sf_grads_fn take, void *user);
 /* dL/dbackground = sum T dL/dgamma, [3]. */
 sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background);
 

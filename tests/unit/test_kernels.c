@@ -287,6 +287,7 @@ typedef struct binned {
     sf_workspace ws;
     uint32_t *offset;
     sf_span *spans;
+    uint32_t *tiles;
 } binned;
 
 static void bin(const test_ref_scene *scene, binned *b) {
@@ -301,13 +302,16 @@ static void bin(const test_ref_scene *scene, binned *b) {
     for (size_t i = 0; i < scene->count; i++) b->offset[i + 1] = b->offset[i] + b->ws.rows[i];
     b->spans = calloc((size_t)b->offset[scene->count] + 1, sizeof *b->spans);
     assert_non_null(b->spans);
+    b->tiles = calloc(scene->count + 1, sizeof *b->tiles);
+    assert_non_null(b->tiles);
     b->ctx->kernels->spans(b->ws.splats, b->ws.first_row, b->ws.rows, b->offset, 0, scene->count,
-                           b->ws.eye.tiles_x, b->spans);
+                           b->ws.eye.tiles_x, b->spans, b->tiles);
 }
 
 static void unbin(binned *b) {
     free(b->offset);
     free(b->spans);
+    free(b->tiles);
     sf_workspace_free(&b->ws);
     sf_model_destroy(&b->model);
     sf_context_destroy(&b->ctx);
@@ -327,6 +331,7 @@ static size_t tiles_of(const binned *b, size_t i) {
         assert_true(b->spans[r].x0 <= b->spans[r].x1 && b->spans[r].x1 <= b->ws.eye.tiles_x);
         tiles += (size_t)(b->spans[r].x1 - b->spans[r].x0);
     }
+    assert_int_equal(tiles, b->tiles[i]);
     return tiles;
 }
 
