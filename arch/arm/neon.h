@@ -14,6 +14,10 @@ VEC vf vf_set(float x) { return vdupq_n_f32(x); }
 VEC vf vf_load(const float *p) { return vld1q_f32(p); }
 VEC vf vf_loadu(const float *p) { return vld1q_f32(p); }
 VEC void vf_store(float *p, vf a) { vst1q_f32(p, a); }
+VEC vf vf_add(vf a, vf b) { return vaddq_f32(a, b); }
+VEC vf vf_sub(vf a, vf b) { return vsubq_f32(a, b); }
+VEC vf vf_mul(vf a, vf b) { return vmulq_f32(a, b); }
+VEC vf vf_neg(vf a) { return vnegq_f32(a); }
 VEC vf vf_fma(vf a, vf b, vf c) { return vfmaq_f32(c, a, b); }
 VEC vf vf_fnma(vf a, vf b, vf c) { return vfmsq_f32(c, a, b); }
 VEC vf vf_min(vf a, vf b) { return vminq_f32(a, b); }
@@ -45,6 +49,17 @@ VEC float vf_sum(vf a) {
 }
 #endif
 
+VEC vf vf_reciprocal(vf a) {
+    vf r = vrecpeq_f32(a);
+    r = vmulq_f32(r, vrecpsq_f32(a, r));
+    return vmulq_f32(r, vrecpsq_f32(a, r));
+}
+VEC vf vf_root(vf a) { /* an estimate within 2^-8, and a step of Newton's */
+    vf r = vrsqrteq_f32(vmaxq_f32(a, vdupq_n_f32(1e-30f)));
+    r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
+    return vmulq_f32(vmulq_f32(a, r), vdupq_n_f32(1 + 0x1p-11f));
+}
+
 VEC vm vf_ge(vf a, vf b) { return vcgeq_f32(a, b); }
 VEC vm vf_le(vf a, vf b) { return vcleq_f32(a, b); }
 VEC vm vm_and(vm a, vm b) { return vandq_u32(a, b); }
@@ -58,16 +73,18 @@ VEC int vm_any(vm m) {
     uint32x2_t half = vorr_u32(vget_low_u32(m), vget_high_u32(m));
     return (vget_lane_u32(half, 0) | vget_lane_u32(half, 1)) != 0;
 }
+VEC int vm_list(vm m, int first, uint8_t *out) { return vm_list4(vm_bits(m), first, out); }
+enum { VM_BITS = 4 };
+VEC int vm_list_bits(uint64_t bits, int first, uint8_t *out) { return vm_list4((unsigned)bits, first, out); }
 VEC vf vf_keep(vm m, vf a) { return vreinterpretq_f32_u32(vandq_u32(m, vreinterpretq_u32_f32(a))); }
 VEC vf vf_select(vm m, vf a, vf b) { return vbslq_f32(m, a, b); }
 VEC vu vu_zero(void) { return vdupq_n_u32(0); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) { return vorrq_u32(a, vandq_u32(m, vdupq_n_u32(bits))); }
 VEC void vu_store(uint32_t *p, vu a) { vst1q_u32(p, a); }
 
-VEC vf vf_exp2_parts(vf x, vf *n) {
+VEC vf vf_nearest(vf x) {
     vf magic = vdupq_n_f32(12582912.0f); /* 1.5 x 2^23: adding it rounds to an integer */
-    *n = x + magic - magic;
-    return x - *n;
+    return vsubq_f32(vaddq_f32(x, magic), magic);
 }
 VEC vf vf_times_exp2(vf p, vf n) {
     return vreinterpretq_f32_s32(vaddq_s32(vreinterpretq_s32_f32(p), vshlq_n_s32(vcvtq_s32_f32(n), 23)));

@@ -10,11 +10,12 @@ void SF_AT_LEVEL(sf_adam)(float *p, const float *g, float *m, float *v, size_t n
     for (size_t i = 0; i < n; i += VW) {
         /* 1. moments */
         vf gradient = vf_load(g + i);
-        vf first = vf_fma(beta1, vf_load(m + i), rest1 * gradient);
-        vf second = vf_fma(beta2, vf_load(v + i), rest2 * (gradient * gradient));
+        vf first = vf_fma(beta1, vf_load(m + i), vf_mul(rest1, gradient));
+        vf second = vf_fma(beta2, vf_load(v + i), vf_mul(rest2, vf_mul(gradient, gradient)));
         vf_store(m + i, first);
         vf_store(v + i, second);
         /* 2. the step */
-        vf_store(p + i, vf_load(p + i) - vf_div(rate * first, vf_sqrt(second * v_scale) + epsilon));
+        vf down = vf_add(vf_sqrt(vf_mul(second, v_scale)), epsilon);
+        vf_store(p + i, vf_sub(vf_load(p + i), vf_div(vf_mul(rate, first), down)));
     }
 }

@@ -45,20 +45,20 @@ VEC vm inside(int x, int width) {
     return vf_le(vf_load(lane), vf_set((float)(width - 1 - x)));
 }
 
-VEC vf magnitude(vf a) { return vf_max(a, vf_set(0) - a); }
+VEC vf magnitude(vf a) { return vf_max(a, vf_neg(a)); }
 
 /* The rendered picture times the weight. */
 VEC vf weighted(const sf_loss_args *a, size_t at) {
     vf x = vf_load(a->x + at);
-    if (a->weight) x = x * vf_load(a->weight + at);
+    if (a->weight) x = vf_mul(x, vf_load(a->weight + at));
     return x;
 }
 
 VEC void filter_along(const sf_loss_args *a, const float *row, float *out) {
     for (int x = 0; x < a->width; x += VW) {
-        vf sum = vf_set(window[0]) * vf_load(row + x);
+        vf sum = vf_mul(vf_set(window[0]), vf_load(row + x));
         for (int k = 1; k <= SF_SSIM_RADIUS; k++)
-            sum = vf_fma(vf_set(window[k]), vf_loadu(row + x - k) + vf_loadu(row + x + k), sum);
+            sum = vf_fma(vf_set(window[k]), vf_add(vf_loadu(row + x - k), vf_loadu(row + x + k)), sum);
         vf_store(out + x, sum);
     }
 }
@@ -76,10 +76,11 @@ VEC column column_of(const sf_loss_args *a, int ring, int y) {
 }
 
 VEC vf filter_down(const column *c, int x) {
-    vf sum = vf_set(window[0]) * vf_load(c->row[SF_SSIM_RADIUS] + x);
+    vf sum = vf_mul(vf_set(window[0]), vf_load(c->row[SF_SSIM_RADIUS] + x));
     for (int k = 1; k <= SF_SSIM_RADIUS; k++)
         sum = vf_fma(vf_set(window[k]),
-                     vf_load(c->row[SF_SSIM_RADIUS - k] + x) + vf_load(c->row[SF_SSIM_RADIUS + k] + x), sum);
+                     vf_add(vf_load(c->row[SF_SSIM_RADIUS - k] + x), vf_load(c->row[SF_SSIM_RADIUS + k] + x)),
+                     sum);
     return sum;
 }
 
@@ -97,8 +98,8 @@ static void enter_row(const sf_loss_args *a, int y) {
         vf u = vf_keep(in, weighted(a, at)), v = vf_keep(in, vf_load(a->y + at));
         vf_store(plane[0] + i, u);
         vf_store(plane[1] + i, v);
-        vf_store(plane[2] + i, vf_fma(u, u, v * v));
-        vf_store(plane[3] + i, u * v);
+        vf_store(plane[2] + i, vf_fma(u, u, vf_mul(v, v)));
+        vf_store(plane[3] + i, vf_mul(u, v));
     }
     for (int k = 0; k < PLANES; k++) filter_along(a, plane[k], ring_row(a, k, y));
 }
@@ -116,17 +117,18 @@ static double compare_row(const sf_loss_args *a, int y, int backward) {
     for (int k = 0; k < MAPS; k++) map[k] = spare_row(a, k);
     vf sum = vf_set(0), one = vf_set(1), two = vf_set(2);
     for (int i = 0; i < a->width; i += VW) {
-        vf mx = filter_down(&mean[0], i), my = filter_down(&mean[1], i), mxy = mx * my;
-        vf mm = vf_fma(mx, mx, my * my), sxy = filter_down(&mean[3], i) - mxy;
+        vf mx = filter_down(&mean[0], i), my = filter_down(&mean[1], i), mxy = vf_mul(mx, my);
+        vf mm = vf_fma(mx, mx, vf_mul(my, my)), sxy = vf_sub(filter_down(&mean[3], i), mxy);
         vf A1 = vf_fma(two, mxy, vf_set(SF_SSIM_C1)), A2 = vf_fma(two, sxy, vf_set(SF_SSIM_C2));
-        vf B1 = mm + vf_set(SF_SSIM_C1), B2 = filter_down(&mean[2], i) - mm + vf_set(SF_SSIM_C2);
-        vf inv = vf_div(one, B1 * B2), S = A1 * A2 * inv;
+        vf B1 = vf_add(mm, vf_set(SF_SSIM_C1));
+        vf B2 = vf_add(vf_sub(filter_down(&mean[2], i), mm), vf_set(SF_SSIM_C2));
+        vf inv = vf_div(one, vf_mul(B1, B2)), S = vf_mul(vf_mul(A1, A2), inv);
         vm in = inside(i, a->width);
-        sum = sum + vf_keep(in, S);
+        sum = vf_add(sum, vf_keep(in, S));
         if (!backward) continue;
-        vf d_sxx = vf_set(0) - S * inv * B1, d_sxy = two * A1 * inv;
-        vf d_mx = two * inv * vf_fnma(mx * S, B2, my * A2);
-        vf_store(map[0] + i, vf_keep(in, vf_fnma(two * mx, d_sxx, vf_fnma(my, d_sxy, d_mx))));
+        vf d_sxx = vf_neg(vf_mul(vf_mul(S, inv), B1)), d_sxy = vf_mul(vf_mul(two, A1), inv);
+        vf d_mx = vf_mul(vf_mul(two, inv), vf_fnma(vf_mul(mx, S), B2, vf_mul(my, A2)));
+        vf_store(map[0] + i, vf_keep(in, vf_fnma(vf_mul(two, mx), d_sxx, vf_fnma(my, d_sxy, d_mx))));
         vf_store(map[1] + i, vf_keep(in, d_sxx));
         vf_store(map[2] + i, vf_keep(in, d_sxy));
     }
@@ -139,16 +141,16 @@ static void differentiate_row(const sf_loss_args *a, int y) {
     int with_ssim = a->ssim_scale != 0.0f;
     column mean[MAPS];
     for (int k = 0; with_ssim && k < MAPS; k++) mean[k] = column_of(a, PLANES + k, y);
-    vf zero = vf_set(0), scale = vf_set(a->l1_scale), ssim_scale = vf_set(a->ssim_scale);
+    vf scale = vf_set(a->l1_scale), ssim_scale = vf_set(a->ssim_scale);
     for (size_t i = 0; i < a->stride; i += VW) {
         size_t at = (size_t)y * a->stride + i;
         vf u = weighted(a, at), v = vf_load(a->y + at);
-        vf d = vf_select(vf_ge(u, v), scale, zero) - vf_select(vf_ge(v, u), scale, zero);
+        vf d = vf_sub(vf_keep(vf_ge(u, v), scale), vf_keep(vf_ge(v, u), scale));
         if (with_ssim) {
-            vf g = vf_fma(u + u, filter_down(&mean[1], (int)i), filter_down(&mean[0], (int)i));
+            vf g = vf_fma(vf_add(u, u), filter_down(&mean[1], (int)i), filter_down(&mean[0], (int)i));
             d = vf_fma(ssim_scale, vf_fma(v, filter_down(&mean[2], (int)i), g), d);
         }
-        if (a->weight) d = d * vf_load(a->weight + at);
+        if (a->weight) d = vf_mul(d, vf_load(a->weight + at));
         vf_store(a->d_x + at, vf_keep(inside((int)i, a->width), d));
     }
 }
@@ -157,7 +159,8 @@ static double l1_row(const sf_loss_args *a, int y) {
     vf sum = vf_set(0);
     for (int i = 0; i < a->width; i += VW) {
         size_t at = (size_t)y * a->stride + (size_t)i;
-        sum = sum + vf_keep(inside(i, a->width), magnitude(weighted(a, at) - vf_load(a->y + at)));
+        sum =
+            vf_add(sum, vf_keep(inside(i, a->width), magnitude(vf_sub(weighted(a, at), vf_load(a->y + at)))));
     }
     return (double)vf_sum(sum);
 }

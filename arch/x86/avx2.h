@@ -13,18 +13,37 @@ VEC vf vf_set(float x) { return _mm256_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm256_load_ps(p); }
 VEC vf vf_loadu(const float *p) { return _mm256_loadu_ps(p); }
 VEC void vf_store(float *p, vf a) { _mm256_store_ps(p, a); }
+VEC vf vf_add(vf a, vf b) { return _mm256_add_ps(a, b); }
+VEC vf vf_sub(vf a, vf b) { return _mm256_sub_ps(a, b); }
+VEC vf vf_mul(vf a, vf b) { return _mm256_mul_ps(a, b); }
+VEC vf vf_neg(vf a) { return _mm256_sub_ps(_mm256_setzero_ps(), a); }
 VEC vf vf_fma(vf a, vf b, vf c) { return _mm256_fmadd_ps(a, b, c); }
 VEC vf vf_fnma(vf a, vf b, vf c) { return _mm256_fnmadd_ps(a, b, c); }
 VEC vf vf_min(vf a, vf b) { return _mm256_min_ps(a, b); }
 VEC vf vf_max(vf a, vf b) { return _mm256_max_ps(a, b); }
 VEC vf vf_sqrt(vf a) { return _mm256_sqrt_ps(a); }
-VEC vf vf_div(vf a, vf b) { return a / b; }
+VEC vf vf_div(vf a, vf b) { return _mm256_div_ps(a, b); }
+VEC vf vf_reciprocal(vf a) { /* an estimate within 1.5 x 2^-12, and a step of Newton's */
+    vf r = _mm256_rcp_ps(a);
+    return vf_fma(r, vf_fnma(a, r, _mm256_set1_ps(1)), r);
+}
+VEC vf vf_root(vf a) {
+    vf r = _mm256_rsqrt_ps(_mm256_max_ps(a, _mm256_set1_ps(1e-30f)));
+    return _mm256_mul_ps(_mm256_mul_ps(a, r), _mm256_set1_ps(1 + 0x1p-11f));
+}
 
 VEC vm vf_ge(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_GE_OQ); }
 VEC vm vf_le(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_LE_OQ); }
 VEC vm vm_and(vm a, vm b) { return _mm256_and_ps(a, b); }
 VEC unsigned vm_bits(vm m) { return (unsigned)_mm256_movemask_ps(m); }
 VEC int vm_any(vm m) { return !_mm256_testz_ps(m, m); }
+VEC int vm_list(vm m, int first, uint8_t *out) {
+    unsigned bits = (unsigned)_mm256_movemask_ps(m);
+    int low = vm_list4(bits & 15, first, out);
+    return low + vm_list4(bits >> 4, first + 4, out + low);
+}
+enum { VM_BITS = 4 };
+VEC int vm_list_bits(uint64_t bits, int first, uint8_t *out) { return vm_list4((unsigned)bits, first, out); }
 VEC vf vf_keep(vm m, vf a) { return _mm256_and_ps(m, a); }
 VEC vf vf_select(vm m, vf a, vf b) { return _mm256_blendv_ps(b, a, m); }
 VEC vu vu_zero(void) { return _mm256_setzero_si256(); }
@@ -33,10 +52,7 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 }
 VEC void vu_store(uint32_t *p, vu a) { _mm256_store_si256((__m256i *)p, a); }
 
-VEC vf vf_exp2_parts(vf x, vf *n) {
-    *n = _mm256_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
-    return x - *n;
-}
+VEC vf vf_nearest(vf x) { return _mm256_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
 VEC vf vf_times_exp2(vf p, vf n) {
     return _mm256_castsi256_ps(
         _mm256_add_epi32(_mm256_castps_si256(p), _mm256_slli_epi32(_mm256_cvtps_epi32(n), 23)));

@@ -14,18 +14,38 @@ VEC vf vf_set(float x) { return _mm512_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm512_load_ps(p); }
 VEC vf vf_loadu(const float *p) { return _mm512_loadu_ps(p); }
 VEC void vf_store(float *p, vf a) { _mm512_store_ps(p, a); }
+VEC vf vf_add(vf a, vf b) { return _mm512_add_ps(a, b); }
+VEC vf vf_sub(vf a, vf b) { return _mm512_sub_ps(a, b); }
+VEC vf vf_mul(vf a, vf b) { return _mm512_mul_ps(a, b); }
+VEC vf vf_neg(vf a) { return _mm512_sub_ps(_mm512_setzero_ps(), a); }
 VEC vf vf_fma(vf a, vf b, vf c) { return _mm512_fmadd_ps(a, b, c); }
 VEC vf vf_fnma(vf a, vf b, vf c) { return _mm512_fnmadd_ps(a, b, c); }
 VEC vf vf_min(vf a, vf b) { return _mm512_min_ps(a, b); }
 VEC vf vf_max(vf a, vf b) { return _mm512_max_ps(a, b); }
 VEC vf vf_sqrt(vf a) { return _mm512_sqrt_ps(a); }
-VEC vf vf_div(vf a, vf b) { return a / b; }
+VEC vf vf_div(vf a, vf b) { return _mm512_div_ps(a, b); }
+VEC vf vf_reciprocal(vf a) {
+    vf r = _mm512_rcp14_ps(a);
+    return _mm512_fmadd_ps(r, _mm512_fnmadd_ps(a, r, _mm512_set1_ps(1)), r);
+}
+VEC vf vf_root(vf a) { /* an estimate within 2^-14 */
+    vf r = _mm512_rsqrt14_ps(_mm512_max_ps(a, _mm512_set1_ps(1e-30f)));
+    return _mm512_mul_ps(_mm512_mul_ps(a, r), _mm512_set1_ps(1 + 0x1p-13f));
+}
 
 VEC vm vf_ge(vf a, vf b) { return _mm512_cmp_ps_mask(a, b, _CMP_GE_OQ); }
 VEC vm vf_le(vf a, vf b) { return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ); }
 VEC vm vm_and(vm a, vm b) { return a & b; }
 VEC unsigned vm_bits(vm m) { return m; }
 VEC int vm_any(vm m) { return m != 0; }
+VEC int vm_list(vm m, int first, uint8_t *out) {
+    const __m512i lane = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    __m512i in = _mm512_maskz_compress_epi32(m, _mm512_add_epi32(lane, _mm512_set1_epi32(first)));
+    _mm_storeu_si128((__m128i *)out, _mm512_cvtepi32_epi8(in));
+    return __builtin_popcount(m);
+}
+enum { VM_BITS = 16 };
+VEC int vm_list_bits(uint64_t bits, int first, uint8_t *out) { return vm_list((vm)bits, first, out); }
 VEC vf vf_keep(vm m, vf a) { return _mm512_maskz_mov_ps(m, a); }
 VEC vf vf_select(vm m, vf a, vf b) { return _mm512_mask_blend_ps(m, b, a); }
 
@@ -35,10 +55,7 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 }
 VEC void vu_store(uint32_t *p, vu a) { _mm512_store_si512(p, a); }
 
-VEC vf vf_exp2_parts(vf x, vf *n) {
-    *n = _mm512_roundscale_ps(x, 0);
-    return x - *n;
-}
+VEC vf vf_nearest(vf x) { return _mm512_roundscale_ps(x, 0); }
 VEC vf vf_times_exp2(vf p, vf n) { return _mm512_scalef_ps(p, n); }
 
 VEC vf vf_load_block(const float *p, size_t stride) {

@@ -13,18 +13,33 @@ VEC vf vf_set(float x) { return _mm_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm_load_ps(p); }
 VEC vf vf_loadu(const float *p) { return _mm_loadu_ps(p); }
 VEC void vf_store(float *p, vf a) { _mm_store_ps(p, a); }
-VEC vf vf_fma(vf a, vf b, vf c) { return a * b + c; }
-VEC vf vf_fnma(vf a, vf b, vf c) { return c - a * b; }
+VEC vf vf_add(vf a, vf b) { return _mm_add_ps(a, b); }
+VEC vf vf_sub(vf a, vf b) { return _mm_sub_ps(a, b); }
+VEC vf vf_mul(vf a, vf b) { return _mm_mul_ps(a, b); }
+VEC vf vf_neg(vf a) { return _mm_sub_ps(_mm_setzero_ps(), a); }
+VEC vf vf_fma(vf a, vf b, vf c) { return vf_add(vf_mul(a, b), c); }
+VEC vf vf_fnma(vf a, vf b, vf c) { return vf_sub(c, vf_mul(a, b)); }
 VEC vf vf_min(vf a, vf b) { return _mm_min_ps(a, b); }
 VEC vf vf_max(vf a, vf b) { return _mm_max_ps(a, b); }
 VEC vf vf_sqrt(vf a) { return _mm_sqrt_ps(a); }
-VEC vf vf_div(vf a, vf b) { return a / b; }
+VEC vf vf_div(vf a, vf b) { return _mm_div_ps(a, b); }
+VEC vf vf_reciprocal(vf a) { /* an estimate within 1.5 x 2^-12, and a step of Newton's */
+    vf r = _mm_rcp_ps(a);
+    return vf_fma(r, vf_fnma(a, r, _mm_set1_ps(1)), r);
+}
+VEC vf vf_root(vf a) {
+    vf r = _mm_rsqrt_ps(_mm_max_ps(a, _mm_set1_ps(1e-30f)));
+    return _mm_mul_ps(_mm_mul_ps(a, r), _mm_set1_ps(1 + 0x1p-11f));
+}
 
 VEC vm vf_ge(vf a, vf b) { return _mm_cmpge_ps(a, b); }
 VEC vm vf_le(vf a, vf b) { return _mm_cmple_ps(a, b); }
 VEC vm vm_and(vm a, vm b) { return _mm_and_ps(a, b); }
 VEC unsigned vm_bits(vm m) { return (unsigned)_mm_movemask_ps(m); }
 VEC int vm_any(vm m) { return _mm_movemask_ps(m) != 0; }
+VEC int vm_list(vm m, int first, uint8_t *out) { return vm_list4((unsigned)_mm_movemask_ps(m), first, out); }
+enum { VM_BITS = 4 };
+VEC int vm_list_bits(uint64_t bits, int first, uint8_t *out) { return vm_list4((unsigned)bits, first, out); }
 VEC vf vf_keep(vm m, vf a) { return _mm_and_ps(m, a); }
 VEC vf vf_select(vm m, vf a, vf b) { return _mm_blendv_ps(b, a, m); }
 VEC vu vu_zero(void) { return _mm_setzero_si128(); }
@@ -33,10 +48,7 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 }
 VEC void vu_store(uint32_t *p, vu a) { _mm_store_si128((__m128i *)p, a); }
 
-VEC vf vf_exp2_parts(vf x, vf *n) {
-    *n = _mm_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
-    return x - *n;
-}
+VEC vf vf_nearest(vf x) { return _mm_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
 VEC vf vf_times_exp2(vf p, vf n) {
     return _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(p), _mm_slli_epi32(_mm_cvtps_epi32(n), 23)));
 }
