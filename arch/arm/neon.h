@@ -106,6 +106,91 @@ VEC void vf_sums8(const vf a[8], float *out) {
     }
 }
 
+#if defined(__aarch64__)
+enum { VD = 2 };
+typedef float64x2_t vd;
+typedef uint64x2_t vdm;
+
+VEC vd vd_set(double x) { return vdupq_n_f64(x); }
+VEC vd vd_load(const double *p) { return vld1q_f64(p); }
+VEC void vd_store(double *p, vd a) { vst1q_f64(p, a); }
+VEC vd vd_widen(const float *p) { return vcvt_f64_f32(vld1_f32(p)); }
+VEC void vd_narrow(float *p, vd a) { vst1_f32(p, vcvt_f32_f64(a)); }
+VEC vd vd_add(vd a, vd b) { return vaddq_f64(a, b); }
+VEC vd vd_sub(vd a, vd b) { return vsubq_f64(a, b); }
+VEC vd vd_mul(vd a, vd b) { return vmulq_f64(a, b); }
+VEC vd vd_fma(vd a, vd b, vd c) { return vfmaq_f64(c, a, b); }
+VEC vd vd_fnma(vd a, vd b, vd c) { return vfmsq_f64(c, a, b); }
+VEC vd vd_div(vd a, vd b) { return vdivq_f64(a, b); }
+VEC vd vd_sqrt(vd a) { return vsqrtq_f64(a); }
+VEC vd vd_min(vd a, vd b) { return vminq_f64(a, b); }
+VEC vd vd_max(vd a, vd b) { return vmaxq_f64(a, b); }
+VEC vd vd_floor(vd a) { return vrndmq_f64(a); }
+VEC vdm vd_le(vd a, vd b) { return vcleq_f64(a, b); }
+VEC vdm vd_lt(vd a, vd b) { return vcltq_f64(a, b); }
+VEC vdm vdm_and(vdm a, vdm b) { return vandq_u64(a, b); }
+VEC unsigned vdm_bits(vdm m) { return (unsigned)((vgetq_lane_u64(m, 0) & 1) | (vgetq_lane_u64(m, 1) & 2)); }
+VEC vdm vdm_of(unsigned bits) {
+    return vcombine_u64(vcreate_u64(-(uint64_t)(bits & 1)), vcreate_u64(-(uint64_t)(bits >> 1 & 1)));
+}
+VEC vd vd_keep(vdm m, vd a) { return vreinterpretq_f64_u64(vandq_u64(m, vreinterpretq_u64_f64(a))); }
+VEC vd vd_select(vdm m, vd a, vd b) { return vbslq_f64(m, a, b); }
+VEC vd vd_nearest(vd x) { return vrndnq_f64(x); }
+VEC vd vd_times_exp2(vd p, vd n) {
+    return vreinterpretq_f64_s64(vaddq_s64(vreinterpretq_s64_f64(p), vshlq_n_s64(vcvtq_s64_f64(n), 52)));
+}
+VEC vd vd_split(vd x, vd *exponent) {
+    uint64x2_t bits = vreinterpretq_u64_f64(x);
+    *exponent = vsubq_f64(vcvtq_f64_u64(vshrq_n_u64(bits, 52)), vdupq_n_f64(1023));
+    uint64x2_t fraction = vandq_u64(bits, vdupq_n_u64(0xfffffffffffff));
+    return vreinterpretq_f64_u64(vorrq_u64(fraction, vreinterpretq_u64_f64(vdupq_n_f64(1))));
+}
+#else
+/* armv7 has no vectors of doubles. */
+enum { VD = 1 };
+typedef double vd;
+typedef unsigned vdm;
+
+VEC vd vd_set(double x) { return x; }
+VEC vd vd_load(const double *p) { return *p; }
+VEC void vd_store(double *p, vd a) { *p = a; }
+VEC vd vd_widen(const float *p) { return (double)*p; }
+VEC void vd_narrow(float *p, vd a) { *p = (float)a; }
+VEC vd vd_add(vd a, vd b) { return a + b; }
+VEC vd vd_sub(vd a, vd b) { return a - b; }
+VEC vd vd_mul(vd a, vd b) { return a * b; }
+VEC vd vd_fma(vd a, vd b, vd c) { return a * b + c; }
+VEC vd vd_fnma(vd a, vd b, vd c) { return c - a * b; }
+VEC vd vd_div(vd a, vd b) { return a / b; }
+VEC vd vd_sqrt(vd a) { return __builtin_sqrt(a); }
+VEC vd vd_min(vd a, vd b) { return a < b ? a : b; }
+VEC vd vd_max(vd a, vd b) { return a > b ? a : b; }
+VEC vd vd_floor(vd a) { return __builtin_floor(a); }
+VEC vdm vd_le(vd a, vd b) { return a <= b; }
+VEC vdm vd_lt(vd a, vd b) { return a < b; }
+VEC vdm vdm_and(vdm a, vdm b) { return a & b; }
+VEC unsigned vdm_bits(vdm m) { return m; }
+VEC vdm vdm_of(unsigned bits) { return bits & 1; }
+VEC vd vd_keep(vdm m, vd a) { return m ? a : 0; }
+VEC vd vd_select(vdm m, vd a, vd b) { return m ? a : b; }
+VEC vd vd_nearest(vd x) { return x + 0x1.8p52 - 0x1.8p52; }
+VEC vd vd_times_exp2(vd p, vd n) {
+    uint64_t bits;
+    memcpy(&bits, &p, sizeof bits);
+    bits += (uint64_t)(int64_t)n << 52;
+    memcpy(&p, &bits, sizeof p);
+    return p;
+}
+VEC vd vd_split(vd x, vd *exponent) {
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    *exponent = (double)(int)(bits >> 52) - 1023;
+    bits = (bits & 0xfffffffffffff) | (uint64_t)1023 << 52;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+#endif
+
 /* r[j] lane i = rows[i][j], of 4 rows of 16 floats. */
 VEC void vf_transpose(const float *const rows[VW], vf r[16]) {
     for (int quarter = 0; quarter < 4; quarter++) {

@@ -19,7 +19,8 @@ enum {
     BANDS = SF_TILE / VB_ROWS,
     BLOCKS = ACROSS * BANDS, /* at most 64 */
     STEP = 4,
-    AHEAD = 32, BATCH = BLOCKS < 64 ? 64 : 128 /* pairs of the backward pass at a time: they stay in the L1 cache */
+    AHEAD = 32,
+    BATCH = BLOCKS < 64 ? 64 : 128 /* pairs of the backward pass at a time: they stay in the L1 cache */
 };
 
 /* The bench builds this file once more for each degree of the exponential, and without the pairs. */

@@ -5,6 +5,8 @@
 #include "../../src/kernels/kernels.h"
 
 #define SF_VECTOR_KERNELS(level)                                                                             \
+    void sf_project_##level(const sf_project_args *args, size_t first, size_t end);                          \
+    void sf_project_bwd_##level(const sf_project_bwd_args *args, size_t first, size_t end);                  \
     void sf_blend_##level(const sf_blend_args *args);                                                        \
     void sf_loss_##level(const sf_loss_args *args);                                                          \
     void sf_blend_bwd_##level(const sf_blend_args *args);                                                    \
@@ -19,6 +21,8 @@ SF_VECTOR_KERNELS(neon)
 #define SF_VECTOR_ENTER(kernels, at_level)                                                                   \
     do {                                                                                                     \
         (kernels)->isa = #at_level;                                                                          \
+        SF_KERNEL_ENTER(kernels, project, at_level);                                                         \
+        SF_KERNEL_ENTER(kernels, project_bwd, at_level);                                                     \
         SF_KERNEL_ENTER(kernels, blend, at_level);                                                           \
         SF_KERNEL_ENTER(kernels, loss, at_level);                                                            \
         SF_KERNEL_ENTER(kernels, blend_bwd, at_level);                                                       \

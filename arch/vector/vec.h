@@ -72,4 +72,28 @@ VEC void vf_exp2(const vf *x, vf *out, int steps) {
     for (int k = 0; k < steps; k++) out[k] = vf_times_exp2(out[k], n[k]);
 }
 
+/* 2^x, relative error below 1e-13; x is taken to [-1000, 1000] first. */
+VEC vd vd_exp2(vd x) {
+    /* ln(2)^k / k! */
+    static const double terms[] = {4.4455382718708e-10, 7.0549116208011e-9, 1.0178086009239e-7,
+                                   1.3215486790144e-6,  1.5252733804060e-5, 1.5403530393382e-4,
+                                   1.3333558146428e-3,  9.6181291076285e-3, 5.5504108664822e-2,
+                                   2.4022650695910e-1,  6.9314718055995e-1, 1};
+    x = vd_max(vd_min(x, vd_set(1000)), vd_set(-1000));
+    vd n = vd_nearest(x), f = vd_sub(x, n), p = vd_set(terms[0]);
+    for (int i = 1; i < 12; i++) p = vd_fma(p, f, vd_set(terms[i]));
+    return vd_times_exp2(p, n);
+}
+
+/* log2(x) for normal x > 0, absolute error below 1e-12: 2 atanh(z) / ln 2, z = (m - 1) / (m + 1). */
+VEC vd vd_log2(vd x) {
+    vd exponent, m = vd_split(x, &exponent), one = vd_set(1);
+    vdm upper = vd_lt(vd_set(1.4142135623730951), m);
+    m = vd_select(upper, vd_mul(m, vd_set(0.5)), m);
+    exponent = vd_add(exponent, vd_keep(upper, one));
+    vd z = vd_div(vd_sub(m, one), vd_add(m, one)), zz = vd_mul(z, z), p = vd_set(1.0 / 15);
+    for (int k = 13; k > 0; k -= 2) p = vd_fma(p, zz, vd_set(1.0 / k));
+    return vd_fma(vd_mul(vd_set(2.8853900817779268), z), p, exponent);
+}
+
 #endif

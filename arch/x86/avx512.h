@@ -86,6 +86,39 @@ VEC void vf_sums8(const vf a[8], float *out) {
 }
 VEC float vf_sum(vf a) { return _mm512_reduce_add_ps(a); }
 
+enum { VD = 8 };
+typedef __m512d vd;
+typedef __mmask8 vdm;
+
+VEC vd vd_set(double x) { return _mm512_set1_pd(x); }
+VEC vd vd_load(const double *p) { return _mm512_load_pd(p); }
+VEC void vd_store(double *p, vd a) { _mm512_store_pd(p, a); }
+VEC vd vd_widen(const float *p) { return _mm512_cvtps_pd(_mm256_load_ps(p)); }
+VEC void vd_narrow(float *p, vd a) { _mm256_store_ps(p, _mm512_cvtpd_ps(a)); }
+VEC vd vd_add(vd a, vd b) { return _mm512_add_pd(a, b); }
+VEC vd vd_sub(vd a, vd b) { return _mm512_sub_pd(a, b); }
+VEC vd vd_mul(vd a, vd b) { return _mm512_mul_pd(a, b); }
+VEC vd vd_fma(vd a, vd b, vd c) { return _mm512_fmadd_pd(a, b, c); }
+VEC vd vd_fnma(vd a, vd b, vd c) { return _mm512_fnmadd_pd(a, b, c); }
+VEC vd vd_div(vd a, vd b) { return _mm512_div_pd(a, b); }
+VEC vd vd_sqrt(vd a) { return _mm512_sqrt_pd(a); }
+VEC vd vd_min(vd a, vd b) { return _mm512_min_pd(a, b); }
+VEC vd vd_max(vd a, vd b) { return _mm512_max_pd(a, b); }
+VEC vd vd_floor(vd a) { return _mm512_roundscale_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
+VEC vdm vd_le(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_LE_OQ); }
+VEC vdm vd_lt(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ); }
+VEC vdm vdm_and(vdm a, vdm b) { return a & b; }
+VEC unsigned vdm_bits(vdm m) { return m; }
+VEC vdm vdm_of(unsigned bits) { return (vdm)bits; }
+VEC vd vd_keep(vdm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
+VEC vd vd_select(vdm m, vd a, vd b) { return _mm512_mask_blend_pd(m, b, a); }
+VEC vd vd_nearest(vd x) { return _mm512_roundscale_pd(x, 0); }
+VEC vd vd_times_exp2(vd p, vd n) { return _mm512_scalef_pd(p, n); }
+VEC vd vd_split(vd x, vd *exponent) {
+    *exponent = _mm512_getexp_pd(x);
+    return _mm512_getmant_pd(x, _MM_MANT_NORM_1_2, _MM_MANT_SIGN_src);
+}
+
 /* r[j] lane i = rows[i][j] of 16 rows of 16 floats. */
 VEC void vf_transpose(const float *const rows[VW], vf r[16]) {
     vf t[16];
