@@ -5,6 +5,7 @@
 # make test          unit tests, golden cases, levels; installs what is missing
 # make test-golden   the golden tests alone
 # make check         the kernels at every level of this machine
+# make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
@@ -16,6 +17,7 @@
 # TOOLCHAIN=NAME     one of toolchains/*.mk      SAN=LIST           sanitizers, e.g. address,undefined
 # TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
+# STATIC=1           a program that needs no shared library, tested by test-static
 
 TOOLCHAIN ?= native
 PREFIX    ?= /usr/local
@@ -25,9 +27,11 @@ VERSION   := $(shell sed -n 's/.*sf_version(void).*"\(.*\)".*/\1/p' src/kernels/
 SOVERSION := 0
 
 # A toolchain sets CC, AR, NM, PKG_CONFIG, TARGET_CFLAGS, TARGET_LDFLAGS, RUN (what runs its programs here),
-# DEPS_BUILD and DEPS_TEST (sets of tests/deps/deps.sh), PREPARE (a command before the first build).
+# DEPS_BUILD and DEPS_TEST (sets of tests/deps/deps.sh), PREPARE (a command before the first build), QEMU_ROOT (where
+# qemu finds its libraries).
 DEPS_BUILD := build
 DEPS_TEST  := test
+CACHE      := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/splatfit
 include toolchains/$(TOOLCHAIN).mk
 NM         ?= nm
 PKG_CONFIG ?= pkg-config
@@ -36,7 +40,7 @@ PKG_CONFIG ?= pkg-config
 
 comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
-CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))
+CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)
 O      := build/$(CONFIG)
 
 HEADERS := $(wildcard include/splatfit/*.h)
@@ -68,7 +72,7 @@ REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
 
 LIB     := $(O)/libsplatfit.a
-SO      := $(O)/libsplatfit.so.$(SOVERSION)
+SO      := $(if $(filter 1,$(STATIC)),,$(O)/libsplatfit.so.$(SOVERSION))
 PROGRAM := $(O)/splatfit
 UNIT    := $(UNIT_SRC:%.c=$(O)/%)
 GOLD    := $(GOLD_SRC:%.c=$(O)/%)
@@ -93,9 +97,27 @@ BASE_CFLAGS  += $(SANITIZE) -fno-sanitize-recover=all -fno-omit-frame-pointer
 BASE_LDFLAGS += $(SANITIZE)
 endif
 
-MODULES     := libturbojpeg spng jansson zlib
+MODULES      := libturbojpeg spng jansson zlib
+MODULE_FLAGS :=
+SPNG         :=
+FETCH        :=
+ifeq ($(STATIC),1)
+BASE_LDFLAGS += -static
+ifeq ($(WERROR),1)
+BASE_LDFLAGS += -Wl,--fatal-warnings
+endif
+MODULE_FLAGS := --static
+# Debian has no static libspng: where there is none, it is compiled from Debian's source.
+ifeq ($(wildcard $(shell $(CC) $(BASE_LDFLAGS) -print-file-name=libspng.a)),)
+SPNG         := $(O)/libspng.a
+SPNG_SRC     := $(CACHE)/libspng
+BASE_LDFLAGS += -L$(O)
+DEPS_BUILD   += source
+FETCH        := tests/deps/libspng.sh $(SPNG_SRC)
+endif
+endif
 LIBS_CFLAGS := $(strip $(shell $(PKG_CONFIG) --cflags $(MODULES) 2>/dev/null))
-LIBS        := $(strip $(shell $(PKG_CONFIG) --libs $(MODULES) 2>/dev/null || \
+LIBS        := $(strip $(shell $(PKG_CONFIG) $(MODULE_FLAGS) --libs $(MODULES) 2>/dev/null || \
                  echo -lturbojpeg -lspng -ljansson -lz)) -lm
 TEST_LIBS   := $(strip $(shell $(PKG_CONFIG) --libs cmocka 2>/dev/null || echo -lcmocka))
 
@@ -116,7 +138,7 @@ all: lib $(PROGRAM)
 lib: $(LIB) $(if $(SAN),,$(SO))
 
 # build/splatfit is the last native program made, and so are the libraries beside it.
-ifeq ($(TOOLCHAIN)$(SAN),native)
+ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC)),native)
 LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
 .PHONY: $(LATEST)
 all: $(LATEST)
@@ -151,11 +173,18 @@ $(LIB): $(LIB_OBJ) $(O)/sources
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $(LIB_OBJ)
 
-$(SO): $(LIB_OBJ) $(O)/sources
+$(O)/libsplatfit.so.$(SOVERSION): $(LIB_OBJ) $(O)/sources
 	$(say) LD $@
 	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--no-undefined $(ALL_LDFLAGS) -o $@ $(LIB_OBJ) $(LIBS)
 
-$(PROGRAM): $(APP_OBJ) $(LIB) $(O)/sources
+$(O)/libspng.a: $(O)/flags | have-deps
+	$(say) CC $(SPNG_SRC)/spng.c
+	$(Q)$(CC) -O2 -g -fPIC -DSPNG_DISABLE_OPT $(TARGET_CFLAGS) $(LIBS_CFLAGS) $(CFLAGS) \
+	    -c -o $(O)/spng.o $(SPNG_SRC)/spng.c
+	@rm -f $@
+	$(Q)$(AR) rcs $@ $(O)/spng.o
+
+$(PROGRAM): $(APP_OBJ) $(LIB) $(O)/sources $(SPNG)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(LIB) $(LIBS)
 
@@ -174,7 +203,7 @@ TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes check build-tests test-install lint ci demo
+.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -184,12 +213,18 @@ test-golden: $(GOLD)
 LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
 check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/levels.sh '$(LEVEL_TESTS)' '$(CHECK)' scalar $(LEVELS)
+# With SPLATFIT_QUICK, for emulated vectors are slow.
+check-cpus: $(LEVEL_TESTS) $(PROGRAM)
+	@OBJDUMP='$(NM:%nm=%objdump)' QEMU_ROOT='$(QEMU_ROOT)' PROGRAM='$(PROGRAM)' SPLATFIT_QUICK=1 \
+	    tests/check/cpus.sh $(MACHINE) '$(LEVEL_TESTS)' '$(LIB) $(APP_OBJ)'
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
+test-static: $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/static.sh
 
 lint: $(LIB) $(SO)
 	@CC='$(CC)' NM='$(NM)' CFLAGS='$(BASE_CFLAGS) $(LIBS_CFLAGS)' LIB=$(LIB) SO=$(SO) tests/lint/lint.sh
@@ -209,19 +244,22 @@ find_deps = CC='$(CC)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 
 .PHONY: have-deps deps deps-ci
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-golden test-scenes check build-tests,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-golden test-scenes check check-cpus build-tests,$(MAKECMDGOALS))
 have-deps:
 	@$(find_deps) $(if $(INSTALL_DEPS),$(DEPS_BUILD) $(DEPS_TEST),--look $(DEPS_BUILD))
 	@$(PREPARE)
+	@$(FETCH)
 
 deps:
 	@$(find_deps) $(DEPS_BUILD) $(DEPS_TEST)
 	@$(PREPARE)
+	@$(FETCH)
 
 CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
 deps-ci: deps
 	@tests/deps/deps.sh ci arm64 armhf
 	@set -e; for t in $(CI_TOOLCHAINS); do $(MAKE) --no-print-directory TOOLCHAIN=$$t deps; done
+	@$(MAKE) --no-print-directory STATIC=1 deps
 
 # ---- installing --------------------------------------------------------------------------------------------
 
@@ -247,7 +285,7 @@ install: all
 	$(Q)install -m 755 $(PROGRAM) "$(DESTDIR)$(PREFIX)/bin"
 	$(Q)install -m 644 $(HEADERS) "$(DESTDIR)$(PREFIX)/include/splatfit"
 	$(Q)install -m 644 $(LIB) $(SO) "$(DESTDIR)$(LIBDIR)"
-	$(Q)ln -sfn $(notdir $(SO)) "$(DESTDIR)$(LIBDIR)/libsplatfit.so"
+	$(if $(SO),$(Q)ln -sfn $(notdir $(SO)) "$(DESTDIR)$(LIBDIR)/libsplatfit.so")
 	$(Q)printf '%s\n' "$$PC" >"$(DESTDIR)$(LIBDIR)/pkgconfig/splatfit.pc"
 
 clean:

@@ -34,6 +34,7 @@ emulated() { # NAME TOOLCHAIN
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
     step "$1" "${run[@]}" test
     step "$1-levels" "${run[@]}" check
+    step "$1-cpus" "${run[@]}" check-cpus
 }
 
 step lint "${make[@]}" lint
@@ -47,6 +48,11 @@ emulated armhf arm-linux-gnueabihf >$logs/armhf.out &
 emulated aarch64 aarch64-linux-gnu
 wait
 cat $logs/armhf.out
+step cpus env TIMEOUT=900 "${make[@]}" check-cpus
+# The boards' own flags are tried on the way.
+for target in native aarch64-linux-gnu arm-linux-gnueabihf rpi5 rpi4 rpi-zero2 jetson; do
+    step static-$target "${make[@]}" TOOLCHAIN=$target STATIC=1 test-static
+done
 step install "${make[@]}" test-install
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes

@@ -1,8 +1,7 @@
 # debian.mk - what the cross toolchains share: Debian's cross compiler and a private root of its libraries.
 #
-# Takes TRIPLE, DEBIAN_ARCH, QEMU_CPU and CPU_CFLAGS from the toolchain that includes it.
+# Takes TRIPLE, DEBIAN_ARCH, QEMU_ARCH, QEMU_CPU and CPU_CFLAGS from the toolchain that includes it.
 
-CACHE   := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/splatfit
 SYSROOT ?= $(CACHE)/sysroot-$(DEBIAN_ARCH)
 
 ifeq ($(origin CC),default)
@@ -22,8 +21,10 @@ PKG_CONFIG := PKG_CONFIG_SYSROOT_DIR=$(SYSROOT) \
               PKG_CONFIG_SYSTEM_INCLUDE_PATH=$(SYSROOT)/usr/include \
               PKG_CONFIG_SYSTEM_LIBRARY_PATH=$(SYSROOT)/usr/lib/$(TRIPLE) pkg-config
 
+# A static program is to find nothing of the root.
+QEMU_ROOT := $(if $(filter 1,$(STATIC)),,-L $(SYSROOT))
 # The least CPU that the flags allow: an instruction beyond them fails here, too.
-RUN := qemu-$(QEMU_ARCH)-static -cpu $(QEMU_CPU) -L $(SYSROOT)
+RUN := qemu-$(QEMU_ARCH)-static -cpu $(QEMU_CPU) $(QEMU_ROOT)
 
 DEPS_BUILD := $(DEBIAN_ARCH)
 DEPS_TEST  :=

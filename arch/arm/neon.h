@@ -13,6 +13,7 @@ typedef uint32x4_t vu;
 VEC vf vf_set(float x) { return vdupq_n_f32(x); }
 VEC vf vf_load(const float *p) { return vld1q_f32(p); }
 VEC vf vf_loadu(const float *p) { return vld1q_f32(p); }
+VEC void vf_storeu(float *p, vf a) { vst1q_f32(p, a); }
 VEC void vf_store(float *p, vf a) { vst1q_f32(p, a); }
 VEC vf vf_add(vf a, vf b) { return vaddq_f32(a, b); }
 VEC vf vf_sub(vf a, vf b) { return vsubq_f32(a, b); }
@@ -54,10 +55,11 @@ VEC vf vf_reciprocal(vf a) {
     r = vmulq_f32(r, vrecpsq_f32(a, r));
     return vmulq_f32(r, vrecpsq_f32(a, r));
 }
-VEC vf vf_root(vf a) { /* an estimate within 2^-8, and a step of Newton's */
+VEC vf vf_root(vf a) { /* an estimate within 2^-8, and two steps of Newton's */
     vf r = vrsqrteq_f32(vmaxq_f32(a, vdupq_n_f32(1e-30f)));
     r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
-    return vmulq_f32(vmulq_f32(a, r), vdupq_n_f32(1 + 0x1p-11f));
+    r = vmulq_f32(r, vrsqrtsq_f32(vmulq_f32(a, r), r));
+    return vmulq_f32(vmulq_f32(a, r), vdupq_n_f32(1 + 0x1p-20f));
 }
 
 VEC vm vf_ge(vf a, vf b) { return vcgeq_f32(a, b); }
@@ -80,11 +82,27 @@ VEC vf vf_keep(vm m, vf a) { return vreinterpretq_f32_u32(vandq_u32(m, vreinterp
 VEC vf vf_select(vm m, vf a, vf b) { return vbslq_f32(m, a, b); }
 VEC vu vu_zero(void) { return vdupq_n_u32(0); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) { return vorrq_u32(a, vandq_u32(m, vdupq_n_u32(bits))); }
+VEC vu vu_pairs(vf a, vf b) { return vorrq_u32(vcvtq_u32_f32(a), vshlq_n_u32(vcvtq_u32_f32(b), 16)); }
+VEC void vu_storeu(uint32_t *p, vu a) { vst1q_u32(p, a); }
 VEC void vu_store(uint32_t *p, vu a) { vst1q_u32(p, a); }
 
 VEC vf vf_nearest(vf x) {
     vf magic = vdupq_n_f32(12582912.0f); /* 1.5 x 2^23: adding it rounds to an integer */
     return vsubq_f32(vaddq_f32(x, magic), magic);
+}
+VEC vf vf_floor(vf x) { return vcvtq_f32_u32(vcvtq_u32_f32(x)); } /* what is not below 0 is cut down */
+VEC vf vf_byte_sums(const uint8_t *p, int factor) {
+    uint32x4_t sums;
+    if (factor == 1) {
+        uint32_t four;
+        memcpy(&four, p, sizeof four);
+        sums = vmovl_u16(vget_low_u16(vmovl_u8(vreinterpret_u8_u32(vdup_n_u32(four)))));
+    } else if (factor == 2) {
+        sums = vmovl_u16(vpaddl_u8(vld1_u8(p)));
+    } else {
+        sums = vpaddlq_u16(vpaddlq_u8(vld1q_u8(p)));
+    }
+    return vcvtq_f32_u32(sums);
 }
 VEC vf vf_times_exp2(vf p, vf n) {
     return vreinterpretq_f32_s32(vaddq_s32(vreinterpretq_s32_f32(p), vshlq_n_s32(vcvtq_s32_f32(n), 23)));

@@ -5,9 +5,9 @@
  *
  *   vf, vm, vu      VW floats; a mask of VW lanes; VW 32-bit integers
  *   vf_fma(a,b,c)   a b + c, fused where the level can; vf_fnma: c - a b
- *   vf_load, vf_store  at VW floats' alignment; vf_loadu anywhere
+ *   vf_load, vf_store  at VW floats' alignment; vf_loadu, vf_storeu anywhere
  *   vf_keep(m,a)    a where m, else 0;  vf_select(m,a,b)  a where m, else b
- *   vf_reciprocal   1 / a within 2^-22;  vf_root  no less than sqrt(a), by at most 1/1000; a >= 0
+ *   vf_reciprocal   1 / a within 2^-22;  vf_root  no less than sqrt(a), within 2^-19; a >= 0
  *   vm_list(m,f,p)  the numbers f + lane of the lanes in m to p[0 ..], a byte each, and how many; writes VW
  * bytes vf_nearest      the nearest integer, for |x| < 2^22;  vf_times_exp2(p,n)  p 2^n for an integer n,
  * normal results; elsewhere of no meaning vf_sums8        the sums over the lanes of eight vectors;  vf_sum

@@ -12,6 +12,7 @@ typedef __m256i vu;
 VEC vf vf_set(float x) { return _mm256_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm256_load_ps(p); }
 VEC vf vf_loadu(const float *p) { return _mm256_loadu_ps(p); }
+VEC void vf_storeu(float *p, vf a) { _mm256_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm256_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm256_add_ps(a, b); }
 VEC vf vf_sub(vf a, vf b) { return _mm256_sub_ps(a, b); }
@@ -28,8 +29,9 @@ VEC vf vf_reciprocal(vf a) { /* an estimate within 1.5 x 2^-12, and a step of Ne
     return vf_fma(r, vf_fnma(a, r, _mm256_set1_ps(1)), r);
 }
 VEC vf vf_root(vf a) {
-    vf r = _mm256_rsqrt_ps(_mm256_max_ps(a, _mm256_set1_ps(1e-30f)));
-    return _mm256_mul_ps(_mm256_mul_ps(a, r), _mm256_set1_ps(1 + 0x1p-11f));
+    vf r = _mm256_rsqrt_ps(_mm256_max_ps(a, _mm256_set1_ps(1e-30f))), root = _mm256_mul_ps(a, r);
+    vf rest = vf_fnma(_mm256_mul_ps(root, r), _mm256_set1_ps(0.5f), _mm256_set1_ps(1.5f + 0x1p-20f));
+    return _mm256_mul_ps(root, rest);
 }
 
 VEC vm vf_ge(vf a, vf b) { return _mm256_cmp_ps(a, b, _CMP_GE_OQ); }
@@ -50,8 +52,26 @@ VEC vu vu_zero(void) { return _mm256_setzero_si256(); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
     return _mm256_or_si256(a, _mm256_and_si256(_mm256_castps_si256(m), _mm256_set1_epi32((int)bits)));
 }
+VEC vu vu_pairs(vf a, vf b) {
+    return _mm256_or_si256(_mm256_cvtps_epi32(a), _mm256_slli_epi32(_mm256_cvtps_epi32(b), 16));
+}
+VEC void vu_storeu(uint32_t *p, vu a) { _mm256_storeu_si256((__m256i *)p, a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm256_store_si256((__m256i *)p, a); }
 
+VEC vf vf_floor(vf x) { return _mm256_floor_ps(x); }
+VEC vf vf_byte_sums(const uint8_t *p, int factor) {
+    __m256i sums;
+    if (factor == 1)
+        sums = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)p));
+    else if (factor == 2) /* pairs of bytes to 16 bits, these to 32 */
+        sums =
+            _mm256_cvtepu16_epi32(_mm_maddubs_epi16(_mm_loadu_si128((const __m128i *)p), _mm_set1_epi8(1)));
+    else
+        sums = _mm256_madd_epi16(
+            _mm256_maddubs_epi16(_mm256_loadu_si256((const __m256i *)p), _mm256_set1_epi8(1)),
+            _mm256_set1_epi16(1));
+    return _mm256_cvtepi32_ps(sums);
+}
 VEC vf vf_nearest(vf x) { return _mm256_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
 VEC vf vf_times_exp2(vf p, vf n) {
     return _mm256_castsi256_ps(

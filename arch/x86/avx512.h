@@ -13,6 +13,7 @@ typedef __m512i vu;
 VEC vf vf_set(float x) { return _mm512_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm512_load_ps(p); }
 VEC vf vf_loadu(const float *p) { return _mm512_loadu_ps(p); }
+VEC void vf_storeu(float *p, vf a) { _mm512_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm512_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm512_add_ps(a, b); }
 VEC vf vf_sub(vf a, vf b) { return _mm512_sub_ps(a, b); }
@@ -28,9 +29,10 @@ VEC vf vf_reciprocal(vf a) {
     vf r = _mm512_rcp14_ps(a);
     return _mm512_fmadd_ps(r, _mm512_fnmadd_ps(a, r, _mm512_set1_ps(1)), r);
 }
-VEC vf vf_root(vf a) { /* an estimate within 2^-14 */
-    vf r = _mm512_rsqrt14_ps(_mm512_max_ps(a, _mm512_set1_ps(1e-30f)));
-    return _mm512_mul_ps(_mm512_mul_ps(a, r), _mm512_set1_ps(1 + 0x1p-13f));
+VEC vf vf_root(vf a) { /* an estimate within 2^-14, and a step of Newton's */
+    vf r = _mm512_rsqrt14_ps(_mm512_max_ps(a, _mm512_set1_ps(1e-30f))), root = _mm512_mul_ps(a, r);
+    vf rest = _mm512_fnmadd_ps(_mm512_mul_ps(root, r), _mm512_set1_ps(0.5f), _mm512_set1_ps(1.5f + 0x1p-20f));
+    return _mm512_mul_ps(root, rest);
 }
 
 VEC vm vf_ge(vf a, vf b) { return _mm512_cmp_ps_mask(a, b, _CMP_GE_OQ); }
@@ -53,8 +55,25 @@ VEC vu vu_zero(void) { return _mm512_setzero_si512(); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
     return _mm512_mask_or_epi32(a, m, a, _mm512_set1_epi32((int)bits));
 }
+VEC vu vu_pairs(vf a, vf b) {
+    return _mm512_or_si512(_mm512_cvtps_epi32(a), _mm512_slli_epi32(_mm512_cvtps_epi32(b), 16));
+}
+VEC void vu_storeu(uint32_t *p, vu a) { _mm512_storeu_si512(p, a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm512_store_si512(p, a); }
 
+VEC vf vf_floor(vf x) { return _mm512_roundscale_ps(x, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
+VEC vf vf_byte_sums(const uint8_t *p, int factor) {
+    __m512i sums;
+    if (factor == 1)
+        sums = _mm512_cvtepu8_epi32(_mm_loadu_si128((const __m128i *)p));
+    else if (factor == 2) /* pairs of bytes to 16 bits, these to 32 */
+        sums = _mm512_cvtepu16_epi32(
+            _mm256_maddubs_epi16(_mm256_loadu_si256((const __m256i *)p), _mm256_set1_epi8(1)));
+    else
+        sums = _mm512_madd_epi16(_mm512_maddubs_epi16(_mm512_loadu_si512(p), _mm512_set1_epi8(1)),
+                                 _mm512_set1_epi16(1));
+    return _mm512_cvtepi32_ps(sums);
+}
 VEC vf vf_nearest(vf x) { return _mm512_roundscale_ps(x, 0); }
 VEC vf vf_times_exp2(vf p, vf n) { return _mm512_scalef_ps(p, n); }
 

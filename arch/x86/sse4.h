@@ -12,6 +12,7 @@ typedef __m128i vu;
 VEC vf vf_set(float x) { return _mm_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm_load_ps(p); }
 VEC vf vf_loadu(const float *p) { return _mm_loadu_ps(p); }
+VEC void vf_storeu(float *p, vf a) { _mm_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm_add_ps(a, b); }
 VEC vf vf_sub(vf a, vf b) { return _mm_sub_ps(a, b); }
@@ -28,8 +29,9 @@ VEC vf vf_reciprocal(vf a) { /* an estimate within 1.5 x 2^-12, and a step of Ne
     return vf_fma(r, vf_fnma(a, r, _mm_set1_ps(1)), r);
 }
 VEC vf vf_root(vf a) {
-    vf r = _mm_rsqrt_ps(_mm_max_ps(a, _mm_set1_ps(1e-30f)));
-    return _mm_mul_ps(_mm_mul_ps(a, r), _mm_set1_ps(1 + 0x1p-11f));
+    vf r = _mm_rsqrt_ps(_mm_max_ps(a, _mm_set1_ps(1e-30f))), root = _mm_mul_ps(a, r);
+    vf rest = vf_fnma(_mm_mul_ps(root, r), _mm_set1_ps(0.5f), _mm_set1_ps(1.5f + 0x1p-20f));
+    return _mm_mul_ps(root, rest);
 }
 
 VEC vm vf_ge(vf a, vf b) { return _mm_cmpge_ps(a, b); }
@@ -46,8 +48,27 @@ VEC vu vu_zero(void) { return _mm_setzero_si128(); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
     return _mm_or_si128(a, _mm_and_si128(_mm_castps_si128(m), _mm_set1_epi32((int)bits)));
 }
+VEC vu vu_pairs(vf a, vf b) {
+    return _mm_or_si128(_mm_cvtps_epi32(a), _mm_slli_epi32(_mm_cvtps_epi32(b), 16));
+}
+VEC void vu_storeu(uint32_t *p, vu a) { _mm_storeu_si128((__m128i *)p, a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm_store_si128((__m128i *)p, a); }
 
+VEC vf vf_floor(vf x) { return _mm_floor_ps(x); }
+VEC vf vf_byte_sums(const uint8_t *p, int factor) {
+    __m128i sums;
+    if (factor == 1) {
+        int four;
+        memcpy(&four, p, sizeof four);
+        sums = _mm_cvtepu8_epi32(_mm_cvtsi32_si128(four));
+    } else if (factor == 2) { /* pairs of bytes to 16 bits, these to 32 */
+        sums = _mm_cvtepu16_epi32(_mm_maddubs_epi16(_mm_loadl_epi64((const __m128i *)p), _mm_set1_epi8(1)));
+    } else {
+        sums = _mm_madd_epi16(_mm_maddubs_epi16(_mm_loadu_si128((const __m128i *)p), _mm_set1_epi8(1)),
+                              _mm_set1_epi16(1));
+    }
+    return _mm_cvtepi32_ps(sums);
+}
 VEC vf vf_nearest(vf x) { return _mm_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
 VEC vf vf_times_exp2(vf p, vf n) {
     return _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(p), _mm_slli_epi32(_mm_cvtps_epi32(n), 23)));

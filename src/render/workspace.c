@@ -78,7 +78,6 @@ sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float nea
     if (!status && tiles + 1 > ws->tile_capacity) {
         ws->tile_capacity = 0;
         status = renew(ws->ctx, &ws->tile_begin, tiles + 1, sizeof(uint32_t));
-        if (!status) status = renew(ws->ctx, &ws->tile_cursor, tiles + 1, sizeof(uint32_t));
         if (!status) ws->tile_capacity = tiles + 1;
     }
     if (status) return status;

@@ -49,8 +49,9 @@ typedef struct sf_workspace {
     /* tile lists */
     size_t span_capacity, entry_capacity, tile_capacity;
     sf_span *spans;
-    uint32_t *tile_begin; /* [tiles + 1] */
-    uint32_t *tile_cursor;
+    uint32_t *tile_begin;  /* [tiles + 1] */
+    uint32_t *tile_cursor; /* [shares][tiles] */
+    size_t cursor_capacity;
     uint32_t *entries, *entry_slots; /* [entries], by tile, near to far */
     uint64_t *entry_parts;           /* [entries] what blend leaves for blend_bwd */
     float *sums;                     /* [entries][SF_SUMS] by slot */

@@ -1,5 +1,5 @@
 #!/bin/sh
-# deps.sh [--look] SET... - installs what is missing for the named sets: build, test, ci, amd64, arm64, armhf.
+# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, ci, amd64, arm64, armhf.
 #
 # As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
 # With --look it never installs. What is there is found by use, not by package name, so that libraries may
@@ -45,6 +45,11 @@ need_build() {
     need zlib1g-dev library zlib zlib.h
 }
 
+# To fetch sources from Debian.
+need_source() {
+    need debian-archive-keyring test -e /usr/share/keyrings/debian-archive-keyring.gpg
+}
+
 need_test() {
     need libcmocka-dev compiles '#include <setjmp.h>' '#include <stdarg.h>' '#include <stddef.h>' \
         '#include <stdint.h>' '#include <cmocka.h>'
@@ -55,7 +60,7 @@ need_cross() { # TRIPLE CPU
     need "gcc-$(echo "$1" | tr _ -)" program "$1-gcc"
     need pkg-config program pkg-config
     need qemu-user-static program "qemu-$2-static"
-    need debian-archive-keyring test -e /usr/share/keyrings/debian-archive-keyring.gpg
+    need_source
 }
 
 need_ci() {
@@ -65,17 +70,19 @@ need_ci() {
     need libclang-rt-dev links_with_clang -fsanitize=address,undefined
     need clang-format program clang-format
     need shellcheck program shellcheck
+    need qemu-user-static program qemu-x86_64-static
 }
 
 for name in "$@"; do
     case $name in
     build) need_build ;;
+    source) need_source ;;
     test) need_test ;;
     amd64) need_cross x86_64-linux-gnu x86_64 ;;
     arm64) need_cross aarch64-linux-gnu aarch64 ;;
     armhf) need_cross arm-linux-gnueabihf arm ;;
     ci) need_ci ;;
-    *) echo "deps.sh: \"$name\" is none of build, test, ci, amd64, arm64, armhf" >&2 && exit 2 ;;
+    *) echo "deps.sh: \"$name\" is none of build, source, test, ci, amd64, arm64, armhf" >&2 && exit 2 ;;
     esac
 done
 

@@ -2,9 +2,8 @@
 # sysroot.sh ARCH DIR - makes in DIR a root of Debian's libraries for ARCH (amd64, arm64, armhf), to build
 # against and to run under qemu-user.
 #
-# apt works with lists and a status of its own, and packages are only unpacked: this system's packages and
-# architectures stay as they are, and no root rights are needed. Nothing is done where DIR is already there.
-# MIRROR and SUITE choose another Debian than the one in use here.
+# Packages are only unpacked: this system's packages and architectures stay as they are, and no root rights are needed.
+# Nothing is done where DIR is already there. MIRROR and SUITE as in apt.sh.
 set -eu
 
 arch=$1
@@ -19,24 +18,10 @@ new=$dir.$$
 trap 'rm -rf "$new"' EXIT
 trap 'exit 1' INT TERM
 apt=$new/apt
-mkdir -p "$apt/lists/partial" "$apt/cache/archives/partial" "$new/usr"
-: >"$apt/status"
-
-if [ -z "${MIRROR:-}" ]; then
-    # shellcheck disable=SC2016 # apt-get expands it
-    MIRROR=$(apt-get indextargets --format '$(SITE)' 'Origin: Debian' 2>/dev/null | head -n 1)
-    [ -n "$MIRROR" ] || MIRROR=http://deb.debian.org/debian
-fi
-echo "deb [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $MIRROR ${SUITE:-bookworm} main" \
-    >"$apt/sources.list"
-
-private_apt() {
-    apt-get -qq -o APT::Architecture="$arch" -o APT::Architectures::="$arch" -o APT::Install-Recommends=0 \
-        -o APT::Sandbox::User=root -o Debug::NoLocking=1 -o Dir::Etc::sourcelist="$apt/sources.list" \
-        -o Dir::Etc::sourceparts=/dev/null -o Dir::State::lists="$apt/lists" \
-        -o Dir::State::status="$apt/status" -o Dir::Cache="$apt/cache" "$@"
-}
-private_apt update
+mkdir -p "$new/usr"
+# shellcheck source=tests/deps/apt.sh
+. "$(dirname "$0")/apt.sh"
+begin_apt "$apt" deb "$arch"
 # shellcheck disable=SC2086
 private_apt -y --download-only install $packages
 

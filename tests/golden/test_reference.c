@@ -292,14 +292,17 @@ static void check_parameter(fixture *f, const parameter *p) {
     size_t skipped = 0, values = p->rows * p->width;
     for (size_t i = 0; i < values; i++) largest = fmax(largest, fabs(p->gradient[i] * unit_of(p, i)));
     assert_true(largest > 1e4 * LOSS_ROUNDING / STEPS[0]); /* else rounding could hide it */
-    for (size_t i = 0; i < values; i++) {
+    /* where time is short one of 5, which is in step with no width */
+    size_t stride = getenv("SPLATFIT_QUICK") && values >= 100 ? 5 : 1;
+    size_t checked = (values + stride - 1) / stride;
+    for (size_t i = 0; i < values; i += stride) {
         double error;
         skipped += !check_value(f, p, i, largest, &error);
         worst = fmax(worst, error);
     }
     print_message(" %s %.1e", p->name, worst / largest);
-    assert_true(skipped < values);
-    f->compared += values - skipped;
+    assert_true(skipped < checked);
+    f->compared += checked - skipped;
     f->skipped += skipped;
 }
 

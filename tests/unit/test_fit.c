@@ -322,7 +322,7 @@ static void test_from_nothing(void **state) {
 static void test_same_bytes(void **state) {
     (void)state;
     static const int threads[] = {1, 2, 4};
-    sf_fit_options options = short_fit(40);
+    sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 22 : 40);
     options.background = SF_BACKGROUND_RANDOM;
     content first = fitted_by(1, &options);
     for (size_t i = 0; i < sizeof threads / sizeof *threads; i++)
@@ -339,7 +339,7 @@ static void test_going_on(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
-    sf_fit_options options = short_fit(200);
+    sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 80 : 200);
     sf_fitter *fitter = start(ctx, scene, &options);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     double before = psnr_of(ctx, scene, fitter);
@@ -394,7 +394,7 @@ static void test_cap_holds(void **state) {
     static const int64_t caps[] = {1, 7, 16, 17, 60, 61, 64, 100};
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
-    for (size_t i = 0; i < sizeof caps / sizeof *caps; i++) {
+    for (size_t i = 0; i < sizeof caps / sizeof *caps; i += getenv("SPLATFIT_QUICK") ? 3 : 1) {
         sf_fit_options options = short_fit(50);
         options.max_gaussians = caps[i];
         options.grow_every = 2;
@@ -917,7 +917,7 @@ static void test_plain_scenes(void **state) {
         sf_scene *scene = empty_scene(ctx);
         for (int v = 0; v < cases[i].views; v++) add_plain_view(scene, v, cases[i].color, NULL);
         if (cases[i].points) add_points(scene);
-        sf_fit_options options = short_fit(50);
+        sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 20 : 50);
         options.max_gaussians = 80;
         sf_fitter *fitter = start(ctx, scene, &options);
         assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
