@@ -70,6 +70,8 @@ LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
+# What the programs of tests/check share.
+CHECK_OBJ := $(O)/tests/check/check.o
 
 LIB     := $(O)/libsplatfit.a
 SO      := $(if $(filter 1,$(STATIC)),,$(O)/libsplatfit.so.$(SOVERSION))
@@ -190,13 +192,14 @@ $(PROGRAM): $(APP_OBJ) $(LIB) $(O)/sources $(SPNG)
 
 # A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
 $(UNIT) $(GOLD) $(CHECK): $(REF_OBJ)
+$(CHECK): $(CHECK_OBJ)
 $(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
 TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(TEST_PROGRAM_OBJ))
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(TEST_PROGRAM_OBJ))
 
 # ---- testing -----------------------------------------------------------------------------------------------
 

@@ -1,5 +1,5 @@
 /* pool.c - the thread pool: workers sleep on a condition until a job is posted, then take tasks from a
- * counter. */
+ * counter. A step posts a job every half millisecond: before a thread sleeps it looks out for a moment. */
 #define _GNU_SOURCE
 #include "pool.h"
 
@@ -7,6 +7,8 @@
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
+
+#include "clock.h"
 
 #if defined(__SSE__)
 #include <xmmintrin.h>
@@ -16,11 +18,11 @@ struct sf_pool {
     int threads;
     pthread_t *workers; /* threads - 1 */
     pthread_mutex_t turn;
-    pthread_mutex_t lock; /* guards what follows */
+    pthread_mutex_t lock; /* who changes what follows up to `stop` from a value that is waited for holds it */
     pthread_cond_t posted, done;
-    unsigned long job; /* number of the job posted last */
-    int busy;          /* workers that have not yet finished it */
-    int stop;
+    atomic_ulong job; /* number of the job posted last */
+    atomic_int busy;  /* workers that have not yet finished it */
+    atomic_int stop;
     sf_task_fn fn;
     void *arg;
     size_t tasks;
@@ -58,6 +60,48 @@ static void restore_denormals(uint32_t old) {
 #endif
 }
 
+/* Long enough for what a step does between its jobs, short enough to be no loss to others on the machine. */
+static const double LOOK_OUT_SECONDS = 30e-6;
+
+static void pause_a_little(void) {
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#elif defined(__arm__) || defined(__aarch64__)
+    __asm__ volatile("yield");
+#endif
+}
+
+/* Whether a job other than `seen` is posted, or all are to stop, within a moment. */
+static int looked_out_for_job(struct sf_pool *pool, unsigned long seen) {
+    for (double end = sf_clock() + LOOK_OUT_SECONDS; sf_clock() < end; pause_a_little())
+        if (atomic_load(&pool->job) != seen || atomic_load(&pool->stop)) return 1;
+    return 0;
+}
+
+static void wait_for_job(struct sf_pool *pool, unsigned long seen) {
+    if (looked_out_for_job(pool, seen)) return;
+    pthread_mutex_lock(&pool->lock);
+    while (atomic_load(&pool->job) == seen && !atomic_load(&pool->stop))
+        pthread_cond_wait(&pool->posted, &pool->lock);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+static void wait_for_workers(struct sf_pool *pool) {
+    for (double end = sf_clock() + LOOK_OUT_SECONDS; sf_clock() < end; pause_a_little())
+        if (!atomic_load(&pool->busy)) return;
+    pthread_mutex_lock(&pool->lock);
+    while (atomic_load(&pool->busy)) pthread_cond_wait(&pool->done, &pool->lock);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+/* One worker less is busy. */
+static void report_back(struct sf_pool *pool) {
+    if (atomic_fetch_sub(&pool->busy, 1) > 1) return;
+    pthread_mutex_lock(&pool->lock);
+    pthread_cond_signal(&pool->done);
+    pthread_mutex_unlock(&pool->lock);
+}
+
 static void take_tasks(struct sf_pool *pool, int thread) {
     size_t task;
     while ((task = atomic_fetch_add_explicit(&pool->next, 1, memory_order_relaxed)) < pool->tasks)
@@ -74,20 +118,14 @@ static void *worker(void *start_pointer) {
     struct sf_pool *pool = start.pool;
     unsigned long seen = 0;
     flush_denormals();
-    pthread_mutex_lock(&pool->lock);
-    pool->busy--; /* has read its start */
-    pthread_cond_signal(&pool->done);
+    report_back(pool); /* has read its start */
     for (;;) {
-        while (pool->job == seen && !pool->stop) pthread_cond_wait(&pool->posted, &pool->lock);
-        if (pool->stop) break;
-        seen = pool->job;
-        pthread_mutex_unlock(&pool->lock);
+        wait_for_job(pool, seen);
+        if (atomic_load(&pool->stop)) return NULL;
+        seen = atomic_load(&pool->job);
         take_tasks(pool, start.thread);
-        pthread_mutex_lock(&pool->lock);
-        if (--pool->busy == 0) pthread_cond_signal(&pool->done);
+        report_back(pool);
     }
-    pthread_mutex_unlock(&pool->lock);
-    return NULL;
 }
 
 /* Starts one worker with all signals blocked, so that the program's handlers run on threads of its own. */
@@ -96,12 +134,9 @@ static int start_worker(struct sf_pool *pool, int thread) {
     sigset_t all, old;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &old);
-    pthread_mutex_lock(&pool->lock);
-    pool->busy = 1;
+    atomic_store(&pool->busy, 1);
     int error = pthread_create(&pool->workers[thread - 1], NULL, worker, &start);
-    while (!error && pool->busy) pthread_cond_wait(&pool->done, &pool->lock);
-    pool->busy = 0;
-    pthread_mutex_unlock(&pool->lock);
+    if (!error) wait_for_workers(pool);
     pthread_sigmask(SIG_SETMASK, &old, NULL);
     return error;
 }
@@ -132,7 +167,7 @@ void sf_pool_destroy(sf_context *ctx, struct sf_pool **pool_pointer) {
     struct sf_pool *pool = *pool_pointer;
     if (!pool) return;
     pthread_mutex_lock(&pool->lock);
-    pool->stop = 1;
+    atomic_store(&pool->stop, 1);
     pthread_cond_broadcast(&pool->posted);
     pthread_mutex_unlock(&pool->lock);
     for (int t = 1; t < pool->threads; t++) pthread_join(pool->workers[t - 1], NULL);
@@ -158,17 +193,13 @@ void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg) {
     int shared = pool->threads > 1 && tasks > 1;
     if (shared) {
         pthread_mutex_lock(&pool->lock);
-        pool->job++;
-        pool->busy = pool->threads - 1;
+        atomic_store(&pool->busy, pool->threads - 1);
+        atomic_fetch_add(&pool->job, 1);
         pthread_cond_broadcast(&pool->posted);
         pthread_mutex_unlock(&pool->lock);
     }
     take_tasks(pool, 0);
-    if (shared) {
-        pthread_mutex_lock(&pool->lock);
-        while (pool->busy) pthread_cond_wait(&pool->done, &pool->lock);
-        pthread_mutex_unlock(&pool->lock);
-    }
+    if (shared) wait_for_workers(pool);
     restore_denormals(old);
     pthread_mutex_unlock(&pool->turn);
 }
