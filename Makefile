@@ -216,9 +216,9 @@ test-golden: $(GOLD)
 LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
 check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/levels.sh '$(LEVEL_TESTS)' '$(CHECK)' scalar $(LEVELS)
-# With SPLATFIT_QUICK, for emulated vectors are slow.
+# Emulated vectors are slow.
 check-cpus: $(LEVEL_TESTS) $(PROGRAM)
-	@OBJDUMP='$(NM:%nm=%objdump)' QEMU_ROOT='$(QEMU_ROOT)' PROGRAM='$(PROGRAM)' SPLATFIT_QUICK=1 \
+	@OBJDUMP='$(NM:%nm=%objdump)' QEMU_ROOT='$(QEMU_ROOT)' PROGRAM='$(PROGRAM)' SPLATFIT_QUICK=1 TIMEOUT=$${TIMEOUT:-900} \
 	    tests/check/cpus.sh $(MACHINE) '$(LEVEL_TESTS)' '$(LIB) $(APP_OBJ)'
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)

@@ -139,8 +139,8 @@ VEC vd vd_sub(vd a, vd b) { return vsubq_f64(a, b); }
 VEC vd vd_mul(vd a, vd b) { return vmulq_f64(a, b); }
 VEC vd vd_fma(vd a, vd b, vd c) { return vfmaq_f64(c, a, b); }
 VEC vd vd_fnma(vd a, vd b, vd c) { return vfmsq_f64(c, a, b); }
-VEC vd vd_div(vd a, vd b) { return vdivq_f64(a, b); }
-VEC vd vd_sqrt(vd a) { return vsqrtq_f64(a); }
+VEC vd vd_reciprocal(vd a) { return vdivq_f64(vdupq_n_f64(1), a); }
+VEC vd vd_rsqrt(vd a) { return vdivq_f64(vdupq_n_f64(1), vsqrtq_f64(a)); }
 VEC vd vd_min(vd a, vd b) { return vminq_f64(a, b); }
 VEC vd vd_max(vd a, vd b) { return vmaxq_f64(a, b); }
 VEC vd vd_floor(vd a) { return vrndmq_f64(a); }
@@ -179,8 +179,8 @@ VEC vd vd_sub(vd a, vd b) { return a - b; }
 VEC vd vd_mul(vd a, vd b) { return a * b; }
 VEC vd vd_fma(vd a, vd b, vd c) { return a * b + c; }
 VEC vd vd_fnma(vd a, vd b, vd c) { return c - a * b; }
-VEC vd vd_div(vd a, vd b) { return a / b; }
-VEC vd vd_sqrt(vd a) { return __builtin_sqrt(a); }
+VEC vd vd_reciprocal(vd a) { return 1 / a; }
+VEC vd vd_rsqrt(vd a) { return 1 / __builtin_sqrt(a); }
 VEC vd vd_min(vd a, vd b) { return a < b ? a : b; }
 VEC vd vd_max(vd a, vd b) { return a > b ? a : b; }
 VEC vd vd_floor(vd a) { return __builtin_floor(a); }

@@ -76,7 +76,7 @@ VEC void rotation(const vd *q, vd *R) {
 VEC vd look(const sf_project_args *a, size_t at, vd *direction) {
     load(&a->params, SF_FIELD_mean, 3, at, direction);
     for (int k = 0; k < 3; k++) direction[k] = vd_sub(direction[k], vd_set((double)a->eye->center[k]));
-    vd inv_distance = vd_div(vd_set(1), vd_sqrt(dot3(direction, direction)));
+    vd inv_distance = vd_rsqrt(dot3(direction, direction));
     for (int k = 0; k < 3; k++) direction[k] = vd_mul(direction[k], inv_distance);
     return inv_distance;
 }
@@ -87,7 +87,7 @@ VEC void project_shape(const sf_project_args *a, size_t at, projection *f) {
     vd mean[3], one = vd_set(1);
     load(&a->params, SF_FIELD_mean, 3, at, mean);
     for (int k = 0; k < 3; k++) f->p[k] = vd_add(dot3f(mean, eye->R + 3 * k, 1), vd_set((double)eye->t[k]));
-    f->inv_z = vd_div(one, f->p[2]);
+    f->inv_z = vd_reciprocal(f->p[2]);
     vd x = vd_mul(f->p[0], f->inv_z), y = vd_mul(f->p[1], f->inv_z);
     vd limit_x = vd_set((double)eye->clamp_x), limit_y = vd_set((double)eye->clamp_y);
     f->X = vd_max(vd_min(x, limit_x), vd_neg(limit_x));
@@ -99,10 +99,11 @@ VEC void project_shape(const sf_project_args *a, size_t at, projection *f) {
     load(&a->params, SF_FIELD_log_scale, 3, at, log_scale);
     load(&a->params, SF_FIELD_quat, 4, at, q);
     load(&a->params, SF_FIELD_logit_opacity, 1, at, &logit);
-    vd norm = vd_sqrt(vd_fma(q[3], q[3], vd_fma(q[2], q[2], vd_fma(q[1], q[1], vd_mul(q[0], q[0])))));
-    f->finite = vdm_and(vd_le(vd_set(SF_QUAT_MIN), norm), vd_le(norm, vd_set((double)FLT_MAX)));
+    vd square = vd_fma(q[3], q[3], vd_fma(q[2], q[2], vd_fma(q[1], q[1], vd_mul(q[0], q[0]))));
+    const double most = (double)FLT_MAX * (double)FLT_MAX;
+    f->finite = vdm_and(vd_le(vd_set(SF_QUAT_MIN * SF_QUAT_MIN), square), vd_le(square, vd_set(most)));
     f->finite = vdm_and(f->finite, within(logit, (double)FLT_MAX));
-    f->inv_norm = vd_div(one, norm);
+    f->inv_norm = vd_rsqrt(square);
     for (int k = 0; k < 4; k++) f->q[k] = vd_mul(q[k], f->inv_norm);
     rotation(f->q, f->R);
     for (int k = 0; k < 3; k++) {
@@ -139,10 +140,11 @@ VEC void project_shape(const sf_project_args *a, size_t at, projection *f) {
     f->det = vd_add(f->nn, vd_fma(low, vd_add(aa, cc), vd_set(SF_LOW_PASS * SF_LOW_PASS)));
     f->finite = vdm_and(f->finite, vd_le(f->det, vd_set((double)FLT_MAX)));
 
-    f->opacity = vd_div(one, vd_add(one, vd_exp2(vd_times(-1.4426950408889634, logit))));
+    f->opacity = vd_reciprocal(vd_add(one, vd_exp2(vd_times(-1.4426950408889634, logit))));
     f->log2_compensation = vd_set(0);
     if (a->antialiased)
-        f->log2_compensation = vd_times(0.5, vd_log2(vd_max(vd_set(2.5e-5), vd_div(f->nn, f->det))));
+        f->log2_compensation =
+            vd_times(0.5, vd_log2(vd_max(vd_set(2.5e-5), vd_mul(f->nn, vd_reciprocal(f->det)))));
 }
 
 /* Fields of sf_splat, in order. */
@@ -203,11 +205,10 @@ VEC void project_part(const sf_project_args *a, size_t first, int part, block *b
 
     /* 3. whitening factors and extent: o g >= 1/255 exactly where t^2 + s^2 <= r2k (M.1) */
     vd power = vd_add(vd_log2(f.opacity), f.log2_compensation), r2k = vd_add(power, vd_set(SF_LOG2_255));
-    vd r2 = vd_max(vd_times(SF_WHITEN_UNDO, r2k), vd_set(0)), r = vd_sqrt(r2);
-    vd root_a = vd_sqrt(f.a), root_c = vd_sqrt(f.c), root_det = vd_sqrt(f.det);
-    vd inv = vd_div(vd_set(1), vd_mul(vd_mul(root_a, root_c), root_det));
-    vd inv_root_a = vd_mul(inv, vd_mul(root_c, root_det)), inv_root_c = vd_mul(inv, vd_mul(root_a, root_det));
-    vd inv_root_det = vd_mul(inv, vd_mul(root_a, root_c)), inv_c = vd_mul(inv_root_c, inv_root_c);
+    vd r2 = vd_max(vd_times(SF_WHITEN_UNDO, r2k), vd_set(1e-30)), r = vd_mul(r2, vd_rsqrt(r2));
+    vd inv_root_a = vd_rsqrt(f.a), inv_root_c = vd_rsqrt(f.c), inv_root_det = vd_rsqrt(f.det);
+    vd root_a = vd_mul(f.a, inv_root_a), root_c = vd_mul(f.c, inv_root_c);
+    vd inv_c = vd_mul(inv_root_c, inv_root_c);
     vd u = vd_fma(vd_times((double)eye->fx, f.p[0]), f.inv_z, vd_set((double)eye->cx));
     vd v = vd_fma(vd_times((double)eye->fy, f.p[1]), f.inv_z, vd_set((double)eye->cy));
     vd half_width = vd_mul(r, root_a), half_height = vd_mul(r, root_c);
@@ -389,7 +390,7 @@ VEC void covariance_bwd(const projection *f, const vd *sums, const vd *l, int an
     cross3(f->A1, f->n, turn0);
     cross3(f->n, f->A0, turn1);
     vd tt = sums[6], ts = sums[7], ss = sums[8], undo2 = vd_set(SF_WHITEN_UNDO * SF_WHITEN_UNDO);
-    vd lead = vd_div(vd_set(SF_WHITEN), vd_sqrt(vd_mul(f->c, f->det))), low = vd_set(SF_LOW_PASS);
+    vd lead = vd_times(SF_WHITEN, vd_rsqrt(vd_mul(f->c, f->det))), low = vd_set(SF_LOW_PASS);
     for (int k = 0; k < 3; k++) {
         /* l00 A0 + l01 A1 = (c A0 - b A1) / sqrt(c det), and c A0 - b A1 = eps A0 + A1 x n without
          * cancellation */
@@ -400,10 +401,10 @@ VEC void covariance_bwd(const projection *f, const vd *sums, const vd *l, int an
         d_A1[k] = vd_fma(l[1], H0, vd_mul(l[2], H1));
     }
     if (!antialiased) return;
-    vd inv_det = vd_div(vd_set(1), f->det);
+    vd inv_det = vd_reciprocal(f->det);
     vdm above =
         vd_lt(vd_set(2.5e-5), vd_mul(f->nn, inv_det)); /* where the compensation is not at its floor */
-    vd p = vd_keep(above, sums[3]), d_nn = vd_keep(above, vd_sub(vd_div(vd_set(1), f->nn), inv_det));
+    vd p = vd_keep(above, sums[3]), d_nn = vd_keep(above, vd_sub(vd_reciprocal(f->nn), inv_det));
     for (int k = 0; k < 3; k++) { /* ln k = (ln |n|^2 - ln det) / 2 */
         vd low_det = vd_mul(low, inv_det);
         d_A0[k] = vd_fma(p, vd_fnma(low_det, f->A0[k], vd_mul(d_nn, turn0[k])), d_A0[k]);
@@ -475,7 +476,8 @@ VEC unsigned geometry_bwd(const sf_project_bwd_args *b, size_t first, size_t to,
     vd undo = vd_set(SF_WHITEN_UNDO), du = vd_mul(undo, vd_mul(l[0], sums[4]));
     vd dv = vd_mul(undo, vd_fma(l[1], sums[4], vd_mul(l[2], sums[5])));
     vd nx = vd_times(0.5 * (double)eye->width, du), ny = vd_times(0.5 * (double)eye->height, dv);
-    vd screen = vd_sqrt(vd_fma(nx, nx, vd_mul(ny, ny)));
+    vd square = vd_fma(nx, nx, vd_mul(ny, ny));
+    vd screen = vd_mul(square, vd_rsqrt(vd_max(square, vd_set(1e-300))));
 
     /* 3. covariance: to A, then to scales, rotation and T */
     vd d_A0[3], d_A1[3], d_T0[3], d_T1[3], d_R[9], d_scale[3], d_quat[4];

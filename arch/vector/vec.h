@@ -91,7 +91,7 @@ VEC vd vd_log2(vd x) {
     vdm upper = vd_lt(vd_set(1.4142135623730951), m);
     m = vd_select(upper, vd_mul(m, vd_set(0.5)), m);
     exponent = vd_add(exponent, vd_keep(upper, one));
-    vd z = vd_div(vd_sub(m, one), vd_add(m, one)), zz = vd_mul(z, z), p = vd_set(1.0 / 15);
+    vd z = vd_mul(vd_sub(m, one), vd_reciprocal(vd_add(m, one))), zz = vd_mul(z, z), p = vd_set(1.0 / 15);
     for (int k = 13; k > 0; k -= 2) p = vd_fma(p, zz, vd_set(1.0 / k));
     return vd_fma(vd_mul(vd_set(2.8853900817779268), z), p, exponent);
 }

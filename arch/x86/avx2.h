@@ -111,8 +111,8 @@ VEC vd vd_sub(vd a, vd b) { return _mm256_sub_pd(a, b); }
 VEC vd vd_mul(vd a, vd b) { return _mm256_mul_pd(a, b); }
 VEC vd vd_fma(vd a, vd b, vd c) { return _mm256_fmadd_pd(a, b, c); }
 VEC vd vd_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_pd(a, b, c); }
-VEC vd vd_div(vd a, vd b) { return _mm256_div_pd(a, b); }
-VEC vd vd_sqrt(vd a) { return _mm256_sqrt_pd(a); }
+VEC vd vd_reciprocal(vd a) { return _mm256_div_pd(_mm256_set1_pd(1), a); }
+VEC vd vd_rsqrt(vd a) { return _mm256_div_pd(_mm256_set1_pd(1), _mm256_sqrt_pd(a)); }
 VEC vd vd_min(vd a, vd b) { return _mm256_min_pd(a, b); }
 VEC vd vd_max(vd a, vd b) { return _mm256_max_pd(a, b); }
 VEC vd vd_floor(vd a) { return _mm256_floor_pd(a); }

@@ -119,8 +119,17 @@ VEC vd vd_sub(vd a, vd b) { return _mm512_sub_pd(a, b); }
 VEC vd vd_mul(vd a, vd b) { return _mm512_mul_pd(a, b); }
 VEC vd vd_fma(vd a, vd b, vd c) { return _mm512_fmadd_pd(a, b, c); }
 VEC vd vd_fnma(vd a, vd b, vd c) { return _mm512_fnmadd_pd(a, b, c); }
-VEC vd vd_div(vd a, vd b) { return _mm512_div_pd(a, b); }
-VEC vd vd_sqrt(vd a) { return _mm512_sqrt_pd(a); }
+VEC vd vd_reciprocal(vd a) { /* an estimate within 2^-14, and two steps of Newton's */
+    vd r = _mm512_rcp14_pd(a), two = _mm512_set1_pd(2);
+    r = _mm512_mul_pd(r, _mm512_fnmadd_pd(a, r, two));
+    return _mm512_mul_pd(r, _mm512_fnmadd_pd(a, r, two));
+}
+VEC vd vd_rsqrt(vd a) {
+    vd r = _mm512_rsqrt14_pd(a), half = _mm512_set1_pd(0.5), more = _mm512_set1_pd(1.5);
+    vd halved = _mm512_mul_pd(a, half);
+    r = _mm512_mul_pd(r, _mm512_fnmadd_pd(halved, _mm512_mul_pd(r, r), more));
+    return _mm512_mul_pd(r, _mm512_fnmadd_pd(halved, _mm512_mul_pd(r, r), more));
+}
 VEC vd vd_min(vd a, vd b) { return _mm512_min_pd(a, b); }
 VEC vd vd_max(vd a, vd b) { return _mm512_max_pd(a, b); }
 VEC vd vd_floor(vd a) { return _mm512_roundscale_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }

@@ -108,8 +108,8 @@ VEC vd vd_sub(vd a, vd b) { return _mm_sub_pd(a, b); }
 VEC vd vd_mul(vd a, vd b) { return _mm_mul_pd(a, b); }
 VEC vd vd_fma(vd a, vd b, vd c) { return _mm_add_pd(_mm_mul_pd(a, b), c); }
 VEC vd vd_fnma(vd a, vd b, vd c) { return _mm_sub_pd(c, _mm_mul_pd(a, b)); }
-VEC vd vd_div(vd a, vd b) { return _mm_div_pd(a, b); }
-VEC vd vd_sqrt(vd a) { return _mm_sqrt_pd(a); }
+VEC vd vd_reciprocal(vd a) { return _mm_div_pd(_mm_set1_pd(1), a); }
+VEC vd vd_rsqrt(vd a) { return _mm_div_pd(_mm_set1_pd(1), _mm_sqrt_pd(a)); }
 VEC vd vd_min(vd a, vd b) { return _mm_min_pd(a, b); }
 VEC vd vd_max(vd a, vd b) { return _mm_max_pd(a, b); }
 VEC vd vd_floor(vd a) { return _mm_floor_pd(a); }
