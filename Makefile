@@ -5,6 +5,7 @@
 # make test          unit tests, golden cases, levels; installs what is missing
 # make test-golden   the golden tests alone
 # make check         the kernels at every level of this machine
+# make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make lint          include order, headers, symbols, format, forbidden words, scripts
@@ -220,6 +221,9 @@ check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
 check-cpus: $(LEVEL_TESTS) $(PROGRAM)
 	@OBJDUMP='$(NM:%nm=%objdump)' QEMU_ROOT='$(QEMU_ROOT)' PROGRAM='$(PROGRAM)' SPLATFIT_QUICK=1 TIMEOUT=$${TIMEOUT:-900} \
 	    tests/check/cpus.sh $(MACHINE) '$(LEVEL_TESTS)' '$(LIB) $(APP_OBJ)'
+# Each in a copy of the tree; some minutes.
+mutants:
+	@CC='$(CC)' MAKE='$(MAKE)' tests/mutants/run.sh
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)

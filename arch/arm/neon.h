@@ -12,7 +12,7 @@ typedef uint32x4_t vu;
 
 VEC vf vf_set(float x) { return vdupq_n_f32(x); }
 VEC vf vf_load(const float *p) { return vld1q_f32(p); }
-VEC vf vf_loadu(const float *p) { return vld1q_f32(p); }
+VEC vf vf_beside(const float *p, int k) { return vld1q_f32(p + k); }
 VEC void vf_storeu(float *p, vf a) { vst1q_f32(p, a); }
 VEC void vf_store(float *p, vf a) { vst1q_f32(p, a); }
 VEC vf vf_add(vf a, vf b) { return vaddq_f32(a, b); }

@@ -16,7 +16,7 @@ static const float window[TAPS] = {0.0010283801f, 0.0075987581f, 0.0360007721f, 
                                    0.2130055377f, 0.2660117249f, 0.2130055377f, 0.1093606895f,
                                    0.0360007721f, 0.0075987581f, 0.0010283801f};
 
-/* Row `row` of a ring; the four rows behind the rings are spare. */
+/* Row `row` of a ring; those behind the rings are spare. */
 static float *ring_row(const sf_loss_args *a, int ring, int row) {
     return a->scratch + ((size_t)ring * SF_LOSS_RING + (unsigned)row % SF_LOSS_RING) * a->stride;
 }

@@ -5,7 +5,8 @@
  *
  *   vf, vm, vu      VW floats; a mask of VW lanes; VW 32-bit integers
  *   vf_fma(a,b,c)   a b + c, fused where the level can; vf_fnma: c - a b
- *   vf_load, vf_store  at VW floats' alignment; vf_loadu, vf_storeu anywhere
+ *   vf_load, vf_store  at VW floats' alignment; vf_storeu anywhere;  vf_beside  p[k ..] of an
+ *                   aligned p, |k| < 6
  *   vf_keep(m,a)    a where m, else 0;  vf_select(m,a,b)  a where m, else b
  *   vf_reciprocal   1 / a within 2^-22;  vf_root  no less than sqrt(a), within 2^-19; a >= 0
  *   vm_list(m,f,p)  the numbers f + lane of the lanes in m to p[0 ..], a byte each, and how many; writes VW

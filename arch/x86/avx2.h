@@ -11,7 +11,7 @@ typedef __m256i vu;
 
 VEC vf vf_set(float x) { return _mm256_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm256_load_ps(p); }
-VEC vf vf_loadu(const float *p) { return _mm256_loadu_ps(p); }
+VEC vf vf_beside(const float *p, int k) { return _mm256_loadu_ps(p + k); }
 VEC void vf_storeu(float *p, vf a) { _mm256_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm256_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm256_add_ps(a, b); }

@@ -163,9 +163,9 @@ typedef struct sf_loss_args {
     float *d_x;       /* out: the rows' gradient, 0 beyond the width; NULL: not wanted */
 } sf_loss_args;
 
-/* Room for rows on their way through the two filters: rings of rows of four planes and three maps, and a
- * few more, each with margins. */
-enum { SF_LOSS_RING = 16, SF_LOSS_SCRATCH_ROWS = 7 * SF_LOSS_RING + 4 };
+/* Room for rows on their way through the two filters: rings of rows of four planes and three maps, and as
+ * many again as one ring, each with margins. */
+enum { SF_LOSS_RING = 16, SF_LOSS_SCRATCH_ROWS = 8 * SF_LOSS_RING };
 
 static inline size_t sf_loss_scratch(size_t stride) {
     return SF_LOSS_SCRATCH_ROWS * (stride + 2 * (size_t)SF_LANES);

@@ -31,10 +31,11 @@ static const kind kinds[] = {
 };
 enum { KINDS = sizeof kinds / sizeof *kinds };
 
-/* Around the vectors' widths, the halves of a word and the chunk of 256. */
-static const uint32_t counts[] = {0,  1,  2,  3,  4,  5,   7,   8,   9,   15,  16,  17,  31,
-                                  32, 33, 63, 64, 65, 255, 256, 257, 511, 512, 513, 1000};
-enum { COUNTS = sizeof counts / sizeof *counts, MOST = 1000, ROUNDS = 3 };
+/* Around the vectors' widths, and around the lengths that lists are cut to. */
+static const uint32_t counts[] = {0,   1,   2,   3,   4,   5,   7,   8,   9,   15,  16,  17,
+                                  31,  32,  33,  63,  64,  65,  95,  96,  127, 128, 129, 239,
+                                  240, 241, 255, 256, 257, 480, 481, 511, 512, 513, 1000};
+enum { COUNTS = sizeof counts / sizeof *counts, MOST = 1000, ROUNDS = 2 };
 
 static double signed_between(check *c, const double range[2]) {
     double value = check_between(c, range[0], range[1]);

@@ -10,7 +10,7 @@ typedef struct ellipse {
 } ellipse;
 
 static ellipse ellipse_of(const sf_splat *s, double more) {
-    double r2k = fmax((double)s->log2_opacity + SF_LOG2_255 + more, 0);
+    double r2k = fmax((double)s->log2_opacity + log2(255) + more, 0);
     return (ellipse){(double)s->u,   (double)s->v, -(double)s->l01 / (double)s->l00, (double)s->m,
                      (double)s->l00, r2k,          sqrt(r2k) / (double)s->m};
 }

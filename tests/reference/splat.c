@@ -15,6 +15,11 @@ static const double COLOUR_ROUNDINGS = 8;
 /* Margin of the rows of tiles, px. */
 static const double MARGIN = 0.01;
 
+/* As src/render/README.md has them. */
+static const double LOW_PASS = 0.3, LEAST_NORM = 1e-12, LEAST_COMPENSATION = 2.5e-5;
+/* sqrt(log2(e) / 2), log2(255), 2 ln 2 */
+static const double WHITEN = 0.84932180028801904, LOG2_255 = 7.9943534368588575, UNDO = 1.3862943611198906;
+
 static const int components[SF_FIELD_COUNT] = {3, 3, 4, 1, 3, 9, 15, 21};
 
 /* Field and place of SH coefficient k. */
@@ -76,7 +81,7 @@ static void column(const shape *s, int k, bounded out[3]) {
 
 /* M.1 to the covariance and its determinant, a sum of squares. */
 static void flatten(const sf_eye *eye, shape *s) {
-    bounded inv_z = b_div(b_of(1), s->p[2]), R_cw[3][3], normal[3], axis[3], low = b_of(SF_LOW_PASS);
+    bounded inv_z = b_div(b_of(1), s->p[2]), R_cw[3][3], normal[3], axis[3], low = b_of(LOW_PASS);
     for (int k = 0; k < 9; k++) R_cw[k / 3][k % 3] = b_of((double)eye->R[k]);
     s->J00 = b_scale((double)eye->fx, inv_z), s->J11 = b_scale((double)eye->fy, inv_z);
     s->J02 = b_negative(b_mul(s->J00, s->X)), s->J12 = b_negative(b_mul(s->J11, s->Y));
@@ -94,14 +99,14 @@ static void flatten(const sf_eye *eye, shape *s) {
     bounded aa = b_dot3(s->A[0], s->A[0]), cc = b_dot3(s->A[1], s->A[1]);
     s->nn = b_dot3(s->n, s->n);
     s->a = b_add(aa, low), s->b = b_dot3(s->A[0], s->A[1]), s->c = b_add(cc, low);
-    s->det = b_add(s->nn, b_add(b_mul(low, b_add(aa, cc)), b_of(SF_LOW_PASS * SF_LOW_PASS)));
+    s->det = b_add(s->nn, b_add(b_mul(low, b_add(aa, cc)), b_of(LOW_PASS * LOW_PASS)));
 }
 
 /* 0: a parameter that is none. */
 static int shape_of(const sf_project_args *a, size_t i, shape *s) {
     double logit = param(a, SF_FIELD_logit_opacity, i, 0), square = 0;
     for (int k = 0; k < 4; k++) square += pow(param(a, SF_FIELD_quat, i, k), 2);
-    if (!(sqrt(square) >= SF_QUAT_MIN && sqrt(square) <= (double)FLT_MAX && fabs(logit) <= (double)FLT_MAX))
+    if (!(sqrt(square) >= LEAST_NORM && sqrt(square) <= (double)FLT_MAX && fabs(logit) <= (double)FLT_MAX))
         return 0;
     s->norm = b_round(sqrt(square), 0);
     for (int k = 0; k < 4; k++) s->q[k] = b_div(b_of(param(a, SF_FIELD_quat, i, k)), s->norm);
@@ -119,10 +124,11 @@ static int shape_of(const sf_project_args *a, size_t i, shape *s) {
 
     s->o = b_div(b_of(1), b_add(b_of(1), b_exp(b_of(-logit))));
     bounded ratio = b_div(s->nn, s->det);
-    s->compensated = a->antialiased && ratio.v > 2.5e-5;
-    s->at_floor = a->antialiased && b_near(ratio, 2.5e-5);
+    s->compensated = a->antialiased && ratio.v > LEAST_COMPENSATION;
+    s->at_floor = a->antialiased && b_near(ratio, LEAST_COMPENSATION);
     s->compensation = b_of(0);
-    if (a->antialiased) s->compensation = b_scale(0.5, b_log2(s->compensated ? ratio : b_of(2.5e-5)));
+    if (a->antialiased)
+        s->compensation = b_scale(0.5, b_log2(s->compensated ? ratio : b_of(LEAST_COMPENSATION)));
     bounded v[3];
     for (int k = 0; k < 3; k++)
         v[k] = b_sub(b_of(param(a, SF_FIELD_mean, i, k)), b_of((double)a->eye->center[k]));
@@ -207,8 +213,8 @@ void test_ref_see(const sf_project_args *a, size_t i, test_ref_seen *seen) {
     if (!sound) return;
 
     bounded log2_opacity = b_add(b_log2(s.o), s.compensation);
-    bounded r2k = b_add(log2_opacity, b_of(SF_LOG2_255)), r2 = b_scale(SF_WHITEN_UNDO, r2k);
-    bounded whiten = b_of(SF_WHITEN), c_det = b_sqrt(b_mul(s.c, s.det));
+    bounded r2k = b_add(log2_opacity, b_of(LOG2_255)), r2 = b_scale(UNDO, r2k);
+    bounded whiten = b_of(WHITEN), c_det = b_sqrt(b_mul(s.c, s.det));
     seen->state = SF_SEEN;
     seen->open |= b_near(r2k, 0);
     if (r2k.v <= 0) {
@@ -291,15 +297,15 @@ static void covariance_backward(const shape *s, const bounded *splat, const doub
     b_cross3(s->A[1], s->n, turn[0]);
     b_cross3(s->n, s->A[0], turn[1]);
     bounded tt = b_of(sums[6]), ts = b_of(sums[7]), ss = b_of(sums[8]);
-    bounded lead = b_div(b_of(SF_WHITEN), b_sqrt(b_mul(s->c, s->det)));
+    bounded lead = b_div(b_of(WHITEN), b_sqrt(b_mul(s->c, s->det)));
     for (int k = 0; k < 3; k++) {
-        bounded B0 = b_mul(lead, b_fma(b_of(SF_LOW_PASS), s->A[0][k], turn[0][k])), B1 = b_mul(m, s->A[1][k]);
+        bounded B0 = b_mul(lead, b_fma(b_of(LOW_PASS), s->A[0][k], turn[0][k])), B1 = b_mul(m, s->A[1][k]);
         bounded H0 = b_fma(tt, B0, b_mul(ts, B1)), H1 = b_fma(ts, B0, b_mul(ss, B1));
-        d_A[0][k] = b_scale(SF_WHITEN_UNDO * SF_WHITEN_UNDO, b_mul(l00, H0));
-        d_A[1][k] = b_scale(SF_WHITEN_UNDO * SF_WHITEN_UNDO, b_fma(l01, H0, b_mul(m, H1)));
+        d_A[0][k] = b_scale(UNDO * UNDO, b_mul(l00, H0));
+        d_A[1][k] = b_scale(UNDO * UNDO, b_fma(l01, H0, b_mul(m, H1)));
     }
     if (!s->compensated) return;
-    bounded p = b_of(sums[3]), low = b_div(b_of(SF_LOW_PASS), s->det);
+    bounded p = b_of(sums[3]), low = b_div(b_of(LOW_PASS), s->det);
     bounded d_nn = b_sub(b_div(b_of(1), s->nn), b_div(b_of(1), s->det));
     for (int r = 0; r < 2; r++)
         for (int k = 0; k < 3; k++) {
@@ -399,8 +405,8 @@ void test_ref_unsee(const sf_project_args *a, size_t i, const double sums[9], te
     g->field[SF_FIELD_logit_opacity][0] = b_scale(sums[3], b_sub(b_of(1), s.o));
 
     bounded l00 = seen.splat[2], l01 = seen.splat[3], l11 = seen.splat[4];
-    bounded du = b_scale(SF_WHITEN_UNDO, b_mul(l00, b_of(sums[4])));
-    bounded dv = b_scale(SF_WHITEN_UNDO, b_fma(l01, b_of(sums[4]), b_mul(l11, b_of(sums[5]))));
+    bounded du = b_scale(UNDO, b_mul(l00, b_of(sums[4])));
+    bounded dv = b_scale(UNDO, b_fma(l01, b_of(sums[4]), b_mul(l11, b_of(sums[5]))));
     bounded nx = b_scale(0.5 * eye->width, du), ny = b_scale(0.5 * eye->height, dv);
     g->screen = b_sqrt(b_fma(nx, nx, b_square(ny)));
 

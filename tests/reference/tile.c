@@ -3,6 +3,9 @@
 
 #include <string.h>
 
+/* As src/render/README.md has them; kernels hold them rounded. */
+static const double MOST_ALPHA = 0.99, LEAST_ALPHA = 1.0 / 255, LEAST_TRANSMITTANCE = 1e-4;
+
 /* The relative error of exp2 that arch/scalar/exp2.h states. */
 static const double EXP2_ERROR = 2.4e-7;
 
@@ -39,14 +42,14 @@ static int meet(const sf_splat *g, const sf_blend_args *a, int x, int y, pair *p
     power.e += FLOAT_UNIT * (tt.v + ss.v); /* t^2 and s^2 may be added first */
     /* in base 2 an error of exp2 is one of 1/ln 2 times that in the exponent; the constant is rounded, too */
     bounded floor = b_widen(power, EXP2_ERROR / log(2) + 8 * FLOAT_UNIT);
-    p->at_floor = b_near(floor, -SF_LOG2_255);
-    if (power.v < -SF_LOG2_255) return p->at_floor;
+    p->at_floor = b_near(floor, log2(LEAST_ALPHA));
+    if (power.v < log2(LEAST_ALPHA)) return p->at_floor;
     p->og.v = exp2(power.v);
     p->og.e = p->og.v * (exp2(power.e) - 1 + EXP2_ERROR);
-    p->at_clamp = b_near(p->og, (double)SF_ALPHA_MAX);
-    p->saturated = p->og.v > (double)SF_ALPHA_MAX;
+    p->at_clamp = b_near(b_widen(p->og, FLOAT_UNIT), MOST_ALPHA);
+    p->saturated = p->og.v > MOST_ALPHA;
     p->alpha = p->og;
-    if (p->saturated) p->alpha = (bounded){(double)SF_ALPHA_MAX, p->at_clamp ? p->og.e : 0};
+    if (p->saturated) p->alpha = b_round(MOST_ALPHA, p->at_clamp ? p->og.e : 0);
     return 1;
 }
 
@@ -75,8 +78,8 @@ static int step(walk *w, pair *p, uint32_t *entry) {
         }
         w->at_clamp |= p->at_clamp;
         bounded next = dimmed(w->T, p->alpha);
-        w->at_stop |= b_near(next, (double)SF_T_STOP);
-        w->stopped = next.v < (double)SF_T_STOP;
+        w->at_stop |= b_near(next, LEAST_TRANSMITTANCE);
+        w->stopped = next.v < LEAST_TRANSMITTANCE;
         if (w->stopped) return 0;
         *entry = w->next++;
         return 1;
