@@ -8,6 +8,7 @@
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
+# make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -47,8 +48,10 @@ O      := build/$(CONFIG)
 HEADERS := $(wildcard include/splatfit/*.h)
 MACHINE := $(firstword $(subst -, ,$(shell $(CC) $(TARGET_CFLAGS) -dumpmachine)))
 FAMILY  := $(if $(filter x86_64 i%86,$(MACHINE)),x86,$(if $(filter aarch64% arm%,$(MACHINE)),arm))
-LIB_SRC := $(filter-out src/app/%,$(wildcard src/*/*.c)) $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
+LIB_SRC := $(filter-out src/app/% src/bench/%,$(wildcard src/*/*.c)) \
+           $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
 APP_SRC := $(wildcard src/app/*.c)
+BENCH_SRC := $(wildcard src/bench/*.c)
 REF_SRC := $(wildcard tests/reference/*.c tests/golden/golden.c)
 
 tests_in   = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/test_*.c))
@@ -65,10 +68,22 @@ FLAGS_avx2   := -mavx2 -mfma
 FLAGS_avx512 := -mavx512f -mavx512bw -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512
 FLAGS_neon   := $(if $(filter arm%,$(MACHINE)),-mfpu=neon-vfpv4)
 LEVELS       := $(LEVELS_$(FAMILY))
-VECTOR_SRC   := $(if $(LEVELS),$(wildcard arch/vector/*.c))
+VECTOR_SRC   := $(if $(LEVELS),$(filter-out arch/vector/roof.c,$(wildcard arch/vector/*.c)))
+
+# What splatfit bench measures and the library does not hold: the levels' roofs, and blending with other
+# polynomials for exp2 and without the pairs.
+VARIANTS   := exp2 exp3 exp4 exp5 exp6 cull
+FLAGS_exp2 := -DSF_EXP_DEGREE=2
+FLAGS_exp3 := -DSF_EXP_DEGREE=3
+FLAGS_exp4 := -DSF_EXP_DEGREE=4
+FLAGS_exp5 := -DSF_EXP_DEGREE=5
+FLAGS_exp6 := -DSF_EXP_DEGREE=6
+FLAGS_cull := -DSF_BLEND_CULL_ONLY=1
 
 LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
+BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
+               $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
 # What the programs of tests/check share.
@@ -151,7 +166,7 @@ endif
 
 # Each holds what it is named for; it changes only when that does, and then all that depends on it is remade.
 $(O)/flags: TEXT = $(CC) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
-$(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(REF_SRC)
+$(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(BENCH_OBJ) $(REF_SRC)
 $(O)/flags $(O)/sources: FORCE
 	@mkdir -p $(@D)
 	@printf '%s\n' '$(subst ','\'',$(TEXT))' | cmp -s - $@ || printf '%s\n' '$(subst ','\'',$(TEXT))' >$@
@@ -171,6 +186,16 @@ $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps
 endef
 $(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 
+# Declared where they are called, in src/bench/levels.c.
+define variant_rule
+$(O)/arch/vector/blend.$(2).$(1).o: arch/vector/blend.c $(O)/flags | have-deps
+	$(say) CC '$$< ($(1), $(2))'
+	@mkdir -p $$(@D)
+	$(Q)$(CC) $(ALL_CFLAGS) -O3 $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) $(FLAGS_$(2)) \
+	    -DSF_BLEND_VARIANT=$(2) -Wno-missing-prototypes -MMD -MP -c -o $$@ $$<
+endef
+$(foreach l,$(LEVELS),$(foreach v,$(VARIANTS),$(eval $(call variant_rule,$(l),$(v)))))
+
 $(LIB): $(LIB_OBJ) $(O)/sources
 	$(say) AR $@
 	@rm -f $@
@@ -187,27 +212,29 @@ $(O)/libspng.a: $(O)/flags | have-deps
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $(O)/spng.o
 
-$(PROGRAM): $(APP_OBJ) $(LIB) $(O)/sources $(SPNG)
+$(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(O)/sources $(SPNG)
 	$(say) LD $@
-	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(LIB) $(LIBS)
+	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(LIBS)
 
 # A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
 $(UNIT) $(GOLD) $(CHECK): $(REF_OBJ)
 $(CHECK): $(CHECK_OBJ)
+$(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
 TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(TEST_PROGRAM_OBJ))
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) \
+    $(TEST_PROGRAM_OBJ))
 
 # ---- testing -----------------------------------------------------------------------------------------------
 
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo
+.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo bench
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -220,7 +247,7 @@ check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
 # Emulated vectors are slow.
 check-cpus: $(LEVEL_TESTS) $(PROGRAM)
 	@OBJDUMP='$(NM:%nm=%objdump)' QEMU_ROOT='$(QEMU_ROOT)' PROGRAM='$(PROGRAM)' SPLATFIT_QUICK=1 TIMEOUT=$${TIMEOUT:-900} \
-	    tests/check/cpus.sh $(MACHINE) '$(LEVEL_TESTS)' '$(LIB) $(APP_OBJ)'
+	    tests/check/cpus.sh $(MACHINE) '$(LEVEL_TESTS)' '$(LIB) $(APP_OBJ) $(BENCH_OBJ)'
 # Each in a copy of the tree; some minutes.
 mutants:
 	@CC='$(CC)' MAKE='$(MAKE)' tests/mutants/run.sh
@@ -238,6 +265,12 @@ lint: $(LIB) $(SO)
 
 ci:
 	@MAKE='$(MAKE)' tests/ci.sh
+
+# Instructions are counted first, where valgrind is there, and go into the report. BENCH_FLAGS, e.g. --quick.
+bench: $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/callgrind.sh build/bench-instructions.txt $(LEVELS)
+	$(RUN) $(PROGRAM) bench --json build/bench.json --svg build --instructions build/bench-instructions.txt \
+	    $(BENCH_FLAGS)
 
 demo: all
 	$(PROGRAM) fit sim:studio --steps 1500 --max-gaussians 40000 -o build/demo.ply --compare build/demo.png \

@@ -42,7 +42,8 @@ VEC vf vf_div(vf a, vf b) {
     vf r = vrecpeq_f32(b);
     r = vmulq_f32(r, vrecpsq_f32(b, r));
     r = vmulq_f32(r, vrecpsq_f32(b, r));
-    return vmulq_f32(a, r);
+    vf q = vmulq_f32(a, r); /* and once more for the quotient: b / b is 1 */
+    return vfmaq_f32(q, r, vfmsq_f32(a, b, q));
 }
 VEC float vf_sum(vf a) {
     float32x2_t half = vadd_f32(vget_low_f32(a), vget_high_f32(a));

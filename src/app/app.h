@@ -1,4 +1,5 @@
-/* app.h - what the subcommands share. The program uses what is public, and nothing else. */
+/* app.h - what the subcommands share. The program uses what is public, and nothing
+ * else; bench alone looks inside. */
 #ifndef APP_APP_H
 #define APP_APP_H
 
@@ -8,7 +9,7 @@
 
 #include "args.h"
 
-extern const command command_fit, command_render, command_eval, command_info;
+extern const command command_fit, command_render, command_eval, command_info, command_bench;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];

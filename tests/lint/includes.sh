@@ -2,7 +2,8 @@
 # includes.sh - every module of src/ and arch/ includes only what lies before it.
 #
 #   base <- kernels <- scene <- {io, render};  io <- capture;  {io, capture, render} <- {pose, fit} <- live
-#   preview sees base and scene;  app sees preview;  arch sees kernels;  all see include/splatfit
+#   bench sees base, kernels, scene, render, fit and arch;  preview sees base and scene;  app sees bench and
+#   preview;  arch sees kernels;  all see include/splatfit
 set -eu
 
 # The module of a file: src/<module>/..., or arch for all of arch/.
@@ -27,7 +28,8 @@ done | awk '
         allow("fit", "base kernels scene io capture render")
         allow("live", "base kernels scene io capture render pose fit")
         allow("preview", "base scene")
-        allow("app", "preview")
+        allow("bench", "base kernels scene render fit arch")
+        allow("app", "preview bench")
         allow("arch", "kernels")
     }
     $2 ~ /^include\/splatfit\// { next }

@@ -62,9 +62,11 @@ static inline bounded b_square(bounded a) { return b_mul(a, a); }
 /* a b + c */
 static inline bounded b_fma(bounded a, bounded b, bounded c) { return b_add(b_mul(a, b), c); }
 
+/* Approached in steps, even a quotient that is a float may be off. */
 static inline bounded b_quotient_round(double v, double e) {
     bounded once = b_round(v, e);
-    return (bounded){v, e + BOUNDED_QUOTIENT * (once.e - e)};
+    if (BOUNDED_QUOTIENT == 1) return once;
+    return (bounded){v, fmax(once.e, e + BOUNDED_QUOTIENT * BOUNDED_UNIT * (fabs(v) + e))};
 }
 
 static inline bounded b_div(bounded a, bounded b) {

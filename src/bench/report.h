@@ -1,0 +1,29 @@
+/* report.h - a report as text, as JSON and as charts. */
+#ifndef BENCH_REPORT_H
+#define BENCH_REPORT_H
+
+#include <jansson.h>
+
+#include "bench.h"
+
+/* The sections that have figures, as tables. */
+void bench_print(const bench_report *report, FILE *out);
+
+/* One object: machine, roofs, scene, kernels, steps, accuracy, and model where one was measured. NULL: out of
+ * memory. */
+json_t *bench_json(const bench_report *report);
+
+/* Takes over instructions a unit from lines "level kernel instructions", as tests/bench/callgrind.sh
+ * writes them. */
+sf_status bench_read_instructions(sf_context *ctx, const char *path, bench_report *report);
+
+/* charts.c: each level's and polynomial's error over its speed; each stage's time beside its roof. */
+sf_status bench_chart_accuracy(sf_context *ctx, const bench_report *report, const char *path);
+sf_status bench_chart_roofs(sf_context *ctx, const bench_report *report, const char *path);
+
+/* Figures that the tables, the JSON and the charts share; 0 where there is none. */
+double bench_kernel_ghz(const bench_report *report);
+double bench_roof_share(const bench_report *report, int level, const bench_kernel *kernel);
+double bench_floor(const bench_report *report, const bench_step_times *step, int stage);
+
+#endif
