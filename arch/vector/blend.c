@@ -36,6 +36,9 @@ enum {
 /* log2(1/255): a pair below it is skipped. */
 #define LEAST_POWER ((float)-SF_LOG2_255)
 
+/* Less than log2(0.99): a Gaussian of no more opacity is never clamped, whatever exp2's rounding. */
+#define LOG2_ALPHA_MAX -0.0145f
+
 /* Gaussians of a chunk. Offsets are from the tile's first pixel centre: t = l00 X + l01 Y + t0, s = m Y + s0.
  */
 typedef struct chunk {
@@ -74,6 +77,8 @@ static const _Alignas(64) sf_splat nothing = {.half_height = -1e9f, .log2_opacit
 VEC gaussians gather(const sf_blend_args *a, const uint32_t *entries, int first, int n, chunk *c) {
     const float *rows[VW];
     vf field[16];
+    for (int i = first ? first + AHEAD : 0; i < first + AHEAD + VW && i < n; i++)
+        __builtin_prefetch(&a->splats[entries[i]]);
     for (int i = 0; i < VW; i++)
         rows[i] = (const float *)(first + i < n ? &a->splats[entries[first + i]] : &nothing);
     vf_transpose(rows, field);
@@ -276,14 +281,15 @@ VEC void find_opacities(const chunk *c, const pixels *p, pairs *r) {
     }
 }
 
-/* Pair k of Gaussian i: its part of the nine sums. */
-VEC void blend_bwd_pair(const chunk *c, int i, const pairs *r, int k, pixels *p, vf sums[9]) {
-    vf og = r->og[k], most = vf_set(SF_ALPHA_MAX);
+/* Pair k of Gaussian i: its part of the nine sums. `opaque`: its opacity may be clamped. */
+VEC void blend_bwd_pair(const chunk *c, int i, const pairs *r, int k, int opaque, pixels *p, vf sums[9]) {
+    vf alpha = r->og[k], most = vf_set(SF_ALPHA_MAX);
     p += r->block[k];
     /* 2. opacity at this pixel */
-    vf alpha = vf_min(og, most), T = p->T, next = vf_fnma(T, alpha, T);
+    if (opaque) alpha = vf_min(alpha, most);
+    vf T = p->T, next = vf_fnma(T, alpha, T);
     p->T = next;
-    vm open = vf_ge(next, vf_set(SF_T_STOP));
+    vm open = vf_ge(next, vf_set(SF_T_STOP)), sloped = open;
     /* 3. B.5b, and B.5a in its front-to-back form */
     vf w = vf_keep(open, vf_mul(T, alpha));
     for (int ch = 0; ch < 3; ch++) sums[ch] = vf_fma(w, p->d_rgb[ch], sums[ch]);
@@ -294,7 +300,8 @@ VEC void blend_bwd_pair(const chunk *c, int i, const pairs *r, int k, pixels *p,
     p->behind = behind;
     /* 4. moments; the clamp passes no gradient */
     vf ratio = vf_mul(alpha, vf_reciprocal(vf_sub(vf_set(1), alpha)));
-    vf q = vf_keep(vm_and(open, vf_le(og, most)), vf_fnma(behind, ratio, vf_mul(w, along)));
+    if (opaque) sloped = vm_and(open, vf_le(r->og[k], most));
+    vf q = vf_keep(sloped, vf_fnma(behind, ratio, vf_mul(w, along)));
     vf qt = vf_mul(q, r->t[k]), qs = vf_mul(q, r->s[k]);
     sums[3] = vf_add(sums[3], q);
     sums[4] = vf_add(sums[4], qt);
@@ -342,7 +349,10 @@ void KERNEL(sf_blend_bwd)(const sf_blend_args *a) {
             for (int g = first, k = 0; g < i; g++) {
                 vf sums[9];
                 for (int j = 0; j < 9; j++) sums[j] = vf_set(0);
-                for (; k < end[g - first]; k++) blend_bwd_pair(&c, g, &r, k, p, sums);
+                if (c.power[g] > LOG2_ALPHA_MAX)
+                    for (; k < end[g - first]; k++) blend_bwd_pair(&c, g, &r, k, 1, p, sums);
+                else
+                    for (; k < end[g - first]; k++) blend_bwd_pair(&c, g, &r, k, 0, p, sums);
                 float *out = a->sums + (size_t)a->slots[begin + (uint32_t)g] * SF_SUMS;
                 vf_sums8(sums, out);
                 out[8] = vf_sum(sums[8]);
