@@ -9,6 +9,7 @@
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
+# make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -234,7 +235,7 @@ TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo bench
+.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo bench bench-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -271,6 +272,9 @@ bench: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/callgrind.sh build/bench-instructions.txt $(LEVELS)
 	$(RUN) $(PROGRAM) bench --json build/bench.json --svg build --instructions build/bench-instructions.txt \
 	    $(BENCH_FLAGS)
+
+bench-quick: $(PROGRAM)
+	$(RUN) $(PROGRAM) bench --quick --json build/bench-quick.json >build/bench-quick.txt
 
 demo: all
 	$(PROGRAM) fit sim:studio --steps 1500 --max-gaussians 40000 -o build/demo.ply --compare build/demo.png \

@@ -17,7 +17,7 @@ step() { # NAME COMMAND...
     local name=$1 log=$logs/$1.log began=$SECONDS status
     shift
     echo "== $name"
-    "$@" 2>&1 | tee "$log" | sed -uE "/^(CC|AR|LD)    /d; /^$sums\$/d"
+    "$@" 2>&1 | tee "$log" | sed -uE "/^(CC|AR|LD)    /d; /^passed  /d; /^$sums\$/d"
     status=$?
     local result
     result=$(grep -xE "$sums" "$log" | tail -n 1)
@@ -43,12 +43,14 @@ step levels "${make[@]}" check
 step clang "${quick[@]}" "${make[@]}" CC=clang test
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit" test
-# Emulated programs keep one CPU busy each: both machines at a time.
+# Emulated programs keep one CPU busy each: the slowest machine goes beside all that follows up to the wait.
 emulated armhf arm-linux-gnueabihf >$logs/armhf.out &
 emulated aarch64 aarch64-linux-gnu
+step cpus env TIMEOUT=900 "${make[@]}" check-cpus
+step mutants "${make[@]}" mutants
 wait
 cat $logs/armhf.out
-step cpus env TIMEOUT=900 "${make[@]}" check-cpus
+step bench "${make[@]}" bench-quick
 # The boards' own flags are tried on the way.
 for target in native aarch64-linux-gnu arm-linux-gnueabihf rpi5 rpi4 rpi-zero2 jetson; do
     step static-$target "${make[@]}" TOOLCHAIN=$target STATIC=1 test-static

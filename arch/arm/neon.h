@@ -126,39 +126,39 @@ VEC void vf_sums8(const vf a[8], float *out) {
 }
 
 #if defined(__aarch64__)
-enum { VD = 2 };
-typedef float64x2_t vd;
-typedef uint64x2_t vdm;
+enum { VD1 = 2 };
+typedef float64x2_t vd1;
+typedef uint64x2_t vdm1;
 
-VEC vd vd_set(double x) { return vdupq_n_f64(x); }
-VEC vd vd_load(const double *p) { return vld1q_f64(p); }
-VEC void vd_store(double *p, vd a) { vst1q_f64(p, a); }
-VEC vd vd_widen(const float *p) { return vcvt_f64_f32(vld1_f32(p)); }
-VEC void vd_narrow(float *p, vd a) { vst1_f32(p, vcvt_f32_f64(a)); }
-VEC vd vd_add(vd a, vd b) { return vaddq_f64(a, b); }
-VEC vd vd_sub(vd a, vd b) { return vsubq_f64(a, b); }
-VEC vd vd_mul(vd a, vd b) { return vmulq_f64(a, b); }
-VEC vd vd_fma(vd a, vd b, vd c) { return vfmaq_f64(c, a, b); }
-VEC vd vd_fnma(vd a, vd b, vd c) { return vfmsq_f64(c, a, b); }
-VEC vd vd_reciprocal(vd a) { return vdivq_f64(vdupq_n_f64(1), a); }
-VEC vd vd_rsqrt(vd a) { return vdivq_f64(vdupq_n_f64(1), vsqrtq_f64(a)); }
-VEC vd vd_min(vd a, vd b) { return vminq_f64(a, b); }
-VEC vd vd_max(vd a, vd b) { return vmaxq_f64(a, b); }
-VEC vd vd_floor(vd a) { return vrndmq_f64(a); }
-VEC vdm vd_le(vd a, vd b) { return vcleq_f64(a, b); }
-VEC vdm vd_lt(vd a, vd b) { return vcltq_f64(a, b); }
-VEC vdm vdm_and(vdm a, vdm b) { return vandq_u64(a, b); }
-VEC unsigned vdm_bits(vdm m) { return (unsigned)((vgetq_lane_u64(m, 0) & 1) | (vgetq_lane_u64(m, 1) & 2)); }
-VEC vdm vdm_of(unsigned bits) {
+VEC vd1 vd1_set(double x) { return vdupq_n_f64(x); }
+VEC vd1 vd1_load(const double *p) { return vld1q_f64(p); }
+VEC void vd1_store(double *p, vd1 a) { vst1q_f64(p, a); }
+VEC vd1 vd1_widen(const float *p) { return vcvt_f64_f32(vld1_f32(p)); }
+VEC void vd1_narrow(float *p, vd1 a) { vst1_f32(p, vcvt_f32_f64(a)); }
+VEC vd1 vd1_add(vd1 a, vd1 b) { return vaddq_f64(a, b); }
+VEC vd1 vd1_sub(vd1 a, vd1 b) { return vsubq_f64(a, b); }
+VEC vd1 vd1_mul(vd1 a, vd1 b) { return vmulq_f64(a, b); }
+VEC vd1 vd1_fma(vd1 a, vd1 b, vd1 c) { return vfmaq_f64(c, a, b); }
+VEC vd1 vd1_fnma(vd1 a, vd1 b, vd1 c) { return vfmsq_f64(c, a, b); }
+VEC vd1 vd1_reciprocal(vd1 a) { return vdivq_f64(vdupq_n_f64(1), a); }
+VEC vd1 vd1_rsqrt(vd1 a) { return vdivq_f64(vdupq_n_f64(1), vsqrtq_f64(a)); }
+VEC vd1 vd1_min(vd1 a, vd1 b) { return vminq_f64(a, b); }
+VEC vd1 vd1_max(vd1 a, vd1 b) { return vmaxq_f64(a, b); }
+VEC vd1 vd1_floor(vd1 a) { return vrndmq_f64(a); }
+VEC vdm1 vd1_le(vd1 a, vd1 b) { return vcleq_f64(a, b); }
+VEC vdm1 vd1_lt(vd1 a, vd1 b) { return vcltq_f64(a, b); }
+VEC vdm1 vdm1_and(vdm1 a, vdm1 b) { return vandq_u64(a, b); }
+VEC unsigned vdm1_bits(vdm1 m) { return (unsigned)((vgetq_lane_u64(m, 0) & 1) | (vgetq_lane_u64(m, 1) & 2)); }
+VEC vdm1 vdm1_of(unsigned bits) {
     return vcombine_u64(vcreate_u64(-(uint64_t)(bits & 1)), vcreate_u64(-(uint64_t)(bits >> 1 & 1)));
 }
-VEC vd vd_keep(vdm m, vd a) { return vreinterpretq_f64_u64(vandq_u64(m, vreinterpretq_u64_f64(a))); }
-VEC vd vd_select(vdm m, vd a, vd b) { return vbslq_f64(m, a, b); }
-VEC vd vd_nearest(vd x) { return vrndnq_f64(x); }
-VEC vd vd_times_exp2(vd p, vd n) {
+VEC vd1 vd1_keep(vdm1 m, vd1 a) { return vreinterpretq_f64_u64(vandq_u64(m, vreinterpretq_u64_f64(a))); }
+VEC vd1 vd1_select(vdm1 m, vd1 a, vd1 b) { return vbslq_f64(m, a, b); }
+VEC vd1 vd1_nearest(vd1 x) { return vrndnq_f64(x); }
+VEC vd1 vd1_times_exp2(vd1 p, vd1 n) {
     return vreinterpretq_f64_s64(vaddq_s64(vreinterpretq_s64_f64(p), vshlq_n_s64(vcvtq_s64_f64(n), 52)));
 }
-VEC vd vd_split(vd x, vd *exponent) {
+VEC vd1 vd1_split(vd1 x, vd1 *exponent) {
     uint64x2_t bits = vreinterpretq_u64_f64(x);
     *exponent = vsubq_f64(vcvtq_f64_u64(vshrq_n_u64(bits, 52)), vdupq_n_f64(1023));
     uint64x2_t fraction = vandq_u64(bits, vdupq_n_u64(0xfffffffffffff));
@@ -166,41 +166,41 @@ VEC vd vd_split(vd x, vd *exponent) {
 }
 #else
 /* armv7 has no vectors of doubles. */
-enum { VD = 1 };
-typedef double vd;
-typedef unsigned vdm;
+enum { VD1 = 1 };
+typedef double vd1;
+typedef unsigned vdm1;
 
-VEC vd vd_set(double x) { return x; }
-VEC vd vd_load(const double *p) { return *p; }
-VEC void vd_store(double *p, vd a) { *p = a; }
-VEC vd vd_widen(const float *p) { return (double)*p; }
-VEC void vd_narrow(float *p, vd a) { *p = (float)a; }
-VEC vd vd_add(vd a, vd b) { return a + b; }
-VEC vd vd_sub(vd a, vd b) { return a - b; }
-VEC vd vd_mul(vd a, vd b) { return a * b; }
-VEC vd vd_fma(vd a, vd b, vd c) { return a * b + c; }
-VEC vd vd_fnma(vd a, vd b, vd c) { return c - a * b; }
-VEC vd vd_reciprocal(vd a) { return 1 / a; }
-VEC vd vd_rsqrt(vd a) { return 1 / __builtin_sqrt(a); }
-VEC vd vd_min(vd a, vd b) { return a < b ? a : b; }
-VEC vd vd_max(vd a, vd b) { return a > b ? a : b; }
-VEC vd vd_floor(vd a) { return __builtin_floor(a); }
-VEC vdm vd_le(vd a, vd b) { return a <= b; }
-VEC vdm vd_lt(vd a, vd b) { return a < b; }
-VEC vdm vdm_and(vdm a, vdm b) { return a & b; }
-VEC unsigned vdm_bits(vdm m) { return m; }
-VEC vdm vdm_of(unsigned bits) { return bits & 1; }
-VEC vd vd_keep(vdm m, vd a) { return m ? a : 0; }
-VEC vd vd_select(vdm m, vd a, vd b) { return m ? a : b; }
-VEC vd vd_nearest(vd x) { return x + 0x1.8p52 - 0x1.8p52; }
-VEC vd vd_times_exp2(vd p, vd n) {
+VEC vd1 vd1_set(double x) { return x; }
+VEC vd1 vd1_load(const double *p) { return *p; }
+VEC void vd1_store(double *p, vd1 a) { *p = a; }
+VEC vd1 vd1_widen(const float *p) { return (double)*p; }
+VEC void vd1_narrow(float *p, vd1 a) { *p = (float)a; }
+VEC vd1 vd1_add(vd1 a, vd1 b) { return a + b; }
+VEC vd1 vd1_sub(vd1 a, vd1 b) { return a - b; }
+VEC vd1 vd1_mul(vd1 a, vd1 b) { return a * b; }
+VEC vd1 vd1_fma(vd1 a, vd1 b, vd1 c) { return a * b + c; }
+VEC vd1 vd1_fnma(vd1 a, vd1 b, vd1 c) { return c - a * b; }
+VEC vd1 vd1_reciprocal(vd1 a) { return 1 / a; }
+VEC vd1 vd1_rsqrt(vd1 a) { return 1 / __builtin_sqrt(a); }
+VEC vd1 vd1_min(vd1 a, vd1 b) { return a < b ? a : b; }
+VEC vd1 vd1_max(vd1 a, vd1 b) { return a > b ? a : b; }
+VEC vd1 vd1_floor(vd1 a) { return __builtin_floor(a); }
+VEC vdm1 vd1_le(vd1 a, vd1 b) { return a <= b; }
+VEC vdm1 vd1_lt(vd1 a, vd1 b) { return a < b; }
+VEC vdm1 vdm1_and(vdm1 a, vdm1 b) { return a & b; }
+VEC unsigned vdm1_bits(vdm1 m) { return m; }
+VEC vdm1 vdm1_of(unsigned bits) { return bits & 1; }
+VEC vd1 vd1_keep(vdm1 m, vd1 a) { return m ? a : 0; }
+VEC vd1 vd1_select(vdm1 m, vd1 a, vd1 b) { return m ? a : b; }
+VEC vd1 vd1_nearest(vd1 x) { return x + 0x1.8p52 - 0x1.8p52; }
+VEC vd1 vd1_times_exp2(vd1 p, vd1 n) {
     uint64_t bits;
     memcpy(&bits, &p, sizeof bits);
     bits += (uint64_t)(int64_t)n << 52;
     memcpy(&p, &bits, sizeof p);
     return p;
 }
-VEC vd vd_split(vd x, vd *exponent) {
+VEC vd1 vd1_split(vd1 x, vd1 *exponent) {
     uint64_t bits;
     memcpy(&bits, &x, sizeof bits);
     *exponent = (double)(int)(bits >> 52) - 1023;

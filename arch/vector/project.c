@@ -336,14 +336,14 @@ VEC void arrive(const sf_project_bwd_args *b, size_t first, arrival *r) {
         double last = 0;
         r->l00[i] = r->l01[i] = r->m[i] = r->used[0][i] = r->used[1][i] = r->used[2][i] = 0;
         if (b->forward.state[at] == SF_SEEN) {
-            vd sum[8 / VD];
-            for (int k = 0; k < 8 / VD; k++) sum[k] = vd_set(0);
+            vd1 sum[8 / VD1];
+            for (int k = 0; k < 8 / VD1; k++) sum[k] = vd1_set(0);
             for (uint32_t slot = b->slot[at]; slot < b->slot[at + 1]; slot++) {
                 const float *sums = b->sums + (size_t)slot * SF_SUMS;
-                for (int k = 0; k < 8 / VD; k++) sum[k] = vd_add(sum[k], vd_widen(sums + k * VD));
+                for (int k = 0; k < 8 / VD1; k++) sum[k] = vd1_add(sum[k], vd1_widen(sums + k * VD1));
                 last += (double)sums[8];
             }
-            for (int k = 0; k < 8 / VD; k++) vd_store(row + k * VD, sum[k]);
+            for (int k = 0; k < 8 / VD1; k++) vd1_store(row + k * VD1, sum[k]);
             const sf_splat *s = &b->forward.splats[at];
             r->l00[i] = s->l00, r->l01[i] = s->l01, r->m[i] = s->m;
             for (int ch = 0; ch < 3; ch++) r->used[ch][i] = s->rgb[ch] > 0 ? (float)row[ch] : 0.0f;

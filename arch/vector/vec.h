@@ -86,6 +86,53 @@ VEC void vf_exp2(const vf *x, vf *out, int steps) {
     for (int k = 0; k < steps; k++) out[k] = vf_times_exp2(out[k], n[k]);
 }
 
+/* The projection's doubles come as pairs of vectors: its chains of dependent operations are long, and a
+ * second one beside the first costs no time. */
+enum { VD = 2 * VD1 };
+typedef struct vd {
+    vd1 a, b;
+} vd;
+typedef struct vdm {
+    vdm1 a, b;
+} vdm;
+
+#define VD_OF_1(name)                                                                                        \
+    VEC vd vd_##name(vd x) { return (vd){vd1_##name(x.a), vd1_##name(x.b)}; }
+#define VD_OF_2(name)                                                                                        \
+    VEC vd vd_##name(vd x, vd y) { return (vd){vd1_##name(x.a, y.a), vd1_##name(x.b, y.b)}; }
+#define VD_OF_3(name)                                                                                        \
+    VEC vd vd_##name(vd x, vd y, vd z) { return (vd){vd1_##name(x.a, y.a, z.a), vd1_##name(x.b, y.b, z.b)}; }
+#define VDM_OF_2(name)                                                                                       \
+    VEC vdm vd_##name(vd x, vd y) { return (vdm){vd1_##name(x.a, y.a), vd1_##name(x.b, y.b)}; }
+VD_OF_1(reciprocal)
+VD_OF_1(rsqrt)
+VD_OF_1(floor)
+VD_OF_1(nearest)
+VD_OF_2(add)
+VD_OF_2(sub)
+VD_OF_2(mul)
+VD_OF_2(min)
+VD_OF_2(max)
+VD_OF_2(times_exp2)
+VD_OF_3(fma)
+VD_OF_3(fnma)
+VDM_OF_2(le)
+VDM_OF_2(lt)
+
+VEC vd vd_set(double x) { return (vd){vd1_set(x), vd1_set(x)}; }
+VEC vd vd_load(const double *p) { return (vd){vd1_load(p), vd1_load(p + VD1)}; }
+VEC void vd_store(double *p, vd x) { vd1_store(p, x.a), vd1_store(p + VD1, x.b); }
+VEC vd vd_widen(const float *p) { return (vd){vd1_widen(p), vd1_widen(p + VD1)}; }
+VEC void vd_narrow(float *p, vd x) { vd1_narrow(p, x.a), vd1_narrow(p + VD1, x.b); }
+VEC vdm vdm_and(vdm x, vdm y) { return (vdm){vdm1_and(x.a, y.a), vdm1_and(x.b, y.b)}; }
+VEC unsigned vdm_bits(vdm m) { return vdm1_bits(m.a) | vdm1_bits(m.b) << VD1; }
+VEC vdm vdm_of(unsigned bits) { return (vdm){vdm1_of(bits & ((1u << VD1) - 1)), vdm1_of(bits >> VD1)}; }
+VEC vd vd_keep(vdm m, vd x) { return (vd){vd1_keep(m.a, x.a), vd1_keep(m.b, x.b)}; }
+VEC vd vd_select(vdm m, vd x, vd y) { return (vd){vd1_select(m.a, x.a, y.a), vd1_select(m.b, x.b, y.b)}; }
+VEC vd vd_split(vd x, vd *exponent) {
+    return (vd){vd1_split(x.a, &exponent->a), vd1_split(x.b, &exponent->b)};
+}
+
 /* 2^x, relative error below 1e-13; x is taken to [-1000, 1000] first. */
 VEC vd vd_exp2(vd x) {
     /* ln(2)^k / k! */

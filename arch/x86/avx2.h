@@ -97,41 +97,41 @@ VEC float vf_sum(vf a) {
     return _mm_cvtss_f32(_mm_add_ss(x, _mm_movehdup_ps(x)));
 }
 
-enum { VD = 4 };
-typedef __m256d vd;
-typedef __m256d vdm;
+enum { VD1 = 4 };
+typedef __m256d vd1;
+typedef __m256d vdm1;
 
-VEC vd vd_set(double x) { return _mm256_set1_pd(x); }
-VEC vd vd_load(const double *p) { return _mm256_load_pd(p); }
-VEC void vd_store(double *p, vd a) { _mm256_store_pd(p, a); }
-VEC vd vd_widen(const float *p) { return _mm256_cvtps_pd(_mm_load_ps(p)); }
-VEC void vd_narrow(float *p, vd a) { _mm_store_ps(p, _mm256_cvtpd_ps(a)); }
-VEC vd vd_add(vd a, vd b) { return _mm256_add_pd(a, b); }
-VEC vd vd_sub(vd a, vd b) { return _mm256_sub_pd(a, b); }
-VEC vd vd_mul(vd a, vd b) { return _mm256_mul_pd(a, b); }
-VEC vd vd_fma(vd a, vd b, vd c) { return _mm256_fmadd_pd(a, b, c); }
-VEC vd vd_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_pd(a, b, c); }
-VEC vd vd_reciprocal(vd a) { return _mm256_div_pd(_mm256_set1_pd(1), a); }
-VEC vd vd_rsqrt(vd a) { return _mm256_div_pd(_mm256_set1_pd(1), _mm256_sqrt_pd(a)); }
-VEC vd vd_min(vd a, vd b) { return _mm256_min_pd(a, b); }
-VEC vd vd_max(vd a, vd b) { return _mm256_max_pd(a, b); }
-VEC vd vd_floor(vd a) { return _mm256_floor_pd(a); }
-VEC vdm vd_le(vd a, vd b) { return _mm256_cmp_pd(a, b, _CMP_LE_OQ); }
-VEC vdm vd_lt(vd a, vd b) { return _mm256_cmp_pd(a, b, _CMP_LT_OQ); }
-VEC vdm vdm_and(vdm a, vdm b) { return _mm256_and_pd(a, b); }
-VEC unsigned vdm_bits(vdm m) { return (unsigned)_mm256_movemask_pd(m); }
-VEC vdm vdm_of(unsigned bits) {
+VEC vd1 vd1_set(double x) { return _mm256_set1_pd(x); }
+VEC vd1 vd1_load(const double *p) { return _mm256_load_pd(p); }
+VEC void vd1_store(double *p, vd1 a) { _mm256_store_pd(p, a); }
+VEC vd1 vd1_widen(const float *p) { return _mm256_cvtps_pd(_mm_load_ps(p)); }
+VEC void vd1_narrow(float *p, vd1 a) { _mm_store_ps(p, _mm256_cvtpd_ps(a)); }
+VEC vd1 vd1_add(vd1 a, vd1 b) { return _mm256_add_pd(a, b); }
+VEC vd1 vd1_sub(vd1 a, vd1 b) { return _mm256_sub_pd(a, b); }
+VEC vd1 vd1_mul(vd1 a, vd1 b) { return _mm256_mul_pd(a, b); }
+VEC vd1 vd1_fma(vd1 a, vd1 b, vd1 c) { return _mm256_fmadd_pd(a, b, c); }
+VEC vd1 vd1_fnma(vd1 a, vd1 b, vd1 c) { return _mm256_fnmadd_pd(a, b, c); }
+VEC vd1 vd1_reciprocal(vd1 a) { return _mm256_div_pd(_mm256_set1_pd(1), a); }
+VEC vd1 vd1_rsqrt(vd1 a) { return _mm256_div_pd(_mm256_set1_pd(1), _mm256_sqrt_pd(a)); }
+VEC vd1 vd1_min(vd1 a, vd1 b) { return _mm256_min_pd(a, b); }
+VEC vd1 vd1_max(vd1 a, vd1 b) { return _mm256_max_pd(a, b); }
+VEC vd1 vd1_floor(vd1 a) { return _mm256_floor_pd(a); }
+VEC vdm1 vd1_le(vd1 a, vd1 b) { return _mm256_cmp_pd(a, b, _CMP_LE_OQ); }
+VEC vdm1 vd1_lt(vd1 a, vd1 b) { return _mm256_cmp_pd(a, b, _CMP_LT_OQ); }
+VEC vdm1 vdm1_and(vdm1 a, vdm1 b) { return _mm256_and_pd(a, b); }
+VEC unsigned vdm1_bits(vdm1 m) { return (unsigned)_mm256_movemask_pd(m); }
+VEC vdm1 vdm1_of(unsigned bits) {
     __m256i lane = _mm256_setr_epi64x(1, 2, 4, 8), all = _mm256_set1_epi64x((long long)bits);
     return _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(all, lane), lane));
 }
-VEC vd vd_keep(vdm m, vd a) { return _mm256_and_pd(m, a); }
-VEC vd vd_select(vdm m, vd a, vd b) { return _mm256_blendv_pd(b, a, m); }
-VEC vd vd_nearest(vd x) { return _mm256_round_pd(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
-VEC vd vd_times_exp2(vd p, vd n) { /* 1.5 x 2^52 brings n into the low bits */
+VEC vd1 vd1_keep(vdm1 m, vd1 a) { return _mm256_and_pd(m, a); }
+VEC vd1 vd1_select(vdm1 m, vd1 a, vd1 b) { return _mm256_blendv_pd(b, a, m); }
+VEC vd1 vd1_nearest(vd1 x) { return _mm256_round_pd(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
+VEC vd1 vd1_times_exp2(vd1 p, vd1 n) { /* 1.5 x 2^52 brings n into the low bits */
     __m256i bits = _mm256_castpd_si256(_mm256_add_pd(n, _mm256_set1_pd(0x1.8p52)));
     return _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(p), _mm256_slli_epi64(bits, 52)));
 }
-VEC vd vd_split(vd x, vd *exponent) {
+VEC vd1 vd1_split(vd1 x, vd1 *exponent) {
     __m256i bits = _mm256_castpd_si256(x), one = _mm256_castpd_si256(_mm256_set1_pd(1));
     __m256i e = _mm256_or_si256(_mm256_srli_epi64(bits, 52), _mm256_castpd_si256(_mm256_set1_pd(0x1p52)));
     *exponent = _mm256_sub_pd(_mm256_castsi256_pd(e), _mm256_set1_pd(0x1p52 + 1023));

@@ -128,44 +128,44 @@ VEC void vf_sums8(const vf a[8], float *out) {
 }
 VEC float vf_sum(vf a) { return _mm512_reduce_add_ps(a); }
 
-enum { VD = 8 };
-typedef __m512d vd;
-typedef __mmask8 vdm;
+enum { VD1 = 8 };
+typedef __m512d vd1;
+typedef __mmask8 vdm1;
 
-VEC vd vd_set(double x) { return _mm512_set1_pd(x); }
-VEC vd vd_load(const double *p) { return _mm512_load_pd(p); }
-VEC void vd_store(double *p, vd a) { _mm512_store_pd(p, a); }
-VEC vd vd_widen(const float *p) { return _mm512_cvtps_pd(_mm256_load_ps(p)); }
-VEC void vd_narrow(float *p, vd a) { _mm256_store_ps(p, _mm512_cvtpd_ps(a)); }
-VEC vd vd_add(vd a, vd b) { return _mm512_add_pd(a, b); }
-VEC vd vd_sub(vd a, vd b) { return _mm512_sub_pd(a, b); }
-VEC vd vd_mul(vd a, vd b) { return _mm512_mul_pd(a, b); }
-VEC vd vd_fma(vd a, vd b, vd c) { return _mm512_fmadd_pd(a, b, c); }
-VEC vd vd_fnma(vd a, vd b, vd c) { return _mm512_fnmadd_pd(a, b, c); }
-VEC vd vd_reciprocal(vd a) { /* an estimate within 2^-14, and two steps of Newton's */
-    vd r = _mm512_rcp14_pd(a), two = _mm512_set1_pd(2);
+VEC vd1 vd1_set(double x) { return _mm512_set1_pd(x); }
+VEC vd1 vd1_load(const double *p) { return _mm512_load_pd(p); }
+VEC void vd1_store(double *p, vd1 a) { _mm512_store_pd(p, a); }
+VEC vd1 vd1_widen(const float *p) { return _mm512_cvtps_pd(_mm256_load_ps(p)); }
+VEC void vd1_narrow(float *p, vd1 a) { _mm256_store_ps(p, _mm512_cvtpd_ps(a)); }
+VEC vd1 vd1_add(vd1 a, vd1 b) { return _mm512_add_pd(a, b); }
+VEC vd1 vd1_sub(vd1 a, vd1 b) { return _mm512_sub_pd(a, b); }
+VEC vd1 vd1_mul(vd1 a, vd1 b) { return _mm512_mul_pd(a, b); }
+VEC vd1 vd1_fma(vd1 a, vd1 b, vd1 c) { return _mm512_fmadd_pd(a, b, c); }
+VEC vd1 vd1_fnma(vd1 a, vd1 b, vd1 c) { return _mm512_fnmadd_pd(a, b, c); }
+VEC vd1 vd1_reciprocal(vd1 a) { /* an estimate within 2^-14, and two steps of Newton's */
+    vd1 r = _mm512_rcp14_pd(a), two = _mm512_set1_pd(2);
     r = _mm512_mul_pd(r, _mm512_fnmadd_pd(a, r, two));
     return _mm512_mul_pd(r, _mm512_fnmadd_pd(a, r, two));
 }
-VEC vd vd_rsqrt(vd a) {
-    vd r = _mm512_rsqrt14_pd(a), half = _mm512_set1_pd(0.5), more = _mm512_set1_pd(1.5);
-    vd halved = _mm512_mul_pd(a, half);
+VEC vd1 vd1_rsqrt(vd1 a) {
+    vd1 r = _mm512_rsqrt14_pd(a), half = _mm512_set1_pd(0.5), more = _mm512_set1_pd(1.5);
+    vd1 halved = _mm512_mul_pd(a, half);
     r = _mm512_mul_pd(r, _mm512_fnmadd_pd(halved, _mm512_mul_pd(r, r), more));
     return _mm512_mul_pd(r, _mm512_fnmadd_pd(halved, _mm512_mul_pd(r, r), more));
 }
-VEC vd vd_min(vd a, vd b) { return _mm512_min_pd(a, b); }
-VEC vd vd_max(vd a, vd b) { return _mm512_max_pd(a, b); }
-VEC vd vd_floor(vd a) { return _mm512_roundscale_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
-VEC vdm vd_le(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_LE_OQ); }
-VEC vdm vd_lt(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ); }
-VEC vdm vdm_and(vdm a, vdm b) { return a & b; }
-VEC unsigned vdm_bits(vdm m) { return m; }
-VEC vdm vdm_of(unsigned bits) { return (vdm)bits; }
-VEC vd vd_keep(vdm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
-VEC vd vd_select(vdm m, vd a, vd b) { return _mm512_mask_blend_pd(m, b, a); }
-VEC vd vd_nearest(vd x) { return _mm512_roundscale_pd(x, 0); }
-VEC vd vd_times_exp2(vd p, vd n) { return _mm512_scalef_pd(p, n); }
-VEC vd vd_split(vd x, vd *exponent) {
+VEC vd1 vd1_min(vd1 a, vd1 b) { return _mm512_min_pd(a, b); }
+VEC vd1 vd1_max(vd1 a, vd1 b) { return _mm512_max_pd(a, b); }
+VEC vd1 vd1_floor(vd1 a) { return _mm512_roundscale_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
+VEC vdm1 vd1_le(vd1 a, vd1 b) { return _mm512_cmp_pd_mask(a, b, _CMP_LE_OQ); }
+VEC vdm1 vd1_lt(vd1 a, vd1 b) { return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ); }
+VEC vdm1 vdm1_and(vdm1 a, vdm1 b) { return a & b; }
+VEC unsigned vdm1_bits(vdm1 m) { return m; }
+VEC vdm1 vdm1_of(unsigned bits) { return (vdm1)bits; }
+VEC vd1 vd1_keep(vdm1 m, vd1 a) { return _mm512_maskz_mov_pd(m, a); }
+VEC vd1 vd1_select(vdm1 m, vd1 a, vd1 b) { return _mm512_mask_blend_pd(m, b, a); }
+VEC vd1 vd1_nearest(vd1 x) { return _mm512_roundscale_pd(x, 0); }
+VEC vd1 vd1_times_exp2(vd1 p, vd1 n) { return _mm512_scalef_pd(p, n); }
+VEC vd1 vd1_split(vd1 x, vd1 *exponent) {
     *exponent = _mm512_getexp_pd(x);
     return _mm512_getmant_pd(x, _MM_MANT_NORM_1_2, _MM_MANT_SIGN_src);
 }

@@ -92,43 +92,43 @@ VEC float vf_sum(vf a) {
     return _mm_cvtss_f32(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)));
 }
 
-enum { VD = 2 };
-typedef __m128d vd;
-typedef __m128d vdm;
+enum { VD1 = 2 };
+typedef __m128d vd1;
+typedef __m128d vdm1;
 
-VEC vd vd_set(double x) { return _mm_set1_pd(x); }
-VEC vd vd_load(const double *p) { return _mm_load_pd(p); }
-VEC void vd_store(double *p, vd a) { _mm_store_pd(p, a); }
-VEC vd vd_widen(const float *p) {
+VEC vd1 vd1_set(double x) { return _mm_set1_pd(x); }
+VEC vd1 vd1_load(const double *p) { return _mm_load_pd(p); }
+VEC void vd1_store(double *p, vd1 a) { _mm_store_pd(p, a); }
+VEC vd1 vd1_widen(const float *p) {
     return _mm_cvtps_pd(_mm_castpd_ps(_mm_load_sd((const double *)(const void *)p)));
 }
-VEC void vd_narrow(float *p, vd a) { _mm_storel_pi((__m64 *)(void *)p, _mm_cvtpd_ps(a)); }
-VEC vd vd_add(vd a, vd b) { return _mm_add_pd(a, b); }
-VEC vd vd_sub(vd a, vd b) { return _mm_sub_pd(a, b); }
-VEC vd vd_mul(vd a, vd b) { return _mm_mul_pd(a, b); }
-VEC vd vd_fma(vd a, vd b, vd c) { return _mm_add_pd(_mm_mul_pd(a, b), c); }
-VEC vd vd_fnma(vd a, vd b, vd c) { return _mm_sub_pd(c, _mm_mul_pd(a, b)); }
-VEC vd vd_reciprocal(vd a) { return _mm_div_pd(_mm_set1_pd(1), a); }
-VEC vd vd_rsqrt(vd a) { return _mm_div_pd(_mm_set1_pd(1), _mm_sqrt_pd(a)); }
-VEC vd vd_min(vd a, vd b) { return _mm_min_pd(a, b); }
-VEC vd vd_max(vd a, vd b) { return _mm_max_pd(a, b); }
-VEC vd vd_floor(vd a) { return _mm_floor_pd(a); }
-VEC vdm vd_le(vd a, vd b) { return _mm_cmple_pd(a, b); }
-VEC vdm vd_lt(vd a, vd b) { return _mm_cmplt_pd(a, b); }
-VEC vdm vdm_and(vdm a, vdm b) { return _mm_and_pd(a, b); }
-VEC unsigned vdm_bits(vdm m) { return (unsigned)_mm_movemask_pd(m); }
-VEC vdm vdm_of(unsigned bits) {
+VEC void vd1_narrow(float *p, vd1 a) { _mm_storel_pi((__m64 *)(void *)p, _mm_cvtpd_ps(a)); }
+VEC vd1 vd1_add(vd1 a, vd1 b) { return _mm_add_pd(a, b); }
+VEC vd1 vd1_sub(vd1 a, vd1 b) { return _mm_sub_pd(a, b); }
+VEC vd1 vd1_mul(vd1 a, vd1 b) { return _mm_mul_pd(a, b); }
+VEC vd1 vd1_fma(vd1 a, vd1 b, vd1 c) { return _mm_add_pd(_mm_mul_pd(a, b), c); }
+VEC vd1 vd1_fnma(vd1 a, vd1 b, vd1 c) { return _mm_sub_pd(c, _mm_mul_pd(a, b)); }
+VEC vd1 vd1_reciprocal(vd1 a) { return _mm_div_pd(_mm_set1_pd(1), a); }
+VEC vd1 vd1_rsqrt(vd1 a) { return _mm_div_pd(_mm_set1_pd(1), _mm_sqrt_pd(a)); }
+VEC vd1 vd1_min(vd1 a, vd1 b) { return _mm_min_pd(a, b); }
+VEC vd1 vd1_max(vd1 a, vd1 b) { return _mm_max_pd(a, b); }
+VEC vd1 vd1_floor(vd1 a) { return _mm_floor_pd(a); }
+VEC vdm1 vd1_le(vd1 a, vd1 b) { return _mm_cmple_pd(a, b); }
+VEC vdm1 vd1_lt(vd1 a, vd1 b) { return _mm_cmplt_pd(a, b); }
+VEC vdm1 vdm1_and(vdm1 a, vdm1 b) { return _mm_and_pd(a, b); }
+VEC unsigned vdm1_bits(vdm1 m) { return (unsigned)_mm_movemask_pd(m); }
+VEC vdm1 vdm1_of(unsigned bits) {
     __m128i lane = _mm_set_epi64x(2, 1), all = _mm_set1_epi64x((long long)bits);
     return _mm_castsi128_pd(_mm_cmpeq_epi64(_mm_and_si128(all, lane), lane));
 }
-VEC vd vd_keep(vdm m, vd a) { return _mm_and_pd(m, a); }
-VEC vd vd_select(vdm m, vd a, vd b) { return _mm_blendv_pd(b, a, m); }
-VEC vd vd_nearest(vd x) { return _mm_round_pd(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
-VEC vd vd_times_exp2(vd p, vd n) { /* 1.5 x 2^52 brings n into the low bits */
+VEC vd1 vd1_keep(vdm1 m, vd1 a) { return _mm_and_pd(m, a); }
+VEC vd1 vd1_select(vdm1 m, vd1 a, vd1 b) { return _mm_blendv_pd(b, a, m); }
+VEC vd1 vd1_nearest(vd1 x) { return _mm_round_pd(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
+VEC vd1 vd1_times_exp2(vd1 p, vd1 n) { /* 1.5 x 2^52 brings n into the low bits */
     __m128i bits = _mm_castpd_si128(_mm_add_pd(n, _mm_set1_pd(0x1.8p52)));
     return _mm_castsi128_pd(_mm_add_epi64(_mm_castpd_si128(p), _mm_slli_epi64(bits, 52)));
 }
-VEC vd vd_split(vd x, vd *exponent) {
+VEC vd1 vd1_split(vd1 x, vd1 *exponent) {
     __m128i bits = _mm_castpd_si128(x), one = _mm_castpd_si128(_mm_set1_pd(1));
     __m128i e = _mm_or_si128(_mm_srli_epi64(bits, 52), _mm_castpd_si128(_mm_set1_pd(0x1p52)));
     *exponent = _mm_sub_pd(_mm_castsi128_pd(e), _mm_set1_pd(0x1p52 + 1023));

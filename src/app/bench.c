@@ -60,6 +60,7 @@ static int measure(const args *a, sf_context *ctx, const bench_options *options,
     if (!status && wants(a, "roofs")) status = bench_roofs(ctx, options, report);
     if (!status && (wants(a, "kernels") || wants(a, "accuracy")))
         status = bench_kernels(ctx, options, report);
+    if (!status && wants(a, "kernels")) status = bench_stages(ctx, options, report);
     if (!status && wants(a, "accuracy")) status = bench_accuracies(ctx, options, report);
     if (!status && wants(a, "steps")) status = bench_steps(ctx, options, report);
     if (status) return app_fail(a, ctx);

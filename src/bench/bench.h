@@ -72,6 +72,9 @@ typedef struct bench_report {
     bench_load load;
     int kernels;
     bench_kernel kernel[BENCH_LEVELS_MOST][BENCH_KERNELS_MOST];
+    int stages; /* steps of one thread at the scene's number of Gaussians, every level at two sizes */
+    bench_step_times stage[2 * BENCH_LEVELS_MOST];
+    bench_step_times far; /* a step of one thread at the best level with more Gaussians than fit in a cache */
     int steps;
     bench_step_times step[BENCH_STEPS_MOST];
     int accuracies, accuracy_pixels, accuracy_left_out;
@@ -84,6 +87,7 @@ typedef struct bench_report {
 sf_status bench_begin(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_roofs(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_kernels(sf_context *ctx, const bench_options *options, bench_report *report);
+sf_status bench_stages(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_accuracies(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_steps(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_model *model, sf_scene *scene,

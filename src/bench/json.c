@@ -76,10 +76,16 @@ static json_t *step_json(const bench_report *report, const bench_step_times *ste
     return o;
 }
 
-static json_t *steps_json(const bench_report *report) {
+static json_t *steps_json(const bench_report *report, const bench_step_times *steps, int n) {
     json_t *list = json_array();
-    for (int i = 0; i < report->steps; i++) json_array_append_new(list, step_json(report, &report->step[i]));
+    for (int i = 0; i < n; i++) json_array_append_new(list, step_json(report, &steps[i]));
     return list;
+}
+
+static json_t *far_json(const bench_report *report) {
+    json_t *o = step_json(report, &report->far);
+    json_object_set_new(o, "update_gbs", json_real(bench_far_gbs(report)));
+    return o;
 }
 
 static json_t *accuracy_json(const bench_report *report) {
@@ -110,10 +116,15 @@ static json_t *fitted_json(const bench_report *report) {
 }
 
 json_t *bench_json(const bench_report *report) {
-    json_t *o =
-        json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "machine", machine_json(report), "roofs",
-                  roofs_json(report), "scene", scene_json(&report->load), "kernels", kernels_json(report),
-                  "steps", steps_json(report), "accuracy", accuracy_json(report));
+    json_t *o = json_pack("{s:o, s:o, s:o, s:o}", "machine", machine_json(report), "kernels",
+                          kernels_json(report), "steps", steps_json(report, report->step, report->steps),
+                          "accuracy", accuracy_json(report));
+    if (o && report->bandwidth.bytes > 0) json_object_set_new(o, "roofs", roofs_json(report));
+    if (o && report->load.gaussians) json_object_set_new(o, "scene", scene_json(&report->load));
+    if (o && report->stages) {
+        json_object_set_new(o, "stages", steps_json(report, report->stage, report->stages));
+        json_object_set_new(o, "update_beyond_caches", far_json(report));
+    }
     if (o && report->fitted.count) json_object_set_new(o, "model", fitted_json(report));
     return o;
 }

@@ -284,8 +284,7 @@ sf_status bench_kernels(sf_context *ctx, const bench_options *options, bench_rep
     bench_lab lab;
     int rounds = options->quick ? 3 : 20;
     bench_say(options, "kernels");
-    double far_bytes = report->bandwidth.bytes, room = bench_machine_room();
-    if (far_bytes > room) far_bytes = room;
+    double far_bytes = bench_machine_far(&report->machine, options->quick);
     sf_status status = open_lab(ctx, &report->level[0], options->quick, far_bytes, &lab);
     for (int i = 0; i < report->levels && !status; i++) describe(&lab, &report->level[i], report->kernel[i]);
     if (!status) note_load(&lab, &report->load);

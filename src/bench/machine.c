@@ -72,6 +72,13 @@ double bench_machine_room(void) {
     return memory / 2 < most ? memory / 2 : most;
 }
 
+double bench_machine_far(const bench_machine *machine, int quick) {
+    double bytes = 2 * machine->last_cache, room = bench_machine_room();
+    if (bytes < 256e6) bytes = 256e6;
+    if (quick) bytes = 16e6;
+    return bytes < room ? bytes : room;
+}
+
 double bench_machine_load(void) {
     char text[64];
     return read_line("/proc/loadavg", text, sizeof text) ? strtod(text, NULL) : -1;

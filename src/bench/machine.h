@@ -31,4 +31,7 @@ double bench_machine_load(void);
 /* Bytes that a benchmark may take: half of what is available now. */
 double bench_machine_room(void);
 
+/* Bytes of arrays that fit no cache: twice the largest and at least 256 MB, as far as there is memory. */
+double bench_machine_far(const bench_machine *machine, int quick);
+
 #endif

@@ -22,6 +22,12 @@ double bench_floor(const bench_report *report, const bench_step_times *step, int
     return flops > 0 && bytes > 0 ? bench_stage_floor(step, stage, flops, bytes) : 0;
 }
 
+double bench_far_gbs(const bench_report *report) {
+    const bench_step_times *far = &report->far;
+    double seconds = far->seconds[STAGE_UPDATE];
+    return seconds > 0 ? bench_stage_floor(far, STAGE_UPDATE, 1, 1) / seconds * 1e-9 : 0;
+}
+
 static void print_machine(const bench_report *report, FILE *out) {
     const bench_machine *m = &report->machine;
     double least = INFINITY, most = 0;
@@ -151,6 +157,21 @@ static void print_floors(const bench_report *report, const bench_step_times *ste
     fprintf(out, "\n");
 }
 
+static void print_stages(const bench_report *report, FILE *out) {
+    const bench_step_times *far = &report->far;
+    double gbs = bench_far_gbs(report), memory = report->bandwidth.update[0];
+    if (!report->stages) return;
+    print_step_head("stages, one thread, ms", out);
+    for (int i = 0; i < report->stages; i++) {
+        print_step(report, report->stage, report->stages, &report->stage[i], out);
+        print_floors(report, &report->stage[i], out);
+    }
+    fprintf(out, "update beyond the caches, %zu Gaussians, %s: %.1f ms, %.2f GB/s", far->gaussians,
+            report->level[far->level].name, 1e3 * far->seconds[STAGE_UPDATE], gbs);
+    if (memory > 0) fprintf(out, ", %.2f times the time of memory's update", memory / gbs);
+    fprintf(out, "\n");
+}
+
 static void print_steps(const bench_report *report, FILE *out) {
     if (!report->steps) return;
     print_step_head("steps, ms", out);
@@ -177,6 +198,7 @@ void bench_print(const bench_report *report, FILE *out) {
     print_machine(report, out);
     print_roofs(report, out);
     print_kernels(report, out);
+    print_stages(report, out);
     print_accuracy(report, out);
     print_steps(report, out);
     print_fitted(report, out);

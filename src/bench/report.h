@@ -9,8 +9,8 @@
 /* The sections that have figures, as tables. */
 void bench_print(const bench_report *report, FILE *out);
 
-/* One object: machine, roofs, scene, kernels, steps, accuracy, and model where one was measured. NULL: out of
- * memory. */
+/* One object: machine, kernels, steps, accuracy; roofs, scene, stages, update_beyond_caches and model where
+ * they were measured. NULL: out of memory. */
 json_t *bench_json(const bench_report *report);
 
 /* Takes over instructions a unit from lines "level kernel instructions", as tests/bench/callgrind.sh
@@ -25,5 +25,7 @@ sf_status bench_chart_roofs(sf_context *ctx, const bench_report *report, const c
 double bench_kernel_ghz(const bench_report *report);
 double bench_roof_share(const bench_report *report, int level, const bench_kernel *kernel);
 double bench_floor(const bench_report *report, const bench_step_times *step, int stage);
+/* GB/s of project_bwd and Adam beyond the caches. */
+double bench_far_gbs(const bench_report *report);
 
 #endif

@@ -63,20 +63,10 @@ static double gigabytes(sf_context *ctx, const sf_roof *roof, float *array, size
     return bytes / least * 1e-9;
 }
 
-/* Twice the largest cache and at least 256 MB, as far as there is memory. */
-static size_t array_pieces(const bench_report *report, int quick) {
-    double bytes = 2 * report->machine.last_cache, room = bench_machine_room();
-    if (bytes < 256e6) bytes = 256e6;
-    if (quick) bytes = 16e6;
-    if (bytes > room) bytes = room;
-    size_t pieces = (size_t)(bytes / (PIECE * sizeof(float)));
-    return pieces ? pieces : 1;
-}
-
 static sf_status bandwidth(sf_context *one, sf_context *all, const sf_roof *roof, int quick,
                            bench_report *report) {
     bench_bandwidth *b = &report->bandwidth;
-    size_t pieces = array_pieces(report, quick);
+    size_t pieces = (size_t)(bench_machine_far(&report->machine, quick) / (PIECE * sizeof(float))) + 1;
     float *array = sf_alloc(one, pieces, PIECE * sizeof(float));
     if (!array) return SF_ERR_MEMORY;
     memset(array, 0, pieces * PIECE * sizeof(float));

@@ -77,23 +77,24 @@ static void count_work(const bench_report *report, runner *runners, int n, int w
     }
 }
 
-/* One size: the levels first .. last, each on one thread and on all. */
+/* One size: the levels first .. last, each on one thread and on all unless alone. */
 typedef struct size {
     size_t gaussians;
-    int width, height, first, last, count_pairs;
+    int width, height, first, last, count_pairs, alone;
 } size;
 
-static sf_status run_size(sf_context *ctx, const bench_options *options, const size *s,
-                          bench_report *report) {
+/* Adds to a list of times. */
+static sf_status run_size(sf_context *ctx, const bench_options *options, const size *s, bench_report *report,
+                          bench_step_times *list, int *count) {
     runner runners[2 * BENCH_LEVELS_MOST] = {0};
     bench_scene scene = {0};
     bench_moments moments = {0};
-    int n = 0, all = report->machine.threads;
+    int n = 0, all = s->alone ? 1 : report->machine.threads;
     sf_status status = bench_scene_create(ctx, s->gaussians, s->width, s->height, BENCH_SEED, &scene);
     if (!status) status = bench_moments_create(ctx, scene.model, &moments);
     for (int level = s->first; level <= s->last; level++)
         for (int many = 0; many < (all > 1 ? 2 : 1) && !status; many++) {
-            bench_step_times *times = &report->step[report->steps + n];
+            bench_step_times *times = &list[*count + n];
             *times = (bench_step_times){.gaussians = s->gaussians,
                                         .width = s->width,
                                         .height = s->height,
@@ -104,7 +105,7 @@ static sf_status run_size(sf_context *ctx, const bench_options *options, const s
     if (!status)
         status = run_rounds(ctx, runners, n, scene.model, &moments, &view, options->quick ? 0.2 : 2.0);
     if (!status) count_work(report, runners, n, s->count_pairs);
-    if (!status) report->steps += n;
+    if (!status) *count += n;
     for (int i = 0; i < n; i++) close_runner(&runners[i]);
     bench_moments_destroy(ctx, &moments);
     bench_scene_destroy(&scene);
@@ -113,9 +114,30 @@ static sf_status run_size(sf_context *ctx, const bench_options *options, const s
 
 /* Bytes that a size takes: parameters and moments, then for each runner records, keys and lists. */
 static double bytes_of(const size *s) {
-    double runners = 2 * (s->last - s->first + 1), n = (double)s->gaussians;
+    double runners = (s->alone ? 1 : 2) * (s->last - s->first + 1), n = (double)s->gaussians;
     return n * (12 * bench_parameters(SF_MAX_SH_DEGREE) + runners * (110 + 3 * 80)) +
            runners * 60.0 * s->width * s->height;
+}
+
+sf_status bench_stages(sf_context *ctx, const bench_options *options, bench_report *report) {
+    int best = report->levels - 1, far = 0;
+    size s = {.gaussians = BENCH_GAUSSIANS,
+              .width = BENCH_WIDTH,
+              .height = BENCH_HEIGHT,
+              .last = best,
+              .count_pairs = 1,
+              .alone = 1};
+    if (options->quick) s.gaussians = 2000, s.width = 120, s.height = 68;
+    bench_say(options, "stages");
+    sf_status status = run_size(ctx, options, &s, report, report->stage, &report->stages);
+    s.width *= 2, s.height *= 2;
+    if (!status) status = run_size(ctx, options, &s, report, report->stage, &report->stages);
+    bench_machine_clock(&report->machine);
+    if (status) return status;
+    size one = {.gaussians = 1, .first = best, .last = best, .alone = 1};
+    one.gaussians = (size_t)(bench_machine_far(&report->machine, options->quick) / bytes_of(&one));
+    one.width = s.width / 2, one.height = s.height / 2;
+    return run_size(ctx, options, &one, report, &report->far, &far);
 }
 
 static sf_status run_if_room(sf_context *ctx, const bench_options *options, const size *s,
@@ -126,7 +148,7 @@ static sf_status run_if_room(sf_context *ctx, const bench_options *options, cons
              fits ? "" : ": left out, not enough memory");
     bench_say(options, what);
     return fits && report->steps + 2 * BENCH_LEVELS_MOST <= BENCH_STEPS_MOST
-               ? run_size(ctx, options, s, report)
+               ? run_size(ctx, options, s, report, report->step, &report->steps)
                : SF_OK;
 }
 
@@ -140,9 +162,9 @@ sf_status bench_steps(sf_context *ctx, const bench_options *options, bench_repor
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 5 && !status; c++) {
             int compared = counts[c] == COMPARED && sizes[r][0] == BENCH_WIDTH;
-            size s = {counts[c], sizes[r][0], sizes[r][1], compared ? 0 : best, best, r == 1};
+            size s = {counts[c], sizes[r][0], sizes[r][1], compared ? 0 : best, best, r == 1, 0};
             if (options->quick && (r || c)) continue;
-            if (options->quick) s = (size){2000, 120, 68, 0, best, 1};
+            if (options->quick) s = (size){2000, 120, 68, 0, best, 1, 0};
             status = run_if_room(ctx, options, &s, report);
             bench_machine_clock(&report->machine);
         }

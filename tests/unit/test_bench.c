@@ -187,6 +187,75 @@ static void test_quick_report_is_whole(void **state) {
     assert_true(test_exists(test_path("bench-accuracy.svg")) && test_exists(test_path("bench-roofs.svg")));
 }
 
+/* Figures of the kernels are above 0; JSON holds neither inf nor nan, a row with one would be missing. */
+static void check_figures(const json_t *value) {
+    const char *key;
+    size_t i;
+    json_t *item;
+    if (json_is_number(value)) {
+        double figure = json_number_value(value);
+        assert_true(figure > 0 && isfinite(figure));
+    }
+    json_array_foreach(value, i, item) check_figures(item);
+    json_object_foreach((json_t *)value, key, item) check_figures(item);
+}
+
+static const json_t *find_kernel(const json_t *kernels, const char *name, const char *level) {
+    size_t i;
+    json_t *kernel;
+    json_array_foreach(kernels, i, kernel) {
+        if (!strcmp(json_string_value(json_object_get(kernel, "kernel")), name) &&
+            !strcmp(json_string_value(json_object_get(kernel, "level")), level))
+            return kernel;
+    }
+    return NULL;
+}
+
+/* No number that was printed is inf or nan. */
+static void check_said(void) {
+    size_t size;
+    char *said = (char *)test_read(test_path("said"), &size), *end;
+    for (const char *word = strtok(said, " \n,"); word; word = strtok(NULL, " \n,")) {
+        double value = strtod(word, &end);
+        if (!*end && !isfinite(value)) fail_msg("%s is among the figures", word);
+    }
+    free(said);
+}
+
+static json_t *report_only(const char *sections) {
+    char arguments[1024];
+    snprintf(arguments, sizeof arguments, "--only %s --quick --json %s", sections, test_path("only.json"));
+    assert_int_equal(run_bench(arguments), 0);
+    json_t *report = json_load_file(test_path("only.json"), 0, NULL);
+    assert_non_null(report);
+    check_said();
+    return report;
+}
+
+static void test_kernels_alone_have_their_figures(void **state) {
+    (void)state;
+    static const char *const names[] = {"project",        "spans",       "blend",
+                                        "unpack",         "loss",        "blend_bwd",
+                                        "adam, in cache", "project_bwd", "adam, in memory"};
+    static const char *const parts[] = {"kernels", "scene", "stages", "update_beyond_caches"};
+    json_t *report = report_only("kernels");
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!find_kernel(json_object_get(report, "kernels"), names[i], "scalar"))
+            fail_msg("%s is missing", names[i]);
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        const json_t *part = json_object_get(report, parts[i]);
+        assert_true(json_array_size(part) + json_object_size(part) > 0);
+        check_figures(part);
+    }
+    json_decref(report);
+}
+
+static void test_sections_stand_alone(void **state) {
+    (void)state;
+    static const char *const sections[] = {"roofs", "steps", "accuracy", "roofs,steps"};
+    for (size_t i = 0; i < sizeof sections / sizeof *sections; i++) json_decref(report_only(sections[i]));
+}
+
 static void test_wrong_usage_is_refused(void **state) {
     (void)state;
     assert_int_not_equal(run_bench("--only kernel"), 0);
@@ -212,6 +281,8 @@ int main(void) {
         cmocka_unit_test(test_float64_agrees_with_the_kernels),
         cmocka_unit_test(test_steps_change_nothing),
         cmocka_unit_test(test_quick_report_is_whole),
+        cmocka_unit_test(test_kernels_alone_have_their_figures),
+        cmocka_unit_test(test_sections_stand_alone),
         cmocka_unit_test(test_wrong_usage_is_refused),
         cmocka_unit_test(test_once_names_kernels_and_units),
     };
