@@ -84,7 +84,6 @@ VEC vf vf_select(vm m, vf a, vf b) { return vbslq_f32(m, a, b); }
 VEC vu vu_zero(void) { return vdupq_n_u32(0); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) { return vorrq_u32(a, vandq_u32(m, vdupq_n_u32(bits))); }
 VEC vu vu_pairs(vf a, vf b) { return vorrq_u32(vcvtq_u32_f32(a), vshlq_n_u32(vcvtq_u32_f32(b), 16)); }
-VEC void vu_storeu(uint32_t *p, vu a) { vst1q_u32(p, a); }
 VEC void vu_store(uint32_t *p, vu a) { vst1q_u32(p, a); }
 
 VEC vf vf_nearest(vf x) {

@@ -1,31 +1,51 @@
-/* spans.c - the tiles that a Gaussian touches: lanes = rows of tiles. */
+/* spans.c - the tiles that a Gaussian touches: lanes = Gaussians, one row of tiles after the other. */
 #include "kernels.h"
 
 #include "vec.h"
 
-/* 0, 1, 2 ... */
-VEC vf counting(void) {
-    _Alignas(64) float lane[VW];
-    for (int i = 0; i < VW; i++) lane[i] = (float)i;
-    return vf_load(lane);
+/* VW Gaussians. */
+typedef struct gaussians {
+    vf u, v, slope, reach, squeeze, lean;
+    vf first_row, rows;
+    int most_rows;
+} gaussians;
+
+/* Those from i to end - 1; lanes past them have no rows. */
+VEC gaussians load(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows, size_t i,
+                   size_t end) {
+    const float *splat[VW];
+    _Alignas(64) float row[VW], count[VW];
+    vf field[16];
+    gaussians g = {.most_rows = 0};
+    for (size_t lane = 0; lane < VW; lane++) {
+        size_t at = i + lane < end ? i + lane : i;
+        int n = i + lane < end ? rows[at] : 0;
+        splat[lane] = (const float *)&splats[at];
+        row[lane] = (float)first_row[at];
+        count[lane] = (float)n;
+        g.most_rows = n > g.most_rows ? n : g.most_rows;
+    }
+    vf_transpose(splat, field);
+    g.u = field[0], g.v = field[1];
+    g.slope = field[10], g.reach = field[11], g.squeeze = field[12], g.lean = field[13];
+    g.first_row = vf_load(row), g.rows = vf_load(count);
+    return g;
 }
 
-/* VW rows of tiles from `row` on, counted from the first: their spans as floats. A tile has a centre in the
- * interval left .. right where 16 x + 15.5 >= left and 16 x + 0.5 <= right. Clamped as floats: an interval
- * beside the picture must come out empty on either side. */
-VEC void spans_of(const sf_splat *s, vf row, vf tiles_x, vf *x0, vf *x1) {
-    vf top = vf_sub(vf_fma(row, vf_set(SF_TILE), vf_set(0.5f)), vf_set(s->v));
-    vf bottom = vf_add(top, vf_set(SF_TILE - 1)), zero = vf_set(0), reach = vf_set(s->reach);
-    vf at_right = vf_min(vf_max(vf_set(s->lean), top), bottom);
-    vf at_left = vf_min(vf_max(vf_set(-s->lean), top), bottom);
-    vf squeeze = vf_set(s->squeeze), slope = vf_set(s->slope), u = vf_set(s->u), pad = vf_set(0.01f);
-    vf half_right = vf_root(vf_max(vf_fnma(squeeze, vf_mul(at_right, at_right), reach), zero));
-    vf half_left = vf_root(vf_max(vf_fnma(squeeze, vf_mul(at_left, at_left), reach), zero));
-    vf right = vf_add(vf_fma(slope, at_right, u), vf_add(half_right, pad));
-    vf left = vf_sub(vf_fma(slope, at_left, u), vf_add(half_left, pad));
-    vf inv = vf_set(1.0f / SF_TILE);
-    vf first = vf_mul(vf_sub(left, vf_set(SF_TILE - 0.5f)), inv);
-    vf end = vf_mul(vf_add(right, vf_set(SF_TILE - 0.5f)), inv);
+/* The spans of a row as floats. A tile has a centre in the interval left .. right where 16 x + 15.5 >= left
+ * and 16 x + 0.5 <= right. Clamped as floats: an interval beside the picture must come out empty on either
+ * side. */
+VEC void spans_of(const gaussians *g, vf row, vf tiles_x, vf *x0, vf *x1) {
+    vf top = vf_sub(vf_fma(row, vf_set(SF_TILE), vf_set(0.5f)), g->v);
+    vf bottom = vf_add(top, vf_set(SF_TILE - 1)), zero = vf_set(0), pad = vf_set(0.01f);
+    vf at_right = vf_min(vf_max(g->lean, top), bottom);
+    vf at_left = vf_min(vf_max(vf_neg(g->lean), top), bottom);
+    vf half_right = vf_root(vf_max(vf_fnma(g->squeeze, vf_mul(at_right, at_right), g->reach), zero));
+    vf half_left = vf_root(vf_max(vf_fnma(g->squeeze, vf_mul(at_left, at_left), g->reach), zero));
+    vf right = vf_add(vf_fma(g->slope, at_right, g->u), vf_add(half_right, pad));
+    vf left = vf_sub(vf_fma(g->slope, at_left, g->u), vf_add(half_left, pad));
+    vf inv = vf_set(1.0f / SF_TILE), margin = vf_set(SF_TILE - 0.5f);
+    vf first = vf_mul(vf_sub(left, margin), inv), end = vf_mul(vf_add(right, margin), inv);
     first = vf_min(vf_max(first, zero), tiles_x);
     *x0 = vf_sub(tiles_x, vf_floor(vf_sub(tiles_x, first)));
     *x1 = vf_max(vf_floor(vf_min(vf_max(end, zero), tiles_x)), *x0);
@@ -34,24 +54,27 @@ VEC void spans_of(const sf_splat *s, vf row, vf tiles_x, vf *x0, vf *x1) {
 void SF_AT_LEVEL(sf_spans)(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
                            const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
                            uint32_t *tiles) {
-    vf lane = counting(), width = vf_set((float)tiles_x);
-    for (size_t i = first; i < end; i++) {
+    vf width = vf_set((float)tiles_x);
+    uint32_t none;
+    for (size_t i = first; i < end; i += VW) {
+        size_t lanes = end - i < VW ? end - i : VW;
+        gaussians g = load(splats, first_row, rows, i, end);
         vf sum = vf_set(0);
-        for (int r = 0; r < rows[i]; r += VW) {
-            vf x0, x1;
-            int left = rows[i] - r, count = left < VW ? left : VW;
-            spans_of(&splats[i], vf_add(lane, vf_set((float)(first_row[i] + r))), width, &x0, &x1);
-            sum = vf_add(sum, vf_keep(vf_le(lane, vf_set((float)(left - 1))), vf_sub(x1, x0)));
-            vu pairs = vu_pairs(x0, x1);
-            size_t at = (size_t)offset[i] + (size_t)r;
-            if (at + VW <= offset[end]) { /* what is too much the next Gaussians write over */
-                vu_storeu((uint32_t *)(void *)&spans[at], pairs);
-            } else {
-                _Alignas(64) uint32_t some[VW];
-                vu_store(some, pairs);
-                memcpy(&spans[at], some, (size_t)count * sizeof *spans);
+        for (int r = 0; r < g.most_rows; r++) {
+            vf x0, x1, in_row = vf_set((float)r);
+            spans_of(&g, vf_add(g.first_row, in_row), width, &x0, &x1);
+            sum = vf_add(sum, vf_keep(vf_le(vf_add(in_row, vf_set(1)), g.rows), vf_sub(x1, x0)));
+            _Alignas(64) uint32_t pairs[VW];
+            vu_store(pairs, vu_pairs(x0, x1));
+            for (size_t lane = 0; lane < lanes;
+                 lane++) { /* without branches: how many rows is not foreseeable */
+                void *to =
+                    r < rows[i + lane] ? (void *)&spans[offset[i + lane] + (uint32_t)r] : (void *)&none;
+                memcpy(to, &pairs[lane], sizeof *pairs);
             }
         }
-        tiles[i] = (uint32_t)vf_sum(sum);
+        _Alignas(64) float sums[VW];
+        vf_store(sums, sum);
+        for (size_t lane = 0; lane < lanes; lane++) tiles[i + lane] = (uint32_t)sums[lane];
     }
 }

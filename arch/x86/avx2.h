@@ -55,7 +55,6 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 VEC vu vu_pairs(vf a, vf b) {
     return _mm256_or_si256(_mm256_cvtps_epi32(a), _mm256_slli_epi32(_mm256_cvtps_epi32(b), 16));
 }
-VEC void vu_storeu(uint32_t *p, vu a) { _mm256_storeu_si256((__m256i *)p, a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm256_store_si256((__m256i *)p, a); }
 
 VEC vf vf_floor(vf x) { return _mm256_floor_ps(x); }

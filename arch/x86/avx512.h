@@ -81,7 +81,6 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 VEC vu vu_pairs(vf a, vf b) {
     return _mm512_or_si512(_mm512_cvtps_epi32(a), _mm512_slli_epi32(_mm512_cvtps_epi32(b), 16));
 }
-VEC void vu_storeu(uint32_t *p, vu a) { _mm512_storeu_si512(p, a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm512_store_si512(p, a); }
 
 VEC vf vf_floor(vf x) { return _mm512_roundscale_ps(x, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }

@@ -51,7 +51,6 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 VEC vu vu_pairs(vf a, vf b) {
     return _mm_or_si128(_mm_cvtps_epi32(a), _mm_slli_epi32(_mm_cvtps_epi32(b), 16));
 }
-VEC void vu_storeu(uint32_t *p, vu a) { _mm_storeu_si128((__m128i *)p, a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm_store_si128((__m128i *)p, a); }
 
 VEC vf vf_floor(vf x) { return _mm_floor_ps(x); }
