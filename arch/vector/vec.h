@@ -3,17 +3,28 @@
  * A file of arch/vector is compiled once a level, with the level's flags and SF_LEVEL its name; the
  * vocabulary is defined a level in arch/x86 and arch/arm:
  *
- *   vf, vm, vu      VW floats; a mask of VW lanes; VW 32-bit integers
- *   vf_fma(a,b,c)   a b + c, fused where the level can; vf_fnma: c - a b
- *   vf_load, vf_store  at VW floats' alignment; vf_storeu anywhere;  vf_beside  p[k ..] of an
- *                   aligned p, |k| < 6
- *   vf_keep(m,a)    a where m, else 0;  vf_select(m,a,b)  a where m, else b
- *   vf_reciprocal   1 / a within 2^-22;  vf_root  no less than sqrt(a), within 2^-19; a >= 0
- *   vm_list(m,f,p)  the numbers f + lane of the lanes in m to p[0 ..], a byte each, and how many; writes VW
- * bytes vf_nearest      the nearest integer, for |x| < 2^22;  vf_times_exp2(p,n)  p 2^n for an integer n,
- * normal results; elsewhere of no meaning vf_sums8        the sums over the lanes of eight vectors;  vf_sum
- * of one vf_transpose    VW rows of 16 floats to 16 vectors block           VB_COLUMNS x VB_ROWS = VW pixels,
- * row by row
+ *   vf, vm, vu          VW floats; a mask of VW lanes; VW 32-bit integers
+ *   vf_add ... vf_div   one operation each: operators on vectors are no vectors on armv7
+ *   vf_fma(a,b,c)       a b + c, fused where the level can; vf_fnma: c - a b
+ *   vf_load, vf_store   at VW floats' alignment; vf_storeu anywhere
+ *   vf_beside(p,k)      p[k ..] of an aligned p, |k| < 6
+ *   vf_keep(m,a)        a where m, else 0;  vf_select(m,a,b)  a where m, else b
+ *   vf_reciprocal       1 / a within 2^-22;  vf_root  no less than sqrt(a), within 2^-19; a >= 0
+ *   vf_floor            for 0 <= x < 2^22;  vf_nearest  the nearest integer, for |x| < 2^22
+ *   vf_times_exp2(p,n)  p 2^n for an integer n and normal results; elsewhere of no meaning
+ *   vf_byte_sums(p,f)   the sums of f bytes each, f = 1, 2 or 4, from p on
+ *   vf_sums8, vf_sum    the sums over the lanes of eight vectors, and of one
+ *   vf_transpose        VW rows of 16 floats to 16 vectors
+ *   vm_list(m,f,p)      the numbers f + lane of the lanes in m to p[0 ..], a byte each, and how many;
+ *                       writes VW bytes
+ *   vm_list_bits(b,f,p) the same of the lowest VM_BITS bits of an integer
+ *   vu_pairs(a,b)       a + 65536 b of whole numbers below 65536
+ *   vu_or_where(a,m,b)  a | b where m, else a
+ *   block               VB_COLUMNS x VB_ROWS = VW pixels, row by row; vf_load_block, vf_store_block
+ *   vd1, vdm1           VD1 doubles and a mask of them; vd, vdm: two vectors of them, VD doubles
+ *   vd_widen, vd_narrow from and to VD floats, aligned to the size of one vector of them
+ *   vd_reciprocal       1 / a, and vd_rsqrt  1 / sqrt(a), within 1e-15
+ *   vd_split            x = m 2^exponent, 1 <= m < 2, for normal x > 0
  */
 #ifndef SF_ARCH_VECTOR_VEC_H
 #define SF_ARCH_VECTOR_VEC_H
