@@ -10,6 +10,7 @@
  */
 #include "kernels.h"
 
+#include "interval.h"
 #include "vec.h"
 
 enum {
@@ -68,7 +69,8 @@ VEC place place_of(int block) {
 
 /* Fields of VW Gaussians, u and v from the tile's first pixel centre. */
 typedef struct gaussians {
-    vf u, v, slope, reach, squeeze, lean, half_height;
+    ellipses shape;
+    vf half_height;
 } gaussians;
 
 static const _Alignas(64) sf_splat nothing = {.half_height = -1e9f, .log2_opacity = -1e9f};
@@ -92,23 +94,20 @@ VEC gaussians gather(const sf_blend_args *a, const uint32_t *entries, int first,
     vf_store(c->power + first, field[5]);
     for (int ch = 0; ch < 3; ch++) vf_store(c->rgb[ch] + first, field[6 + ch]);
     vf_store(c->depth + first, field[9]);
-    return (gaussians){u, v, field[10], field[11], field[12], field[13], field[15]};
+    return (gaussians){{u, v, field[10], field[11], field[12], field[13]}, field[15]};
 }
 
 /* Puts the Gaussians on the lists of the blocks that they reach, and leaves these in parts, a bit a block. */
 VEC void cull(const gaussians *g, int first, int n, lists *l, uint64_t *parts) {
-    vf pad = vf_set(0.01f), high = vf_add(g->half_height, pad), zero = vf_set(0);
+    vf high = vf_add(g->half_height, vf_set(0.01f));
     vu reached[2] = {vu_zero(), vu_zero()};
     for (int band = 0; band < BANDS; band++) {
-        vf top = vf_sub(vf_set((float)(band * VB_ROWS)), g->v), bottom = vf_add(top, vf_set(VB_ROWS - 1));
+        vf top = vf_sub(vf_set((float)(band * VB_ROWS)), g->shape.v),
+           bottom = vf_add(top, vf_set(VB_ROWS - 1));
         vm in = vm_and(vf_le(top, high), vf_ge(bottom, vf_neg(high)));
         if (!vm_any(in)) continue;
-        vf at_right = vf_min(vf_max(g->lean, top), bottom);
-        vf at_left = vf_min(vf_max(vf_neg(g->lean), top), bottom);
-        vf half_right = vf_root(vf_max(vf_fnma(g->squeeze, vf_mul(at_right, at_right), g->reach), zero));
-        vf half_left = vf_root(vf_max(vf_fnma(g->squeeze, vf_mul(at_left, at_left), g->reach), zero));
-        vf right = vf_add(vf_fma(g->slope, at_right, g->u), vf_add(half_right, pad));
-        vf left = vf_sub(vf_fma(g->slope, at_left, g->u), vf_add(half_left, pad));
+        vf left, right;
+        interval(&g->shape, top, bottom, &left, &right);
         for (int column = 0; column < ACROSS; column++) {
             int block = band * ACROSS + column;
             float x = (float)(column * VB_COLUMNS);

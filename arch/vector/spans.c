@@ -1,11 +1,12 @@
 /* spans.c - the tiles that a Gaussian touches: lanes = Gaussians, one row of tiles after the other. */
 #include "kernels.h"
 
+#include "interval.h"
 #include "vec.h"
 
 /* VW Gaussians. */
 typedef struct gaussians {
-    vf u, v, slope, reach, squeeze, lean;
+    ellipses shape;
     vf first_row, rows;
     int most_rows;
 } gaussians;
@@ -26,8 +27,7 @@ VEC gaussians load(const sf_splat *splats, const uint16_t *first_row, const uint
         g.most_rows = n > g.most_rows ? n : g.most_rows;
     }
     vf_transpose(splat, field);
-    g.u = field[0], g.v = field[1];
-    g.slope = field[10], g.reach = field[11], g.squeeze = field[12], g.lean = field[13];
+    g.shape = (ellipses){field[0], field[1], field[10], field[11], field[12], field[13]};
     g.first_row = vf_load(row), g.rows = vf_load(count);
     return g;
 }
@@ -36,14 +36,10 @@ VEC gaussians load(const sf_splat *splats, const uint16_t *first_row, const uint
  * and 16 x + 0.5 <= right. Clamped as floats: an interval beside the picture must come out empty on either
  * side. */
 VEC void spans_of(const gaussians *g, vf row, vf tiles_x, vf *x0, vf *x1) {
-    vf top = vf_sub(vf_fma(row, vf_set(SF_TILE), vf_set(0.5f)), g->v);
-    vf bottom = vf_add(top, vf_set(SF_TILE - 1)), zero = vf_set(0), pad = vf_set(0.01f);
-    vf at_right = vf_min(vf_max(g->lean, top), bottom);
-    vf at_left = vf_min(vf_max(vf_neg(g->lean), top), bottom);
-    vf half_right = vf_root(vf_max(vf_fnma(g->squeeze, vf_mul(at_right, at_right), g->reach), zero));
-    vf half_left = vf_root(vf_max(vf_fnma(g->squeeze, vf_mul(at_left, at_left), g->reach), zero));
-    vf right = vf_add(vf_fma(g->slope, at_right, g->u), vf_add(half_right, pad));
-    vf left = vf_sub(vf_fma(g->slope, at_left, g->u), vf_add(half_left, pad));
+    vf top = vf_sub(vf_fma(row, vf_set(SF_TILE), vf_set(0.5f)), g->shape.v);
+    vf bottom = vf_add(top, vf_set(SF_TILE - 1)), zero = vf_set(0);
+    vf left, right;
+    interval(&g->shape, top, bottom, &left, &right);
     vf inv = vf_set(1.0f / SF_TILE), margin = vf_set(SF_TILE - 0.5f);
     vf first = vf_mul(vf_sub(left, margin), inv), end = vf_mul(vf_add(right, margin), inv);
     first = vf_min(vf_max(first, zero), tiles_x);

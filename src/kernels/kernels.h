@@ -200,10 +200,10 @@ typedef struct sf_kernels {
     /* Blocks first .. end-1 of SF_LANES Gaussians: M.1, M.3 (opacity compensation), M.4. */
     void (*project)(const sf_project_args *args, size_t first, size_t end);
 
-    /* The tiles that Gaussians first .. end-1 touch (first a multiple of SF_LANES): in each row of tiles,
-     * those with a column of pixel centres within the visible ellipse's (o g >= 1/255) reach in that row, or
-     * a hundredth of a pixel beyond. Row r of Gaussian i goes to spans[offset[i] + r], offset [end + 1] the
-     * sums of rows before i; tiles[i]: how many tiles in all. */
+    /* The tiles that Gaussians first .. end-1 touch: in each row of tiles, those with a column of pixel
+     * centres within the visible ellipse's (o g >= 1/255) reach in that row, or a hundredth of a pixel
+     * beyond. Row r of Gaussian i goes to spans[offset[i] + r], offset [end + 1] the sums of rows before i;
+     * tiles[i]: how many tiles in all. */
     void (*spans)(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
                   const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
                   uint32_t *tiles);

@@ -1,8 +1,8 @@
 /* workspace.h - one step's arrays, and its stages: project -> bin -> blend -> loss and the same backwards.
  *
- * Each stage is one function: it reads what earlier stages left in the workspace and writes one result. Work
- * is cut into tasks whose size does not depend on the number of threads, and sums over tasks are made in
- * their order: the same bytes come out for any number of threads.
+ * Each stage is one function: it reads what earlier stages left in the workspace and writes one result. Where
+ * the cut into tasks shows in a sum it does not depend on the number of threads, and sums over tasks are made
+ * in their order: the same bytes come out for any number of threads.
  */
 #ifndef SF_RENDER_WORKSPACE_H
 #define SF_RENDER_WORKSPACE_H
