@@ -234,7 +234,7 @@ void sf_project_scalar(const sf_project_args *a, size_t first, size_t end) {
 typedef struct gradient {
     double mean[3], log_scale[3], quat[4], logit_opacity, sh[16][3];
     double screen;
-    double pose[6];
+    double camera[SF_CAMERA_SUMS];
 } gradient;
 
 /* Through the colour (M.4): dL/dSH, and dL/dmean by way of the direction, returned in d_mean. */
@@ -289,9 +289,10 @@ static void quaternion_bwd(const projection *f, const double *G, double *d_quat)
     for (int k = 0; k < 4; k++) d_quat[k] = (d[k] - along * f->q[k]) / f->q_norm;
 }
 
-/* Left twist (M.6), from d_p = dL/dp_c, the colour's part of dL/dmean, and the gradients of the rows of T. */
-static void pose_bwd(const sf_eye *eye, const projection *f, const double *d_p, const double *d_color,
-                     const double *d_T0, const double *d_T1, double *pose) {
+/* Left twist and focal lengths (M.6), from d_p = dL/dp_c, the colour's part of dL/dmean, and the gradients of
+ * the rows of T. */
+static void camera_bwd(const sf_eye *eye, const projection *f, const double *d_p, const double *d_color,
+                       const double *d_T0, const double *d_T1, double *camera) {
     double J00 = eye->fx * f->inv_z, J11 = eye->fy * f->inv_z, J02 = -J00 * f->X, J12 = -J11 * f->Y;
     double W[3][3], Q[3][3], turn[3];
     for (int k = 0; k < 3; k++) {
@@ -302,10 +303,12 @@ static void pose_bwd(const sf_eye *eye, const projection *f, const double *d_p, 
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++) Q[r][c] = dot3f(W[r], eye->R + 3 * c);
     cross3(f->p, d_p, turn);
-    for (int k = 0; k < 3; k++) pose[k] = d_p[k] + dot3f(d_color, eye->R + 3 * k);
-    pose[3] = turn[0] + Q[2][1] - Q[1][2];
-    pose[4] = turn[1] + Q[0][2] - Q[2][0];
-    pose[5] = turn[2] + Q[1][0] - Q[0][1];
+    for (int k = 0; k < 3; k++) camera[k] = d_p[k] + dot3f(d_color, eye->R + 3 * k);
+    camera[3] = turn[0] + Q[2][1] - Q[1][2];
+    camera[4] = turn[1] + Q[0][2] - Q[2][0];
+    camera[5] = turn[2] + Q[1][0] - Q[0][1];
+    camera[6] = f->p[0] * d_p[0] + Q[0][0];
+    camera[7] = f->p[1] * d_p[1] + Q[1][1];
 }
 
 static void gradient_one(const sf_project_args *a, size_t i, const double *sums, gradient *g) {
@@ -351,7 +354,7 @@ static void gradient_one(const sf_project_args *a, size_t i, const double *sums,
     /* 5. to the world */
     for (int k = 0; k < 3; k++)
         g->mean[k] = eye->R[k] * d_p[0] + eye->R[3 + k] * d_p[1] + eye->R[6 + k] * d_p[2] + d_color[k];
-    pose_bwd(eye, &f, d_p, d_color, d_T0, d_T1, g->pose);
+    camera_bwd(eye, &f, d_p, d_color, d_T0, d_T1, g->camera);
 }
 
 static int finite_gradient(const gradient *g, int coefficients) {
@@ -393,6 +396,6 @@ void sf_project_bwd_scalar(const sf_project_bwd_args *b, size_t first, size_t en
         }
         store(&b->grads, i - first * SF_LANES, &g);
         b->screen[i] = (float)g.screen;
-        for (int k = 0; b->pose && k < 6; k++) b->pose[k] += g.pose[k];
+        for (int k = 0; b->camera && k < SF_CAMERA_SUMS; k++) b->camera[k] += g.camera[k];
     }
 }

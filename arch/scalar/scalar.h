@@ -8,7 +8,7 @@ void sf_project_scalar(const sf_project_args *args, size_t first, size_t end);
 void sf_project_bwd_scalar(const sf_project_bwd_args *args, size_t first, size_t end);
 void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
                      const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
-                     uint32_t *tiles);
+                     uint32_t *tiles, float *depth);
 void sf_blend_scalar(const sf_blend_args *args);
 void sf_blend_bwd_scalar(const sf_blend_args *args);
 void sf_loss_scalar(const sf_loss_args *args);

@@ -5,10 +5,11 @@
 
 void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
                      const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
-                     uint32_t *tiles) {
+                     uint32_t *tiles, float *depth) {
     const float last_center = SF_TILE - 0.5f;
     for (size_t i = first; i < end; i++) {
         tiles[i] = 0;
+        depth[i] = splats[i].depth;
         for (int r = 0; r < rows[i]; r++) {
             const sf_splat *s = &splats[i];
             float top = (float)((first_row[i] + r) * SF_TILE) + 0.5f, left, right;

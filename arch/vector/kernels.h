@@ -9,7 +9,7 @@
     void sf_project_##level(const sf_project_args *args, size_t first, size_t end);                          \
     void sf_spans_##level(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,           \
                           const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,     \
-                          uint32_t *tiles);                                                                  \
+                          uint32_t *tiles, float *depth);                                                    \
     void sf_blend_##level(const sf_blend_args *args);                                                        \
     void sf_unpack_##level(const uint8_t *src, const uint8_t *weight, size_t src_stride, int factor,         \
                            float *dst, int width);                                                           \

@@ -429,9 +429,10 @@ VEC void quaternion_bwd(const projection *f, const vd *G, vd *d_quat) {
     for (int k = 0; k < 4; k++) d_quat[k] = vd_mul(vd_fnma(along, f->q[k], d[k]), scale);
 }
 
-/* Left twist (M.6), from d_p = dL/dp_c, the colour's part of dL/dmean, and the gradients of the rows of T. */
-VEC void pose_bwd(const sf_eye *eye, const projection *f, const vd *d_p, const vd *d_color, const vd *d_T0,
-                  const vd *d_T1, vd *pose) {
+/* Left twist and focal lengths (M.6), from d_p = dL/dp_c, the colour's part of dL/dmean, and the gradients of
+ * the rows of T. */
+VEC void camera_bwd(const sf_eye *eye, const projection *f, const vd *d_p, const vd *d_color, const vd *d_T0,
+                    const vd *d_T1, vd *camera) {
     vd J00 = vd_times((double)eye->fx, f->inv_z), J11 = vd_times((double)eye->fy, f->inv_z);
     vd J02 = vd_neg(vd_mul(J00, f->X)), J12 = vd_neg(vd_mul(J11, f->Y)), W[3][3], Q[3][3], turn[3];
     for (int k = 0; k < 3; k++) {
@@ -442,10 +443,12 @@ VEC void pose_bwd(const sf_eye *eye, const projection *f, const vd *d_p, const v
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++) Q[r][c] = dot3f(W[r], eye->R + 3 * c, 1);
     cross3(f->p, d_p, turn);
-    for (int k = 0; k < 3; k++) pose[k] = vd_add(d_p[k], dot3f(d_color, eye->R + 3 * k, 1));
-    pose[3] = vd_add(turn[0], vd_sub(Q[2][1], Q[1][2]));
-    pose[4] = vd_add(turn[1], vd_sub(Q[0][2], Q[2][0]));
-    pose[5] = vd_add(turn[2], vd_sub(Q[1][0], Q[0][1]));
+    for (int k = 0; k < 3; k++) camera[k] = vd_add(d_p[k], dot3f(d_color, eye->R + 3 * k, 1));
+    camera[3] = vd_add(turn[0], vd_sub(Q[2][1], Q[1][2]));
+    camera[4] = vd_add(turn[1], vd_sub(Q[0][2], Q[2][0]));
+    camera[5] = vd_add(turn[2], vd_sub(Q[1][0], Q[0][1]));
+    camera[6] = vd_fma(f->p[0], d_p[0], Q[0][0]);
+    camera[7] = vd_fma(f->p[1], d_p[1], Q[1][1]);
 }
 
 /* Stores a gradient's component, 0 where it is not to be used. */
@@ -527,13 +530,14 @@ VEC unsigned geometry_bwd(const sf_project_bwd_args *b, size_t first, size_t to,
     for (int k = 0; k < 4; k++) put(b, SF_FIELD_quat, 4, k, to, use, d_quat[k]);
     put(b, SF_FIELD_logit_opacity, 1, 0, to, use, d_logit);
     vd_narrow(b->screen + at, vd_keep(use, screen));
-    if (b->pose) {
-        vd pose[6];
-        pose_bwd(eye, &f, d_p, d_color, d_T0, d_T1, pose);
-        for (int k = 0; k < 6; k++) { /* lane by lane: who is not seen must not change the order of the sum */
+    if (b->camera) {
+        vd camera[SF_CAMERA_SUMS];
+        camera_bwd(eye, &f, d_p, d_color, d_T0, d_T1, camera);
+        for (int k = 0; k < SF_CAMERA_SUMS;
+             k++) { /* lane by lane: who is not seen must not change the order of the sum */
             _Alignas(64) double lane[VD];
-            vd_store(lane, vd_keep(use, pose[k]));
-            for (int i = 0; i < VD; i++) b->pose[k] += lane[i];
+            vd_store(lane, vd_keep(use, camera[k]));
+            for (int i = 0; i < VD; i++) b->camera[k] += lane[i];
         }
     }
     return (seen & ~finite) << part;

@@ -7,7 +7,7 @@
 /* VW Gaussians. */
 typedef struct gaussians {
     ellipses shape;
-    vf first_row, rows;
+    vf first_row, rows, depth;
     int most_rows;
 } gaussians;
 
@@ -28,7 +28,7 @@ VEC gaussians load(const sf_splat *splats, const uint16_t *first_row, const uint
     }
     vf_transpose(splat, field);
     g.shape = (ellipses){field[0], field[1], field[10], field[11], field[12], field[13]};
-    g.first_row = vf_load(row), g.rows = vf_load(count);
+    g.first_row = vf_load(row), g.rows = vf_load(count), g.depth = field[9];
     return g;
 }
 
@@ -49,7 +49,7 @@ VEC void spans_of(const gaussians *g, vf row, vf tiles_x, vf *x0, vf *x1) {
 
 void SF_AT_LEVEL(sf_spans)(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
                            const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
-                           uint32_t *tiles) {
+                           uint32_t *tiles, float *depth) {
     vf width = vf_set((float)tiles_x);
     uint32_t none;
     for (size_t i = first; i < end; i += VW) {
@@ -69,8 +69,10 @@ void SF_AT_LEVEL(sf_spans)(const sf_splat *splats, const uint16_t *first_row, co
                 memcpy(to, &pairs[lane], sizeof *pairs);
             }
         }
-        _Alignas(64) float sums[VW];
+        _Alignas(64) float sums[VW], depths[VW];
         vf_store(sums, sum);
+        vf_store(depths, g.depth);
         for (size_t lane = 0; lane < lanes; lane++) tiles[i + lane] = (uint32_t)sums[lane];
+        memcpy(depth + i, depths, lanes * sizeof *depth);
     }
 }

@@ -45,9 +45,10 @@ typedef struct sf_render_grads {
     sf_gaussians gaussians;
     double *pose;       /* [6]: rho, phi of the left twist p_c' = p_c + rho + phi x p_c (M.6) */
     double *background; /* [3] */
+    double *focal;      /* [2]: of log fx, log fy */
 } sf_render_grads;
 
-/* Takes dL/dimage ([H][W][3]) of the last sf_render back to the raw parameters and the pose (M.2, M.3, M.4,
+/* Takes dL/dimage ([H][W][3]) of the last sf_render back to the raw parameters and the camera (M.2, M.3, M.4,
  * M.6). The model must be unchanged since. Gaussians that were culled get 0. SF_ERR_ARGUMENT: no sf_render
  * came before, or the model has another count or degree. */
 SF_API sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
@@ -68,6 +69,10 @@ SF_API sf_status sf_loss(sf_renderer *renderer, int width, int height, const flo
 typedef struct sf_quality {
     double psnr; /* dB, values clamped to 0..1, not rounded; MSE floored at 1e-10 */
     double ssim; /* as in sf_loss_value, of the clamped picture */
+    /* As psnr, of the right half of the picture, with a gain and a bias per channel that were fitted to the
+     * left half by least squares: what is left when exposure does not count. Of no meaning (psnr is given)
+     * where a half has no weight. */
+    double psnr_corrected;
 } sf_quality;
 
 /* PSNR and SSIM of `rgb` against `target`; `weight` as in sf_loss. */

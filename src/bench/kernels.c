@@ -48,7 +48,7 @@ static void run_spans(void *lab_pointer, size_t task, int thread) {
     bench_lab *lab = lab_pointer;
     const sf_workspace *ws = &lab->ws;
     lab->level->kernels.spans(ws->splats, ws->first_row, ws->rows, ws->span_offset, 0, ws->count,
-                              ws->eye.tiles_x, ws->spans, lab->tiles);
+                              ws->eye.tiles_x, ws->spans, lab->tiles, ws->depth_of);
 }
 
 static void run_unpack(void *lab_pointer, size_t task, int thread) {

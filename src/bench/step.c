@@ -122,8 +122,8 @@ double bench_stage_floor(const bench_step_times *step, int stage, double flops, 
     switch (stage) {
     case STAGE_PROJECT: /* parameters in, records out */
         return n * (4 * parameters + record) / bytes;
-    case STAGE_BIN: /* records in, three passes over keys and indices, lists out */
-        return (n * (record + 3 * 16) + step->entries * 8) / bytes;
+    case STAGE_BIN: /* records in, lists out; between them strips, which a cache may hold */
+        return (n * record + step->entries * 8) / bytes;
     case STAGE_BLEND:
         return step->evaluated * BENCH_BLEND_OPERATIONS / flops;
     case STAGE_TARGET: /* bytes in, floats out */

@@ -112,6 +112,9 @@ typedef struct sf_project_args {
     uint16_t *first_row, *rows; /* out: [n], rows of tiles touched; 0 rows where not seen */
 } sf_project_args;
 
+/* The camera's gradient (M.6): dL/d(rho, phi), then dL/dlog fx, dL/dlog fy. */
+enum { SF_CAMERA_SUMS = 8 };
+
 typedef struct sf_project_bwd_args {
     sf_project_args forward; /* as given to project, with its results */
     const uint32_t *slot;    /* [n + 1]: the slots of Gaussian i are slot[i] .. slot[i+1]-1 */
@@ -119,7 +122,7 @@ typedef struct sf_project_bwd_args {
     sf_params grads;         /* out: the blocks' own, starting with block `first`; overwritten for all lanes,
                                 0 for what is not seen and for bands above sh_degree */
     float *screen;           /* out: [n] norm of dL/d(u, v) in device units (x W/2, y H/2); 0 if not seen */
-    double *pose;            /* [6], added to: dL/d(rho, phi) of M.6; NULL: not wanted */
+    double *camera;          /* [SF_CAMERA_SUMS], added to; NULL: not wanted */
     unsigned *not_finite;    /* added to: Gaussians left out for a gradient that was not finite */
 } sf_project_bwd_args;
 
@@ -202,11 +205,11 @@ typedef struct sf_kernels {
 
     /* The tiles that Gaussians first .. end-1 touch: in each row of tiles, those with a column of pixel
      * centres within the visible ellipse's (o g >= 1/255) reach in that row, or a hundredth of a pixel
-     * beyond. Row r of Gaussian i goes to spans[offset[i] + r], offset [end + 1] the sums of rows before i;
-     * tiles[i]: how many tiles in all. */
+     * beyond. Row r of Gaussian i goes to spans[offset[i] + r], 0 <= x0 <= x1 <= tiles_x; tiles[i]: how many
+     * tiles in all; depth[i]: the record's, where the Gaussian has rows. */
     void (*spans)(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,
                   const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,
-                  uint32_t *tiles);
+                  uint32_t *tiles, float *depth);
 
     /* Front to back (F.5). */
     void (*blend)(const sf_blend_args *args);

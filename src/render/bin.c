@@ -1,198 +1,278 @@
 /* bin.c - which Gaussians touch which tile, near to far.
  *
+ * A Gaussian is cut into strips, one for each row of tiles that it touches. The strips are dealt out to their
+ * rows in the order of the model; each row then sorts its own by depth and deals them out to its tiles. So
+ * memory is read and written in order, or within what a cache holds; and chunks of Gaussians, then rows, are
+ * tasks of their own.
+ *
  * Every pair of Gaussian and tile is an entry of the tile's list and owns a slot, numbered Gaussian by
  * Gaussian. The backward pass writes its sums into the slots, and the Gaussians read theirs in order: no
  * atomics, and the same bytes for any number of threads.
- *
- * The lists are dealt out in order of depth, one share of that order a thread: a share's entries of a tile
- * follow those of the shares before it.
  */
 #include "workspace.h"
 
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../scene/gaussians.h"
 
 enum {
-    CHUNK = 1024,       /* Gaussians a task */
-    LEAST_SHARE = 4096, /* Gaussians a share: fewer are dealt out sooner by one thread */
-    BITS = 11,          /* a digit of the sort */
-    DIGITS = 1 << BITS,
-    PASSES = 3
+    LINE = 16,    /* counts in a cache line */
+    CHUNK = 1024, /* Gaussians a task */
+    PASSES = 3,   /* of the sort */
+    MOST_BITS = 11,
+    MOST_DIGITS = 1 << MOST_BITS /* 3 passes of 11 bits: any float */
 };
 
-/* Positive floats sort like their bits. */
-static uint32_t depth_key(const sf_splat *splat) {
-    uint32_t bits;
-    memcpy(&bits, &splat->depth, sizeof bits);
-    return bits;
+typedef struct bin_job {
+    sf_workspace *ws;
+    size_t tiles_x, tiles_y, chunks, pitch;
+    uint32_t *spans;     /* [chunks] spans, then spans before the chunk's */
+    uint32_t *slots;     /* [chunks] the same of slots */
+    uint32_t *strips;    /* [chunks][pitch] strips in each row, then where the chunk's next one goes */
+    uint32_t *pairs;     /* [chunks][pitch] entries in each row */
+    uint32_t *row_begin; /* [tiles_y + 1] strips before the row's */
+    uint32_t *next;      /* [tiles_y][tiles_x + 1] where each tile's next entry goes */
+} bin_job;
+
+static size_t end_of_chunk(const bin_job *job, size_t chunk) {
+    size_t end = (chunk + 1) * CHUNK;
+    return end < job->ws->count ? end : job->ws->count;
 }
 
-static uint32_t digit(uint32_t key, int pass) { return key >> (pass * BITS) & (DIGITS - 1); }
-
-/* What is seen, in order of depth, ties in order of index: a radix sort. */
-static void sort_by_depth(sf_workspace *ws) {
-    uint32_t at[PASSES][DIGITS] = {{0}};
-    size_t n = 0;
-    for (size_t i = 0; i < ws->count; i++) {
-        if (ws->state[i] != SF_SEEN) continue;
-        uint32_t key = depth_key(&ws->splats[i]);
-        ws->order[n] = (uint32_t)i;
-        ws->key[n++] = key;
-        for (int pass = 0; pass < PASSES; pass++) at[pass][digit(key, pass)]++;
-    }
-    ws->seen = n;
-    for (int pass = 0; pass < PASSES && n; pass++) {
-        if (at[pass][digit(ws->key[0], pass)] == n) continue; /* all alike: nothing moves */
-        uint32_t sum = 0;
-        for (int d = 0; d < DIGITS; d++) {
-            uint32_t digits = at[pass][d];
-            at[pass][d] = sum;
-            sum += digits;
-        }
-        for (size_t k = 0; k < n; k++) {
-            uint32_t to = at[pass][digit(ws->key[k], pass)]++;
-            ws->key_swap[to] = ws->key[k];
-            ws->order_swap[to] = ws->order[k];
-        }
-        uint32_t *key = ws->key, *order = ws->order;
-        ws->key = ws->key_swap, ws->key_swap = key;
-        ws->order = ws->order_swap, ws->order_swap = order;
-    }
-}
-
-/* Task 0 sorts while the others find the tiles of the Gaussians, and how many, in ws->slot. */
-static void sort_or_span_task(void *ws_pointer, size_t task, int thread) {
+/* A Gaussian counts where its strips begin and where they end; the sums are made afterwards. */
+static void count_strips_task(void *job_pointer, size_t chunk, int thread) {
     (void)thread;
-    sf_workspace *ws = ws_pointer;
-    if (task == 0) {
-        sort_by_depth(ws);
-        return;
+    const bin_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    uint32_t *strips = job->strips + chunk * job->pitch, sum = 0;
+    memset(strips, 0, (job->tiles_y + 1) * sizeof *strips);
+    for (size_t i = chunk * CHUNK; i < end_of_chunk(job, chunk); i++) {
+        uint32_t rows = ws->rows[i], first = rows ? ws->first_row[i] : 0;
+        strips[first]++;
+        strips[first + rows]--;
+        sum += rows;
     }
-    size_t first = (task - 1) * CHUNK, end = first + CHUNK < ws->count ? first + CHUNK : ws->count;
-    ws->ctx->kernels->spans(ws->splats, ws->first_row, ws->rows, ws->span_offset, first, end, ws->eye.tiles_x,
-                            ws->spans, ws->slot);
+    for (size_t row = 1; row < job->tiles_y; row++) strips[row] += strips[row - 1];
+    job->spans[chunk] = sum;
 }
 
-/* Exclusive prefix sum in place; [n] receives the total. SF_ERR_MEMORY where 32 bits do not hold it. */
-static sf_status prefix_sum(sf_workspace *ws, uint32_t *counts, size_t n) {
+/* The tiles of each strip; slots from 0 in each chunk. */
+static void span_task(void *job_pointer, size_t chunk, int thread) {
+    (void)thread;
+    const bin_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    size_t first = chunk * CHUNK, end = end_of_chunk(job, chunk);
+    uint32_t offset = job->spans[chunk], slot = 0;
+    for (size_t i = first; i < end; i++) {
+        ws->span_offset[i] = offset;
+        offset += ws->rows[i];
+    }
+    ws->ctx->kernels->spans(ws->splats, ws->first_row, ws->rows, ws->span_offset, first, end,
+                            (int)job->tiles_x, ws->spans, ws->slot, ws->depth_of);
+    for (size_t i = first; i < end; i++) {
+        uint32_t tiles = ws->slot[i];
+        ws->slot[i] = slot;
+        slot += tiles;
+    }
+    job->slots[chunk] = slot;
+}
+
+static void deal_strips_task(void *job_pointer, size_t chunk, int thread) {
+    (void)thread;
+    const bin_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    uint32_t *strips = job->strips + chunk * job->pitch;
+    uint32_t *pairs = job->pairs + chunk * job->pitch;
+    memset(pairs, 0, (job->tiles_y + 1) * sizeof *pairs);
+    for (size_t i = chunk * CHUNK; i < end_of_chunk(job, chunk); i++) {
+        uint32_t rows = ws->rows[i], row = ws->first_row[i], slot = ws->slot[i] += job->slots[chunk];
+        const sf_span *span = ws->spans + ws->span_offset[i];
+        sf_strip strip = {.gaussian = (uint32_t)i};
+        memcpy(&strip.depth, &ws->depth_of[i], sizeof strip.depth);
+        for (; rows; rows--, span++, row++) {
+            uint32_t tiles = (uint32_t)(span->x1 - span->x0);
+            strip.slot = slot;
+            strip.span = *span;
+            ws->strips[strips[row]++] = strip;
+            pairs[row] += tiles;
+            slot += tiles;
+        }
+    }
+}
+
+/* Sorts n strips by depth, equal depths left in their order: a radix sort by way of `spare`. Returns where
+ * they are. Positive floats sort like their bits; those of a row share the upper ones. */
+static sf_strip *sort_strips(sf_strip *strips, sf_strip *spare, size_t n) {
+    uint32_t at[PASSES][MOST_DIGITS], least = UINT32_MAX, most = 0;
+    for (size_t k = 0; k < n; k++) {
+        least = strips[k].depth < least ? strips[k].depth : least;
+        most = strips[k].depth > most ? strips[k].depth : most;
+    }
+    int bits = 1;
+    while (bits < MOST_BITS && (most - least) >> (PASSES * bits)) bits++;
+    uint32_t digits = 1u << bits;
+    for (int pass = 0; pass < PASSES; pass++) memset(at[pass], 0, digits * sizeof **at);
+    for (size_t k = 0; k < n; k++)
+        for (int pass = 0; pass < PASSES; pass++)
+            at[pass][(strips[k].depth - least) >> (pass * bits) & (digits - 1)]++;
+    for (int pass = 0; pass < PASSES; pass++) {
+        uint32_t sum = 0;
+        for (uint32_t d = 0; d < digits; d++) {
+            uint32_t count = at[pass][d];
+            at[pass][d] = sum;
+            sum += count;
+        }
+        for (size_t k = 0; k < n; k++)
+            spare[at[pass][(strips[k].depth - least) >> (pass * bits) & (digits - 1)]++] = strips[k];
+        sf_strip *sorted = spare;
+        spare = strips, strips = sorted;
+    }
+    return strips;
+}
+
+/* A row of tiles: its lists. */
+static void row_task(void *job_pointer, size_t row, int thread) {
+    (void)thread;
+    const bin_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    size_t begin = job->row_begin[row], n = job->row_begin[row + 1] - begin;
+    const sf_strip *strips = sort_strips(ws->strips + begin, ws->strips_swap + begin, n);
+    uint32_t *next = job->next + row * (job->tiles_x + 1), *tile_begin = ws->tile_begin + row * job->tiles_x;
+    memset(next, 0, (job->tiles_x + 1) * sizeof *next);
+    for (size_t k = 0; k < n; k++) {
+        next[strips[k].span.x0]++;
+        next[strips[k].span.x1]--;
+    }
+    uint32_t sum = tile_begin[0], count = 0;
+    for (size_t x = 0; x < job->tiles_x; x++) {
+        count += next[x];
+        tile_begin[x] = next[x] = sum;
+        sum += count;
+    }
+    for (size_t k = 0; k < n; k++) {
+        uint32_t gaussian = strips[k].gaussian, slot = strips[k].slot;
+        uint32_t tiles = (uint32_t)(strips[k].span.x1 - strips[k].span.x0), *at = next + strips[k].span.x0;
+        /* Whether it is one tile or two is not foreseeable: without branches. */
+        if (!tiles) continue;
+        uint32_t two = tiles > 1, to = at[0]++, second = at[1];
+        at[1] += two;
+        second = two ? second : to;
+        ws->entries[to] = gaussian;
+        ws->entry_slots[to] = slot;
+        ws->entries[second] = gaussian;
+        ws->entry_slots[second] = slot + two;
+        for (uint32_t x = 2; x < tiles; x++) {
+            to = at[x]++;
+            ws->entries[to] = gaussian;
+            ws->entry_slots[to] = slot + x;
+        }
+    }
+}
+
+/* Exclusive prefix sum in place; the total is returned. */
+static uint64_t prefix_sum(uint32_t *counts, size_t n) {
     uint64_t sum = 0;
     for (size_t i = 0; i < n; i++) {
         uint32_t count = counts[i];
         counts[i] = (uint32_t)sum;
         sum += count;
     }
-    counts[n] = (uint32_t)sum;
-    if (sum <= INT32_MAX) return SF_OK;
-    return sf_fail(ws->ctx, SF_ERR_MEMORY, "out of memory: %llu pairs of a Gaussian and a tile",
-                   (unsigned long long)sum);
+    return sum;
+}
+
+/* Counts by chunk and row to where the chunk's strips of the row begin. */
+static void place_strips(const bin_job *job) {
+    uint32_t sum = 0;
+    for (size_t row = 0; row < job->tiles_y; row++) {
+        job->row_begin[row] = sum;
+        for (size_t chunk = 0; chunk < job->chunks; chunk++) {
+            uint32_t *at = &job->strips[chunk * job->pitch + row], count = *at;
+            *at = sum;
+            sum += count;
+        }
+    }
+    job->row_begin[job->tiles_y] = sum;
+}
+
+/* The first entry of each row, at its first tile. */
+static void place_entries(const bin_job *job) {
+    uint32_t sum = 0;
+    for (size_t row = 0; row < job->tiles_y; row++) {
+        job->ws->tile_begin[row * job->tiles_x] = sum;
+        for (size_t chunk = 0; chunk < job->chunks; chunk++) sum += job->pairs[chunk * job->pitch + row];
+    }
+    job->ws->tile_begin[job->tiles_y * job->tiles_x] = sum;
+}
+
+static sf_status too_many(const sf_workspace *ws, uint64_t pairs, const char *of) {
+    return sf_fail(ws->ctx, SF_ERR_MEMORY, "out of memory: %llu pairs of a Gaussian and a %s",
+                   (unsigned long long)pairs, of);
+}
+
+static sf_status count_room(bin_job *job) {
+    sf_workspace *ws = job->ws;
+    size_t rows = job->tiles_y + 1, tiles = job->tiles_y * (job->tiles_x + 1);
+    job->pitch = (rows + LINE - 1) / LINE * LINE; /* no two threads write into the same line */
+    size_t need = job->chunks * (2 + 2 * job->pitch) + rows + tiles;
+    sf_status status = sf_grow(ws->ctx, &ws->bin_counts, &ws->bin_counts_capacity, 0, need, sizeof(uint32_t));
+    if (status) return status;
+    job->strips = ws->bin_counts;
+    job->pairs = job->strips + job->chunks * job->pitch;
+    job->spans = job->pairs + job->chunks * job->pitch;
+    job->slots = job->spans + job->chunks;
+    job->row_begin = job->slots + job->chunks;
+    job->next = job->row_begin + rows;
+    return SF_OK;
+}
+
+static sf_status strip_room(sf_workspace *ws, size_t strips) {
+    size_t capacity = ws->strip_capacity;
+    sf_status status = sf_grow(ws->ctx, &ws->spans, &capacity, 0, strips, sizeof(sf_span));
+    capacity = ws->strip_capacity;
+    if (!status) status = sf_grow(ws->ctx, &ws->strips, &capacity, 0, strips, sizeof(sf_strip));
+    capacity = ws->strip_capacity;
+    if (!status) status = sf_grow(ws->ctx, &ws->strips_swap, &capacity, 0, strips, sizeof(sf_strip));
+    if (!status) ws->strip_capacity = capacity;
+    return status;
 }
 
 static sf_status entry_room(sf_workspace *ws, size_t entries) {
     size_t capacity = ws->entry_capacity;
     sf_status status = sf_grow(ws->ctx, &ws->entries, &capacity, 0, entries, sizeof(uint32_t));
-    if (status) return status;
     capacity = ws->entry_capacity;
-    status = sf_grow(ws->ctx, &ws->entry_parts, &capacity, 0, entries, sizeof(uint64_t));
-    if (status) return status;
+    if (!status) status = sf_grow(ws->ctx, &ws->entry_parts, &capacity, 0, entries, sizeof(uint64_t));
     capacity = ws->entry_capacity;
-    status = sf_grow(ws->ctx, &ws->entry_slots, &capacity, 0, entries, sizeof(uint32_t));
+    if (!status) status = sf_grow(ws->ctx, &ws->entry_slots, &capacity, 0, entries, sizeof(uint32_t));
     if (!status) ws->entry_capacity = capacity;
     return status;
 }
 
-typedef struct deal_job {
-    sf_workspace *ws;
-    size_t tiles, shares;
-    uint32_t *cursor; /* [shares][tiles] where a share's next entry of each tile goes */
-} deal_job;
-
-/* The share's part of ws->order. */
-static void share_of(const deal_job *job, size_t share, size_t *first, size_t *end) {
-    *first = job->ws->seen * share / job->shares;
-    *end = job->ws->seen * (share + 1) / job->shares;
-}
-
-/* How many entries of each tile a share has. A span counts where it begins and where it ends; the sums along
- * the row are made afterwards. */
-static void count_task(void *job_pointer, size_t share, int thread) {
-    (void)thread;
-    const deal_job *job = job_pointer;
-    const sf_workspace *ws = job->ws;
-    size_t first, end, tiles_x = (size_t)ws->eye.tiles_x;
-    uint32_t *cursor = job->cursor + share * job->tiles;
-    share_of(job, share, &first, &end);
-    memset(cursor, 0, job->tiles * sizeof *cursor);
-    for (size_t k = first; k < end; k++) {
-        uint32_t i = ws->order[k];
-        const sf_span *span = ws->spans + ws->span_offset[i];
-        size_t tile = ws->first_row[i] * tiles_x;
-        for (uint32_t r = 0; r < ws->rows[i]; r++, span++, tile += tiles_x) {
-            if (span->x0 >= span->x1) continue;
-            cursor[tile + span->x0]++;
-            if (span->x1 < tiles_x) cursor[tile + span->x1]--;
-        }
-    }
-    for (size_t row = 0; row < job->tiles; row += tiles_x)
-        for (size_t x = 1; x < tiles_x; x++) cursor[row + x] += cursor[row + x - 1];
-}
-
-static void deal_task(void *job_pointer, size_t share, int thread) {
-    (void)thread;
-    const deal_job *job = job_pointer;
-    const sf_workspace *ws = job->ws;
-    size_t first, end, tiles_x = (size_t)ws->eye.tiles_x;
-    uint32_t *cursor = job->cursor + share * job->tiles;
-    share_of(job, share, &first, &end);
-    for (size_t k = first; k < end; k++) {
-        uint32_t i = ws->order[k], slot = ws->slot[i];
-        const sf_span *span = ws->spans + ws->span_offset[i];
-        uint32_t *row = cursor + ws->first_row[i] * tiles_x;
-        for (uint32_t r = 0; r < ws->rows[i]; r++, span++, row += tiles_x)
-            for (int x = span->x0; x < span->x1; x++, slot++) {
-                uint32_t to = row[x]++;
-                ws->entries[to] = i;
-                ws->entry_slots[to] = slot;
-            }
-    }
-}
-
-/* Counts the entries of each tile, then deals them out in order of depth. */
-static sf_status fill_lists(sf_workspace *ws) {
-    size_t threads = (size_t)sf_pool_threads(ws->ctx->pool), most = ws->seen / LEAST_SHARE;
-    deal_job job = {.ws = ws, .tiles = (size_t)ws->eye.tiles_x * (size_t)ws->eye.tiles_y};
-    job.shares = most < 1 ? 1 : most < threads ? most : threads;
-    sf_status status =
-        sf_grow(ws->ctx, &ws->tile_cursor, &ws->cursor_capacity, 0, job.shares * job.tiles, sizeof(uint32_t));
-    if (status) return status;
-    job.cursor = ws->tile_cursor;
-    sf_pool_run(ws->ctx->pool, job.shares, count_task, &job);
-    uint32_t sum = 0;
-    for (size_t t = 0; t < job.tiles; t++) {
-        ws->tile_begin[t] = sum;
-        for (size_t share = 0; share < job.shares; share++) {
-            uint32_t count = job.cursor[share * job.tiles + t];
-            job.cursor[share * job.tiles + t] = sum;
-            sum += count;
-        }
-    }
-    ws->tile_begin[job.tiles] = sum;
-    sf_pool_run(ws->ctx->pool, job.shares, deal_task, &job);
-    return SF_OK;
-}
-
 sf_status sf_stage_bin(sf_workspace *ws) {
-    for (size_t i = 0; i < ws->count; i++) ws->span_offset[i] = ws->rows[i];
-    sf_status status = prefix_sum(ws, ws->span_offset, ws->count);
-    if (!status)
-        status =
-            sf_grow(ws->ctx, &ws->spans, &ws->span_capacity, 0, ws->span_offset[ws->count], sizeof(sf_span));
+    struct sf_pool *pool = ws->ctx->pool;
+    bin_job job = {.ws = ws,
+                   .tiles_x = (size_t)ws->eye.tiles_x,
+                   .tiles_y = (size_t)ws->eye.tiles_y,
+                   .chunks = (ws->count + CHUNK - 1) / CHUNK};
+    sf_status status = count_room(&job);
     if (status) return status;
-    sf_pool_run(ws->ctx->pool, 1 + (ws->count + CHUNK - 1) / CHUNK, sort_or_span_task, ws);
-    status = prefix_sum(ws, ws->slot, ws->count);
-    /* one more: tiles point into the lists even where there is no entry */
-    if (!status) status = entry_room(ws, (size_t)ws->slot[ws->count] + 1);
+
+    sf_pool_run(pool, job.chunks, count_strips_task, &job);
+    uint64_t strips = prefix_sum(job.spans, job.chunks);
+    if (strips > INT32_MAX) return too_many(ws, strips, "row of tiles");
+    status = strip_room(ws, (size_t)strips + 1); /* tasks point into the strips even where there is none */
     if (status) return status;
-    for (size_t i = ws->count; i % SF_LANES; i++) ws->slot[i + 1] = ws->slot[ws->count];
-    return fill_lists(ws);
+    place_strips(&job);
+
+    sf_pool_run(pool, job.chunks, span_task, &job);
+    uint64_t slots = prefix_sum(job.slots, job.chunks);
+    if (slots > INT32_MAX) return too_many(ws, slots, "tile");
+    status = entry_room(ws, (size_t)slots + 1); /* tiles point into the lists even where there is no entry */
+    if (status) return status;
+
+    sf_pool_run(pool, job.chunks, deal_strips_task, &job);
+    for (size_t i = ws->count; i <= sf_blocks(ws->count) * SF_LANES; i++) ws->slot[i] = (uint32_t)slots;
+    place_entries(&job);
+    sf_pool_run(pool, job.tiles_y, row_task, &job);
+    return SF_OK;
 }

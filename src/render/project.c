@@ -22,10 +22,7 @@ static sf_status room(sf_workspace *ws, size_t count) {
         {&ws->span_offset, sizeof(uint32_t)},
         {&ws->slot, sizeof(uint32_t)},
         {&ws->screen, sizeof(float)},
-        {&ws->order, sizeof(uint32_t)},
-        {&ws->order_swap, sizeof(uint32_t)},
-        {&ws->key, sizeof(uint32_t)},
-        {&ws->key_swap, sizeof(uint32_t)},
+        {&ws->depth_of, sizeof(float)},
     };
     size_t capacity = 0;
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
@@ -86,7 +83,7 @@ static size_t grads_size(void) {
 typedef struct project_bwd_job {
     sf_workspace *ws;
     sf_project_bwd_args args;
-    double *pose; /* [tasks][6] or NULL */
+    double *camera; /* [tasks][SF_CAMERA_SUMS] or NULL */
     sf_grads_fn take;
     void *user;
 } project_bwd_job;
@@ -96,7 +93,7 @@ static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     sf_project_bwd_args args = job->args;
     size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(job->ws->count);
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
-    args.pose = job->pose ? job->pose + 6 * task : NULL;
+    args.camera = job->camera ? job->camera + SF_CAMERA_SUMS * task : NULL;
     args.not_finite = &job->ws->partial_count[task];
     float *at = job->ws->grads + (size_t)thread * grads_size();
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
@@ -110,28 +107,30 @@ static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     }
 }
 
-sf_status sf_stage_project_bwd(sf_workspace *ws, double *pose, sf_grads_fn take, void *user) {
+sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn take, void *user) {
     size_t tasks = tasks_of(ws->count), threads = (size_t)sf_pool_threads(ws->ctx->pool);
-    sf_status status = sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, 6 * tasks, sizeof(double));
+    sf_status status =
+        sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, SF_CAMERA_SUMS * tasks, sizeof(double));
     if (!status)
         status =
             sf_grow(ws->ctx, &ws->partial_count, &ws->partial_count_capacity, 0, tasks, sizeof(unsigned));
     if (!status)
         status = sf_grow(ws->ctx, &ws->grads, &ws->grads_capacity, 0, threads * grads_size(), sizeof(float));
     if (status) return status;
-    for (size_t k = 0; k < 6 * tasks; k++) ws->partial[k] = 0;
+    for (size_t k = 0; k < SF_CAMERA_SUMS * tasks; k++) ws->partial[k] = 0;
     for (size_t k = 0; k < tasks; k++) ws->partial_count[k] = 0;
     project_bwd_job job = {
         .ws = ws,
         .args = {.forward = project_args(ws), .slot = ws->slot, .sums = ws->sums, .screen = ws->screen},
-        .pose = pose ? ws->partial : NULL,
+        .camera = camera ? ws->partial : NULL,
         .take = take,
         .user = user};
     sf_pool_run(ws->ctx->pool, tasks, project_bwd_task, &job);
-    for (int k = 0; pose && k < 6; k++) pose[k] = 0;
+    for (int k = 0; camera && k < SF_CAMERA_SUMS; k++) camera[k] = 0;
     for (size_t task = 0; task < tasks; task++) {
         ws->not_finite += ws->partial_count[task];
-        for (int k = 0; pose && k < 6; k++) pose[k] += ws->partial[6 * task + (size_t)k];
+        for (size_t k = 0; camera && k < SF_CAMERA_SUMS; k++)
+            camera[k] += ws->partial[SF_CAMERA_SUMS * task + k];
     }
     return SF_OK;
 }

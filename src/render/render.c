@@ -109,8 +109,12 @@ sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const
     sf_status status = gradient_room(renderer, model);
     if (status) return status;
     sf_copy_in(ws, d_rgb, NULL, ws->d_rgb);
+    double camera[SF_CAMERA_SUMS];
+    int with_camera = grads->pose || grads->focal;
     status = sf_stage_blend_bwd(ws);
-    if (!status) status = sf_stage_project_bwd(ws, grads->pose, keep_grads, renderer);
+    if (!status) status = sf_stage_project_bwd(ws, with_camera ? camera : NULL, keep_grads, renderer);
+    if (!status && grads->pose) memcpy(grads->pose, camera, 6 * sizeof *camera);
+    if (!status && grads->focal) memcpy(grads->focal, camera + 6, 2 * sizeof *camera);
     if (!status && grads->background) status = sf_stage_background_bwd(ws, grads->background);
     if (!status) sf_params_get(&renderer->grads, model->sh_degree, 0, model->count, &grads->gaussians);
     return status;
@@ -178,8 +182,8 @@ sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *
             }
     sf_loss_value value;
     sf_stage_loss(ws, 0.2, weight_sum, 1, 0, &value);
-    double mse = squares / (3 * weight_sum);
-    quality->psnr = -10 * log10(mse < 1e-10 ? 1e-10 : mse); /* a target that is not finite stays seen */
+    quality->psnr = sf_psnr_of(squares / (3 * weight_sum));
     quality->ssim = value.ssim;
+    quality->psnr_corrected = sf_corrected_psnr(ws, quality->psnr);
     return SF_OK;
 }

@@ -19,6 +19,13 @@ enum {
     SF_CHANNELS = 3
 };
 
+/* A Gaussian's part in a row of tiles. */
+typedef struct sf_strip {
+    uint32_t depth; /* bits of the float */
+    uint32_t gaussian, slot;
+    sf_span span;
+} sf_strip;
+
 typedef struct sf_workspace {
     sf_context *ctx;
 
@@ -37,24 +44,24 @@ typedef struct sf_workspace {
     sf_splat *splats;
     uint8_t *state;
     uint16_t *first_row, *rows;
-    uint32_t *span_offset; /* [n + 1] */
+    uint32_t *span_offset; /* [n] first span of each Gaussian */
+    float *depth_of;       /* [n] */
     uint32_t *slot;        /* [n + 1] first slot of each Gaussian: its tiles in row-major order */
     float *screen;         /* [n] */
     float *grads;          /* SF_GRAD_BLOCKS blocks of all fields, one set a thread */
     size_t grads_capacity;
-    uint32_t *order, *order_swap, *key, *key_swap; /* what is seen, by depth */
-    size_t seen;
     uint64_t not_finite; /* Gaussians left out by the last project and project_bwd */
 
     /* tile lists */
-    size_t span_capacity, entry_capacity, tile_capacity;
-    sf_span *spans;
-    uint32_t *tile_begin;  /* [tiles + 1] */
-    uint32_t *tile_cursor; /* [shares][tiles] */
-    size_t cursor_capacity;
+    size_t strip_capacity, entry_capacity, tile_capacity;
+    sf_span *spans;                  /* [strips] by Gaussian */
+    sf_strip *strips, *strips_swap;  /* [strips] by row of tiles */
+    uint32_t *tile_begin;            /* [tiles + 1] */
     uint32_t *entries, *entry_slots; /* [entries], by tile, near to far */
-    uint64_t *entry_parts;           /* [entries] what blend leaves for blend_bwd */
-    float *sums;                     /* [entries][SF_SUMS] by slot */
+    uint32_t *bin_counts;            /* scratch */
+    size_t bin_counts_capacity;
+    uint64_t *entry_parts; /* [entries] what blend leaves for blend_bwd */
+    float *sums;           /* [entries][SF_SUMS] by slot */
     size_t sums_capacity;
 
     /* the loss: target and weight of the picture */
@@ -93,10 +100,15 @@ sf_status sf_stage_blend_bwd(sf_workspace *ws);
 /* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
  * grads' arrays. Called on the pool's threads, for each block once. */
 typedef void (*sf_grads_fn)(void *user, const sf_params *grads, size_t first, size_t end);
-/* pose: NULL or [6], overwritten. A failure comes before the first call of `take`. */
-sf_status sf_stage_project_bwd(sf_workspace *ws, double *pose, sf_grads_fn take, void *user);
+/* camera: NULL or [SF_CAMERA_SUMS], overwritten. A failure comes before the first call of `take`. */
+sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn take, void *user);
 /* dL/dbackground = sum T dL/dgamma, [3]. */
 sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background);
+
+/* quality.c: PSNR of a mean squared error, which is floored at 1e-10; and sf_quality's psnr_corrected of
+ * ws->rgb, clamped, against ws->target, `otherwise` where a half has no weight. */
+double sf_psnr_of(double mse);
+double sf_corrected_psnr(const sf_workspace *ws, double otherwise);
 
 /* The planes to the caller's [H][W] and [H][W][3], and back (zeros beyond the picture). */
 void sf_copy_out(const sf_workspace *ws, const sf_image_out *out);

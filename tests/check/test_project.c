@@ -32,7 +32,7 @@ typedef struct scene {
     sf_project_args args;
     float *params[SF_FIELD_COUNT];
     sf_project_bwd_args bwd;
-    int with_pose, bad_sums;
+    int with_camera, bad_sums;
 } scene;
 
 static void make_eye(check *c, scene *s) {
@@ -176,9 +176,10 @@ static void make_outputs(check *c, scene *s) {
         if (s->params[field])
             s->bwd.grads.field[field] =
                 check_floats_out(c, field_names[field], lanes * (size_t)components[field]);
-    s->with_pose = (int)check_pick(c, 2);
+    s->with_camera = (int)check_pick(c, 2);
     s->bwd.screen = check_floats_out(c, "screen", s->count);
-    s->bwd.pose = s->with_pose ? check_output(c, "pose", 6, sizeof(double), sizeof(double)) : NULL;
+    if (s->with_camera)
+        s->bwd.camera = check_output(c, "camera", SF_CAMERA_SUMS, sizeof(double), sizeof(double));
     s->bwd.not_finite = check_output(c, "not_finite", 1, sizeof(unsigned), sizeof(unsigned));
     s->bwd.forward = s->args;
 }
@@ -240,10 +241,10 @@ static void compare_gradient(check *c, const scene *s, size_t i, const test_ref_
 enum { NOT_FINITE_BEFORE = 7 };
 
 static void compare_backward(check *c, const scene *s, const test_ref_seen *seen) {
-    bounded pose[6];
+    bounded camera[SF_CAMERA_SUMS];
     unsigned left_out = 0;
     int open = 0;
-    for (int k = 0; k < 6; k++) pose[k] = b_of(k - 2.5);
+    for (int k = 0; k < SF_CAMERA_SUMS; k++) camera[k] = b_of(k - 2.5);
     for (size_t i = 0; i < s->count; i++) {
         if (i / SF_LANES < s->first || i / SF_LANES >= s->end) {
             check_that(c, check_untouched(&s->bwd.screen[i], sizeof(float)),
@@ -265,11 +266,12 @@ static void compare_backward(check *c, const scene *s, const test_ref_seen *seen
             continue;
         }
         compare_gradient(c, s, i, &want);
-        for (int k = 0; k < 6; k++)
-            pose[k] = b_widen(b_add(pose[k], want.pose[k]), 1e-12 * fabs(want.pose[k].v));
+        for (int k = 0; k < SF_CAMERA_SUMS; k++)
+            camera[k] = b_widen(b_add(camera[k], want.camera[k]), 1e-12 * fabs(want.camera[k].v));
     }
     if (open) return;
-    for (size_t k = 0; s->with_pose && k < 6; k++) check_near(c, "pose", k, s->bwd.pose[k], pose[k]);
+    for (size_t k = 0; s->with_camera && k < SF_CAMERA_SUMS; k++)
+        check_near(c, k < 6 ? "pose" : "focal", k, s->bwd.camera[k], camera[k]);
     check_that(c, *s->bwd.not_finite == NOT_FINITE_BEFORE + left_out, "another number is not finite",
                *s->bwd.not_finite);
 }
@@ -295,7 +297,7 @@ static void project_case(check *c) {
         check_at(c, l);
         if (!check_call(c, 0, call_project, &s)) continue;
         compare_forward(c, &s, want);
-        for (int k = 0; s.with_pose && k < 6; k++) s.bwd.pose[k] = k - 2.5;
+        for (int k = 0; s.with_camera && k < SF_CAMERA_SUMS; k++) s.bwd.camera[k] = k - 2.5;
         *s.bwd.not_finite = NOT_FINITE_BEFORE;
         if (check_call(c, 1, call_project_bwd, &s)) compare_backward(c, &s, want);
     }
@@ -389,7 +391,8 @@ static double against_reference(check *c, const scene *s, const test_ref_scene *
         worst = fmax(worst, difference(grads.gaussians.quats + 4 * i, got.field[SF_FIELD_quat], 4));
         worst = fmax(worst,
                      difference(grads.gaussians.logit_opacities + i, got.field[SF_FIELD_logit_opacity], 1));
-        worst = fmax(worst, difference(grads.pose, got.pose, 6));
+        worst = fmax(worst, difference(grads.pose, got.camera, 6));
+        worst = fmax(worst, difference(grads.focal, got.camera + 6, 2));
         size_t sh = 3 * (size_t)((r->sh_degree + 1) * (r->sh_degree + 1));
         worst = fmax(worst, difference(grads.gaussians.sh + sh * i, got.field[SF_FIELD_sh0], 3));
     }

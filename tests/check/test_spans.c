@@ -31,6 +31,7 @@ typedef struct spans {
     int tiles_x, tiles_y;
     sf_span *spans;
     uint32_t *tiles, span_count;
+    float *depth;
 } spans;
 
 /* The rows that project gives: those that the tight box and a hundredth of a pixel more reach. */
@@ -84,12 +85,13 @@ static void make_case(check *c, spans *s) {
     s->span_count = s->offset[padded];
     s->spans = check_output(c, "spans", s->span_count, sizeof *s->spans, sizeof(uint16_t));
     s->tiles = check_output(c, "tiles", padded, sizeof *s->tiles, sizeof *s->tiles);
+    s->depth = check_output(c, "depth", padded, sizeof *s->depth, sizeof *s->depth);
 }
 
 static void call_spans(const sf_kernels *kernels, void *args) {
     spans *s = args;
     kernels->spans(s->splats, s->first_row, s->rows, s->offset, s->first, s->end, s->tiles_x, s->spans,
-                   s->tiles);
+                   s->tiles, s->depth);
 }
 
 static int holds(test_ref_span span, int x) { return x >= span.first && x < span.end; }
@@ -98,8 +100,8 @@ static void compare_row(check *c, const spans *s, size_t i, int r, size_t *tiles
     sf_span got = s->spans[s->offset[i] + (uint32_t)r];
     test_ref_span needed, allowed;
     test_ref_span_row(&s->splats[i], s->first_row[i] + r, s->tiles_x, &needed, &allowed);
-    check_that(c, got.x1 <= got.x0 || got.x1 <= s->tiles_x, "a span ends outside", i);
-    *tiles += got.x1 > got.x0 ? (size_t)(got.x1 - got.x0) : 0;
+    check_that(c, got.x0 <= got.x1 && got.x1 <= s->tiles_x, "a span ends before it begins, or outside", i);
+    *tiles += (size_t)(got.x1 - got.x0);
     for (int x = 0; x < s->tiles_x; x++) {
         int listed = x >= got.x0 && x < got.x1;
         if (holds(needed, x))
@@ -117,7 +119,9 @@ static void compare(check *c, const spans *s) {
     for (size_t i = 0; i < s->end; i++) {
         size_t tiles = 0;
         if (i < s->first) {
-            check_that(c, check_untouched(&s->tiles[i], sizeof *s->tiles),
+            check_that(c,
+                       check_untouched(&s->tiles[i], sizeof *s->tiles) &&
+                           check_untouched(&s->depth[i], sizeof *s->depth),
                        "wrote beside the Gaussians asked for", i);
             continue;
         }
@@ -126,6 +130,7 @@ static void compare(check *c, const spans *s) {
             compare_row(c, s, i, r, &tiles);
         }
         check_that(c, s->tiles[i] == tiles, "the number of tiles is another", i);
+        check_that(c, !s->rows[i] || s->depth[i] == s->splats[i].depth, "the depth is another", i);
     }
     for (uint32_t k = 0; k < s->span_count; k++)
         check_that(c, owned[k] || check_untouched(&s->spans[k], sizeof *s->spans),

@@ -14,7 +14,7 @@ typedef struct step {
     size_t pixels, count;
     float *rgb[3], *transmittance, *depth, *d_rgb[3];
     float *grads[SF_FIELD_COUNT], *screen;
-    double pose[6], background[3];
+    double camera[SF_CAMERA_SUMS], background[3];
     sf_loss_value loss;
 } step;
 
@@ -71,7 +71,7 @@ static step run(sf_workspace *ws, const sf_model *model, const test_ref_scene *s
             weight[i];
     sf_stage_loss(ws, 0.2, weights, 1, 1, &s.loss);
     assert_ok(ws->ctx, sf_stage_blend_bwd(ws));
-    assert_ok(ws->ctx, sf_stage_project_bwd(ws, s.pose, take, &s));
+    assert_ok(ws->ctx, sf_stage_project_bwd(ws, s.camera, take, &s));
     assert_ok(ws->ctx, sf_stage_background_bwd(ws, s.background));
     for (int ch = 0; ch < 3; ch++) {
         s.rgb[ch] = picture(ws, ws->rgb[ch]);
@@ -109,7 +109,7 @@ static void assert_same(const sf_workspace *ws, const step *a, const step *b) {
         assert_memory_equal(a->grads[field], b->grads[field],
                             sf_blocks(a->count) * SF_LANES * (size_t)sf_field_components(field) *
                                 sizeof(float));
-    assert_memory_equal(a->pose, b->pose, sizeof a->pose);
+    assert_memory_equal(a->camera, b->camera, sizeof a->camera);
     assert_memory_equal(a->background, b->background, sizeof a->background);
     assert_memory_equal(&a->loss, &b->loss, sizeof a->loss);
 }

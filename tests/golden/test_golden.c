@@ -110,7 +110,7 @@ static void run_library(const test_golden *golden, outcome *o) {
     sf_render_options options = options_of(golden);
     outcome_create(golden, o);
     sf_image_out image = {o->rgb, o->transmittance, o->depth};
-    sf_render_grads grads = {o->gradient, o->pose, o->background};
+    sf_render_grads grads = {.gaussians = o->gradient, .pose = o->pose, .background = o->background};
 
     print_message("%s (%s):", golden->name, sf_context_isa(ctx));
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));

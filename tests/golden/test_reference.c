@@ -117,13 +117,13 @@ typedef struct scenario {
     test_ref_counts reaches; /* the least of each branch that it must take */
 } scenario;
 
-/* A scene, its target and its weights, with the twist under which it is seen. */
+/* A scene, its target and its weights, with the twist and the zoom under which it is seen. */
 typedef struct fixture {
     test_ref_scene scene;
     double lambda;
     double *target, *weight;
-    double *offset, *d_rgb; /* 0, added to the picture; dL/d of it */
-    double twist[6];
+    double *offset, *d_rgb;   /* 0, added to the picture; dL/d of it */
+    double twist[6], zoom[2]; /* 0, of the camera and of the logarithms of its focal lengths */
     test_ref_counts counts;
     uint64_t branches; /* where nothing is moved */
     size_t compared, skipped;
@@ -236,6 +236,7 @@ static test_ref_loss evaluate(const fixture *f, double *d_rgb, test_ref_counts *
     test_ref_scene seen = f->scene;
     test_ref_frame frame;
     seen.camera = twisted(&f->scene.camera, f->twist);
+    seen.camera.fx *= exp(f->zoom[0]), seen.camera.fy *= exp(f->zoom[1]);
     test_ref_render(&seen, &frame);
     for (size_t i = 0; i < 3 * pixels_of(f); i++) frame.rgb[i] += f->offset[i];
     test_ref_pair pair = {seen.camera.width, seen.camera.height, frame.rgb, f->target, f->weight, f->lambda};
@@ -328,6 +329,7 @@ static void check_parameters(fixture *f) {
     check_parameter(f, &(parameter){"image", pixels_of(f), 3, f->offset, f->d_rgb, NULL});
     check_parameter(f, &(parameter){"background", 1, 3, f->scene.background, grads.background, NULL});
     check_parameter(f, &(parameter){"pose", 1, 6, f->twist, grads.pose, NULL});
+    check_parameter(f, &(parameter){"focal", 1, 2, f->zoom, grads.focal, NULL});
     test_ref_grads_free(&grads);
     test_ref_frame_free(&frame);
     free(norms);

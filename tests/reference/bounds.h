@@ -58,7 +58,7 @@ void test_ref_see(const sf_project_args *a, size_t i, test_ref_seen *seen);
 /* The gradient of one Gaussian that is seen, from its nine sums. */
 typedef struct test_ref_raw_gradient {
     bounded field[SF_FIELD_COUNT][21]; /* 0 above sh_degree */
-    bounded screen, pose[6];
+    bounded screen, camera[SF_CAMERA_SUMS];
     int open;       /* within the bound of a clamp */
     int not_finite; /* to be left out */
 } test_ref_raw_gradient;

@@ -232,6 +232,16 @@ static void pose_backward(const geometry *g, const sf_camera *c, const double d_
     }
 }
 
+/* Straight from F.1.2 and J: what fx stands before, but for J02 on the clamp, where fx X is constant. */
+static void focal_backward(const geometry *g, const sf_camera *c, const double d_mean2d[2],
+                           const double G_J[6], double d_focal[2]) {
+    const double *p = g->p;
+    d_focal[0] += c->fx * p[0] / p[2] * d_mean2d[0] + g->J[0] * G_J[0];
+    d_focal[1] += c->fy * p[1] / p[2] * d_mean2d[1] + g->J[4] * G_J[4];
+    if (!g->x_clamped) d_focal[0] += g->J[2] * G_J[2];
+    if (!g->y_clamped) d_focal[1] += g->J[5] * G_J[5];
+}
+
 void test_ref_project_backward(const test_ref_scene *scene, size_t i, const test_ref_splat_grads *d_splat,
                                test_ref_grads *grads) {
     geometry g;
@@ -258,4 +268,5 @@ void test_ref_project_backward(const test_ref_scene *scene, size_t i, const test
     multiply(transposed(c->R_cw, 3, 3), plain(d_p, 3, 1), d_mean);
     for (size_t k = 0; k < 3; k++) d->means[3 * i + k] += d_mean[k] + d_color[k];
     pose_backward(&g, c, d_p, d_color, G_W, grads->pose);
+    focal_backward(&g, c, d_splat->mean2d, G_J, grads->focal);
 }

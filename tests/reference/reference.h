@@ -88,7 +88,8 @@ typedef struct test_ref_splat_grads {
 
 typedef struct test_ref_grads {
     test_ref_gaussians gaussians;
-    double pose[6]; /* rho, phi (M.6) */
+    double pose[6];  /* rho, phi (M.6) */
+    double focal[2]; /* of log fx, log fy (M.6) */
     double background[3];
 } test_ref_grads;
 

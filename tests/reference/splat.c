@@ -349,8 +349,8 @@ static void point_backward(const sf_eye *eye, const shape *s, bounded du, bounde
 }
 
 /* M.6 */
-static void pose_backward(const sf_eye *eye, const shape *s, const bounded *d_p, const bounded *d_color,
-                          bounded d_T[2][3], bounded *pose) {
+static void camera_backward(const sf_eye *eye, const shape *s, const bounded *d_p, const bounded *d_color,
+                            bounded d_T[2][3], bounded *camera) {
     bounded W[3][3], Q[3][3], R_cw[3][3], turn[3];
     for (int k = 0; k < 9; k++) R_cw[k / 3][k % 3] = b_of((double)eye->R[k]);
     for (int k = 0; k < 3; k++) {
@@ -363,9 +363,10 @@ static void pose_backward(const sf_eye *eye, const shape *s, const bounded *d_p,
     b_cross3(s->p, d_p, turn);
     for (int k = 0; k < 3; k++) {
         int i = (k + 1) % 3, j = (k + 2) % 3;
-        pose[k] = b_add(d_p[k], b_dot3(d_color, R_cw[k]));
-        pose[3 + k] = b_add(turn[k], b_sub(Q[j][i], Q[i][j]));
+        camera[k] = b_add(d_p[k], b_dot3(d_color, R_cw[k]));
+        camera[3 + k] = b_add(turn[k], b_sub(Q[j][i], Q[i][j]));
     }
+    for (int k = 0; k < 2; k++) camera[6 + k] = b_fma(s->p[k], d_p[k], Q[k][k]);
 }
 
 /* As it is stored; a gradient that does not fit into float32 is left out as a whole. Whether one is that
@@ -429,6 +430,6 @@ void test_ref_unsee(const sf_project_args *a, size_t i, const double sums[9], te
         for (int r = 0; r < 3; r++) column_of_R[r] = b_of((double)eye->R[3 * r + k]);
         g->field[SF_FIELD_mean][k] = b_add(b_dot3(column_of_R, d_p), d_color[k]);
     }
-    pose_backward(eye, &s, d_p, d_color, d_T, g->pose);
+    camera_backward(eye, &s, d_p, d_color, d_T, g->camera);
     store(sums, g);
 }

@@ -171,7 +171,7 @@ static void bin(const test_ref_scene *scene, binned *b) {
     b->tiles = calloc(scene->count + 1, sizeof *b->tiles);
     assert_non_null(b->tiles);
     b->ctx->kernels->spans(b->ws.splats, b->ws.first_row, b->ws.rows, b->offset, 0, scene->count,
-                           b->ws.eye.tiles_x, b->spans, b->tiles);
+                           b->ws.eye.tiles_x, b->spans, b->tiles, b->ws.depth_of);
 }
 
 static void unbin(binned *b) {

@@ -28,7 +28,7 @@ typedef struct outcome {
     int sh_degree;
     float *rgb, *transmittance, *depth;
     sf_gaussians gradient;
-    double pose[6], background[3];
+    double pose[6], background[3], focal[2];
 } outcome;
 
 static float *floats(size_t n) {
@@ -69,7 +69,7 @@ static outcome render_with(sf_context *ctx, sf_renderer *renderer, const test_re
     sf_model *model = test_model_of(ctx, scene);
     sf_render_options options = test_render_options_of(scene);
     sf_image_out image = {o.rgb, o.transmittance, o.depth};
-    sf_render_grads grads = {o.gradient, o.pose, o.background};
+    sf_render_grads grads = {o.gradient, o.pose, o.background, o.focal};
     float *d_rgb = make_d_rgb(o.pixels);
     assert_ok(ctx, sf_render(renderer, model, &scene->camera, &options, &image));
     assert_ok(ctx, sf_render_backward(renderer, model, d_rgb, &grads));
@@ -97,6 +97,7 @@ static void assert_same(const outcome *a, const outcome *b) {
     assert_memory_equal(a->transmittance, b->transmittance, a->pixels * sizeof(float));
     assert_memory_equal(a->depth, b->depth, a->pixels * sizeof(float));
     assert_memory_equal(a->pose, b->pose, sizeof a->pose);
+    assert_memory_equal(a->focal, b->focal, sizeof a->focal);
     assert_memory_equal(a->background, b->background, sizeof a->background);
     test_gaussians_list(&a->gradient, from);
     test_gaussians_list(&b->gradient, to);
@@ -118,6 +119,7 @@ static void assert_finite_gradient(const outcome *o) {
     test_ref_list(&(test_ref_gaussians){0}, o->sh_degree, shape);
     for (int a = 0; a < TEST_REF_ARRAYS; a++) assert_true(all_finite(list[a], o->count * shape[a].width));
     for (int k = 0; k < 6; k++) assert_true(isfinite(o->pose[k]));
+    for (int k = 0; k < 2; k++) assert_true(isfinite(o->focal[k]));
 }
 
 static void assert_finite(const outcome *o) {
@@ -186,6 +188,8 @@ static void compare_gradients(const outcome *o, const test_ref_grads *expected, 
     double pose = worst_of_doubles(o->pose, expected->pose, 6);
     double background = worst_of_doubles(o->background, expected->background, 3);
     within("pose", relative(pose, expected->pose, 6), pose_bound);
+    double focal = worst_of_doubles(o->focal, expected->focal, 2);
+    within("focal", relative(focal, expected->focal, 2), pose_bound);
     within("background", relative(background, expected->background, 3), GRADIENT_BOUND);
 }
 
@@ -427,6 +431,8 @@ static void outputs_are_optional(void **state) {
     assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &(sf_render_grads){.pose = part.pose}));
     assert_memory_equal(part.depth, all.depth, all.pixels * sizeof(float));
     assert_memory_equal(part.pose, all.pose, sizeof all.pose);
+    assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &(sf_render_grads){.focal = part.focal}));
+    assert_memory_equal(part.focal, all.focal, sizeof all.focal);
     free(d_rgb);
     outcome_free(&all);
     outcome_free(&part);

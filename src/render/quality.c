@@ -1,0 +1,47 @@
+/* quality.c - figures of merit that are no loss. */
+#include "workspace.h"
+
+#include <math.h>
+
+double sf_psnr_of(double mse) {
+    return -10 * log10(mse < 1e-10 ? 1e-10 : mse); /* a target that is not finite stays seen */
+}
+
+static double weight_at(const sf_workspace *ws, size_t at) {
+    return ws->has_weight ? (double)ws->weight[at] : 1.0;
+}
+
+/* Fits target = gain x + bias by least squares to the columns left of `end`; returns the sum of weights. */
+static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain, double *bias) {
+    double w = 0, x = 0, t = 0, xx = 0, xt = 0;
+    for (size_t row = 0; row < (size_t)ws->eye.height; row++)
+        for (size_t i = row * ws->stride; i < row * ws->stride + end; i++) {
+            double weight = weight_at(ws, i), value = (double)ws->rgb[ch][i];
+            double weighted = (double)ws->target[ch][i]; /* times the weight already */
+            w += weight, x += weight * value, t += weighted;
+            xx += weight * value * value, xt += weighted * value;
+        }
+    double spread = w * xx - x * x;
+    /* one value alone says nothing about a gain */
+    *gain = spread > 1e-9 * w * xx ? (w * xt - x * t) / spread : 1;
+    *bias = w > 0 ? (t - *gain * x) / w : 0;
+    return w;
+}
+
+double sf_corrected_psnr(const sf_workspace *ws, double otherwise) {
+    size_t width = (size_t)ws->eye.width, middle = width / 2;
+    double squares = 0, weights = 0;
+    for (int ch = 0; ch < SF_CHANNELS; ch++) {
+        double gain, bias;
+        if (!(fit_left(ws, ch, middle, &gain, &bias) > 0)) return otherwise;
+        for (size_t row = 0; row < (size_t)ws->eye.height; row++)
+            for (size_t i = row * ws->stride + middle; i < row * ws->stride + width; i++) {
+                double weight = weight_at(ws, i), value = gain * (double)ws->rgb[ch][i] + bias;
+                if (!(weight > 0)) continue;
+                double difference = fmin(fmax(value, 0), 1) - (double)ws->target[ch][i] / weight;
+                squares += weight * difference * difference;
+                weights += weight;
+            }
+    }
+    return weights > 0 ? sf_psnr_of(squares / weights) : otherwise;
+}
