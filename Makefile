@@ -10,6 +10,8 @@
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
+# make charts        quality against time of a set of fits: build/charts/index.html; SPLATFIT_DATA as above; 20 minutes
+# make charts-quick  whether that works: build/charts-quick; seconds
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -49,10 +51,11 @@ O      := build/$(CONFIG)
 HEADERS := $(wildcard include/splatfit/*.h)
 MACHINE := $(firstword $(subst -, ,$(shell $(CC) $(TARGET_CFLAGS) -dumpmachine)))
 FAMILY  := $(if $(filter x86_64 i%86,$(MACHINE)),x86,$(if $(filter aarch64% arm%,$(MACHINE)),arm))
-LIB_SRC := $(filter-out src/app/% src/bench/%,$(wildcard src/*/*.c)) \
+LIB_SRC := $(filter-out src/app/% src/bench/% src/chart/%,$(wildcard src/*/*.c)) \
            $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
 APP_SRC := $(wildcard src/app/*.c)
 BENCH_SRC := $(wildcard src/bench/*.c)
+CHART_SRC := $(wildcard src/chart/*.c)
 REF_SRC := $(wildcard tests/reference/*.c tests/golden/golden.c)
 
 tests_in   = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/test_*.c))
@@ -83,7 +86,8 @@ FLAGS_cull := -DSF_BLEND_CULL_ONLY=1
 
 LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
-BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
+CHART_OBJ := $(CHART_SRC:%.c=$(O)/%.o)
+BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
                $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
@@ -221,6 +225,7 @@ $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(O)/sources $(SPNG)
 $(UNIT) $(GOLD) $(CHECK): $(REF_OBJ)
 $(CHECK): $(CHECK_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
+$(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
@@ -235,7 +240,7 @@ TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo bench bench-quick
+.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -275,6 +280,11 @@ bench: $(PROGRAM)
 
 bench-quick: $(PROGRAM)
 	$(RUN) $(PROGRAM) bench --quick --json build/bench-quick.json >build/bench-quick.txt
+
+charts: $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/charts.sh build/charts
+charts-quick: $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/charts.sh build/charts-quick quick
 
 demo: all
 	$(PROGRAM) fit sim:studio --steps 1500 --max-gaussians 40000 -o build/demo.ply --compare build/demo.png \

@@ -51,6 +51,7 @@ step mutants "${make[@]}" mutants
 wait
 cat $logs/armhf.out
 step bench "${make[@]}" bench-quick
+step charts "${make[@]}" charts-quick
 # The boards' own flags are tried on the way.
 for target in native aarch64-linux-gnu arm-linux-gnueabihf rpi5 rpi4 rpi-zero2 jetson; do
     step static-$target "${make[@]}" TOOLCHAIN=$target STATIC=1 test-static

@@ -134,14 +134,62 @@ sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
         sf_quality quality;
         sf_image_out out = {.rgb = drawn};
         assert_ok(ctx, sf_scene_get_pixels(scene, view.id, truth, NULL));
+        assert_ok(ctx, sf_fitter_get_camera(fitter, view.id, &view.camera));
         assert_ok(ctx, sf_fitter_render(fitter, &view.camera, &out));
         assert_ok(ctx,
                   sf_compare(renderer, view.camera.width, view.camera.height, drawn, truth, NULL, &quality));
         mean.psnr += quality.psnr / (double)info.test_views;
         mean.ssim += quality.ssim / (double)info.test_views;
+        mean.psnr_corrected += quality.psnr_corrected / (double)info.test_views;
         free(truth);
         free(drawn);
     }
     sf_renderer_destroy(&renderer);
     return mean;
+}
+
+static void copy_points(sf_context *ctx, sf_scene *from, sf_scene *to) {
+    sf_scene_info info;
+    sf_scene_get_info(from, &info);
+    float *xyz = malloc((info.points + 1) * 3 * sizeof *xyz);
+    uint8_t *rgb = malloc((info.points + 1) * 3);
+    assert_true(xyz && rgb);
+    assert_int_equal(sf_scene_get_points(from, 0, info.points, xyz, rgb), info.points);
+    assert_ok(ctx, sf_scene_add_points(to, info.points, xyz, rgb));
+    free(xyz);
+    free(rgb);
+}
+
+static void copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view, sf_scene *to, size_t number,
+                      test_change change, void *user) {
+    size_t values = 3 * (size_t)view->camera.width * (size_t)view->camera.height;
+    float *rgb = malloc(values * sizeof *rgb);
+    uint8_t *bytes = malloc(values);
+    sf_camera camera = view->camera;
+    assert_true(rgb && bytes);
+    assert_ok(ctx, sf_scene_get_pixels(from, view->id, rgb, NULL));
+    for (size_t i = 0; i < values; i++) bytes[i] = (uint8_t)(255 * rgb[i] + 0.5f);
+    if (change && view->split == SF_SPLIT_TRAIN) change(user, number, &camera, bytes);
+    sf_pixels pixels = {.rgb = bytes, .stride = 3 * (size_t)camera.width};
+    assert_ok(ctx, sf_scene_add_view(to, view->name, &camera, &pixels, view->split, NULL));
+    free(rgb);
+    free(bytes);
+}
+
+sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user) {
+    sf_scene *from, *to;
+    sf_scene_info info;
+    size_t number = 0;
+    assert_ok(ctx, sf_scene_load(ctx, name, NULL, &from));
+    assert_ok(ctx, sf_scene_create(ctx, &to));
+    sf_scene_get_info(from, &info);
+    copy_points(ctx, from, to);
+    for (size_t i = 0; i < info.views; i++) {
+        sf_view_info view;
+        assert_ok(ctx, sf_scene_get_view(from, i, &view));
+        copy_view(ctx, from, &view, to, number, change, user);
+        number += view.split == SF_SPLIT_TRAIN;
+    }
+    sf_scene_destroy(&from);
+    return to;
 }

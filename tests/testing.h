@@ -44,8 +44,14 @@ int test_exists(const char *path);
 /* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
 int test_count_entries(const char *path);
 
-/* Mean PSNR and SSIM of a fitter's model over the held-out views of its scene. */
+/* Means of the figures of a fitter's model over the held-out views of its scene. */
 sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);
+
+/* What a test does to a training view on its way into a scene; number: 0, 1, ... of the training views. */
+typedef void (*test_change)(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
+/* A simulated scene loaded anew, its training views changed (NULL: as they are); held-out views and points
+ * stay. */
+sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user);
 
 /* The folder named by SPLATFIT_DATA, or ends the test as skipped, saying that the variable is not set. */
 const char *test_data(void);

@@ -18,6 +18,13 @@ typedef enum sf_background {
     SF_BACKGROUND_COLOR   /* background_red, background_green, background_blue */
 } sf_background;
 
+typedef enum sf_first {
+    SF_FIRST_AUTO,   /* the first of the others that there is enough of */
+    SF_FIRST_POINTS, /* the scene's sparse points */
+    SF_FIRST_SWEEP,  /* points found by matching the views; at random where too few are found */
+    SF_FIRST_RANDOM
+} sf_first;
+
 /* Every hyperparameter, once: kind, name, default, least, greatest, unit or values, meaning. The struct, its
  * defaults, the range checks, the command line, its help and the log are made from this list.
  *
@@ -27,7 +34,15 @@ typedef enum sf_background {
 #define SF_FIT_OPTIONS(INT, REAL, FLAG, ENUM)                                                                \
     INT(steps, 2000, 0, 100000000, "", "optimisation steps; 0: as many as time_limit allows")                \
     REAL(time_limit, 0, 0, 1e9, "s", "stop after this time, the schedule spread over it; 0: no limit")       \
+    INT(plan_steps, 0, 0, 100000000, "",                                                                     \
+        "steps for which the schedule is planned; 0: steps, or what time_limit seems to allow")              \
+    INT(validate, 0, 0, 1000, "",                                                                            \
+        "every n-th training view is kept out of the training, to stop and to choose by; 0: none")           \
+    REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
+    REAL(patience, 0.25, 0, 1, "of the run", "end where they have gained nothing for so long; 0: never")     \
     INT(max_gaussians, 60000, 1, 100000000, "", "hard cap on the number of Gaussians")                       \
+    INT(memory, 0, 0, 1000000000000000, "bytes",                                                             \
+        "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \
     INT(seed, 1, 0, INT64_MAX, "", "seed of every random choice")                                            \
     INT(sh_degree, 3, 0, 3, "", "highest degree of the spherical harmonics")                                 \
     FLAG(antialiased, 0, "compensate opacity for the low-pass (mip) and mark the model so")                  \
@@ -38,31 +53,49 @@ typedef enum sf_background {
     REAL(background_blue, 0, 0, 1, "", "blue of background color")                                           \
     REAL(near_plane, 0.04, 1e-9, 1e3, "extents", "Gaussians nearer to the camera are culled")                \
     REAL(lambda_dssim, 0.2, 0, 1, "", "weight of 1 - SSIM in the loss; the rest is L1")                      \
-    REAL(lr_mean, 3.2e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
+    REAL(lr_mean, 4.5e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "", "that rate at the end, as a fraction; exponential between")       \
-    REAL(lr_sh0, 0.01, 0, 1, "", "learning rate of SH band 0")                                               \
+    REAL(lr_settle, 0.8, 0, 1, "of the run", "all learning rates fall from here on")                         \
+    REAL(lr_settled, 0.1, 1e-9, 1, "", "to this fraction at the end; exponential between")                   \
+    REAL(lr_sh0, 0.013, 0, 1, "", "learning rate of SH band 0")                                              \
     REAL(lr_sh_rest, 0.001, 0, 1, "", "learning rate of the higher SH bands")                                \
-    REAL(lr_opacity, 0.05, 0, 1, "", "learning rate of the logit-opacities")                                 \
-    REAL(lr_scale, 0.01, 0, 1, "", "learning rate of the log-scales")                                        \
+    REAL(lr_opacity, 0.07, 0, 1, "", "learning rate of the logit-opacities")                                 \
+    REAL(lr_scale, 0.015, 0, 1, "", "learning rate of the log-scales")                                       \
     REAL(lr_quat, 0.003, 0, 1, "", "learning rate of the quaternions")                                       \
-    REAL(lr_background, 0.005, 0, 1, "", "learning rate of an estimated background")                         \
-    REAL(adam_beta1, 0.9, 0, 0.9999, "", "decay of Adam's first moment")                                     \
+    REAL(lr_background, 0.01, 0, 1, "", "learning rate of an estimated background")                          \
+    FLAG(exposure, 0, "learn a gain and a bias per channel of each training picture")                        \
+    FLAG(refine_poses, 0, "correct the poses of the training views")                                         \
+    FLAG(refine_intrinsics, 0, "correct the focal lengths, which the views of a camera share")               \
+    REAL(refine_start, 0.2, 0, 1, "of the run", "poses are corrected from here on")                          \
+    FLAG(hold_two_poses, 0, "with refine_poses: keep two poses, far apart, not the mean")                    \
+    REAL(lr_gain, 0.04, 0, 1, "", "learning rate of an exposure's gains (their logarithms) at the start")    \
+    REAL(lr_bias, 0.004, 0, 1, "", "that of its biases")                                                     \
+    REAL(lr_pose, 0.0015, 0, 1, "rad", "that of poses: turns, and translations in depths of what is seen")   \
+    REAL(lr_focal, 0.003, 0, 1, "", "that of focal lengths (their logarithms)")                              \
+    REAL(lr_exposure_final, 0.02, 1e-9, 1, "", "rates of gains and biases at the end, as a fraction")        \
+    REAL(lr_camera_final, 0.1, 1e-9, 1, "", "those of poses and focal lengths at the end")                   \
+    REAL(adam_beta1, 0.7, 0, 0.9999, "", "decay of Adam's first moment")                                     \
     REAL(adam_beta2, 0.999, 0, 0.999999, "", "decay of Adam's second moment")                                \
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
-    REAL(init_opacity, 0.1, 0.001, 0.99, "", "opacity of the first Gaussians")                               \
+    ENUM(first, 0, "auto|points|sweep|random",                                                               \
+         "first Gaussians: the scene's points, found by matching its views, or at random")                   \
+    REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the first Gaussians")                               \
     REAL(init_scale, 1, 0.001, 1000, "", "their scale, in mean distances to the 3 nearest points")           \
-    INT(init_random, 10000, 1, 100000000, "", "first Gaussians at random where the scene has no points")     \
+    INT(init_random, 10000, 1, 100000000, "", "first Gaussians at random, where there are no points")        \
     INT(pyramid_levels, 2, 0, 4, "", "halvings of the picture at the start")                                 \
-    REAL(pyramid_end, 0.7, 0, 1, "of the run", "full resolution from here on")                               \
-    REAL(pyramid_ratio, 0.35, 0.01, 1, "", "end of a coarser level, as a fraction of the next finer one's")  \
-    REAL(sh_start, 0.1, 0, 1, "of the run", "SH degree 1 from here on")                                      \
-    REAL(sh_end, 0.5, 0, 1, "of the run", "the highest SH degree from here on; the others evenly between")   \
-    REAL(grow_start, 0.04, 0, 1, "of the run", "first growth")                                               \
-    REAL(grow_end, 0.75, 0, 1, "of the run", "last growth")                                                  \
+    REAL(pyramid_end, 0, 0, 1, "of the run", "full resolution from here on; 0: as plan_steps suggest")       \
+    REAL(pyramid_mix, 0, 0, 1, "of the run",                                                                 \
+         "until here every other step at half resolution; 0: as plan_steps suggest")                         \
+    REAL(pyramid_ratio, 0.25, 0.01, 1, "", "end of a coarser level, as a fraction of the next finer one's")  \
+    REAL(sh_end, 0, 0, 1, "of the run",                                                                      \
+         "the highest SH degree from here on, the others evenly before; 0: as plan_steps suggest")           \
+    REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
+    REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
+    REAL(grow_most, 13, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
     INT(grow_every, 100, 1, 100000000, "steps", "steps between growths")                                     \
     REAL(grow_threshold, 0, 0, 1e9, "", "least mean screen gradient (device units) of what grows")           \
     REAL(grow_rate, 0.5, 0, 1, "", "largest growth at once, as a fraction of the Gaussians")                 \
-    REAL(split_scale, 0.01, 0, 1e9, "extents",                                                               \
+    REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed")                                    \
     REAL(prune_scale, 1, 0, 1e9, "extents", "larger Gaussians are removed; 0: none")                         \
@@ -81,6 +114,10 @@ typedef struct sf_fit_options {
 #undef SF_OPTION_ENUM
 
 SF_API sf_fit_options sf_fit_options_default(void);
+
+/* The options of a preset: "draft" for seconds, "standard" (the defaults) for a minute, "high" for as good as
+ * it gets. SF_ERR_ARGUMENT: no such name; `options` is unchanged. */
+SF_API sf_status sf_fit_options_preset(sf_context *context, const char *name, sf_fit_options *options);
 
 typedef enum sf_option_kind { SF_KIND_INT, SF_KIND_REAL, SF_KIND_FLAG, SF_KIND_ENUM } sf_option_kind;
 
@@ -106,25 +143,31 @@ SF_API sf_status sf_fit_options_set(sf_context *context, sf_fit_options *options
 SF_API sf_status sf_fit_options_get(const sf_fit_options *options, const char *name, char *text, size_t size);
 
 typedef struct sf_fit_progress {
-    int64_t step, steps; /* done; planned (0: by time alone) */
-    double fraction;     /* of the run, 0..1 */
-    double seconds;      /* since create */
-    double loss;         /* mean of the last steps, up to 50 */
+    int64_t step, steps;    /* done; planned (0: by time alone) */
+    double fraction;        /* of the run, 0..1 */
+    double seconds;         /* since create */
+    double loss;            /* mean of the last steps, up to 50 */
+    double validation_psnr; /* dB, of the views of `validate` when last looked at; NAN before */
     size_t gaussians;
     double steps_per_second; /* over the last second or so */
     double eta_seconds;      /* to the end */
     int level;               /* halvings of the picture in the last step */
     int sh_degree;           /* in use */
+    int gone_on;             /* started from a model */
     uint64_t skipped_values; /* Gaussian-steps left out for a value that was not finite */
     float background[3];
+    /* with refine_poses, medians over the training views: how far poses are from the given ones; with
+     * refine_intrinsics: the focal length's change, as a fraction */
+    double turned_degrees, moved_depths, focal_change;
 } sf_fit_progress;
 
 typedef struct sf_fitter sf_fitter;
 
 /* Prepares a fit of `scene`, which stays the caller's and outlives the fitter. `from` (may be NULL) is copied
- * and gone on from, with its own SH degree raised to the options'; otherwise the first Gaussians come from
- * the scene's points, or at random where it has none. options NULL: the defaults. SF_ERR_ARGUMENT: an option
- * out of range (named), `from` larger than max_gaussians; SF_ERR_EMPTY: no training view. */
+ * and gone on from, with its own SH degree raised to the options'; otherwise the first Gaussians are made as
+ * options->first says. options NULL: the defaults. SF_ERR_ARGUMENT: an option out of range (named), `from`
+ * larger than max_gaussians; SF_ERR_MEMORY: the start does not fit into
+ * options->memory; SF_ERR_EMPTY: no training view, or first is points and the scene has none. */
 SF_API sf_status sf_fitter_create(sf_context *context, sf_scene *scene, const sf_model *from,
                                   const sf_fit_options *options, sf_fitter **fitter);
 SF_API void sf_fitter_destroy(sf_fitter **fitter);
@@ -133,6 +176,53 @@ SF_API void sf_fitter_destroy(sf_fitter **fitter);
  * SF_ERR_END: the run is complete, nothing was done; SF_ERR_CANCELLED; SF_ERR_EMPTY: no training view is
  * left; SF_ERR_MEMORY: the step was not done, the model is whole. */
 SF_API sf_status sf_fitter_step(sf_fitter *fitter);
+
+/* Checkpoints: everything that a fit is between two steps. A fit that is loaded makes the same bytes as one
+ * that was never interrupted, with any number of threads, on the same level of the kernels. */
+
+/* Writes a checkpoint, whole or not at all: what stood at `path` stands until then. Call it between steps.
+ * SF_ERR_IO, SF_ERR_MEMORY. */
+SF_API sf_status sf_fitter_save(const sf_fitter *fitter, const char *path);
+
+/* The options of the run in a checkpoint. Errors as sf_fitter_load; `options` is then unchanged. */
+SF_API sf_status sf_checkpoint_options(sf_context *context, const char *path, sf_fit_options *options);
+
+/* A fitter as it was when the checkpoint was written; time goes on from then. `scene` must hold the same
+ * views. options NULL: those of the checkpoint; only steps, time_limit and memory may differ from them.
+ * SF_ERR_IO: the file cannot be read; SF_ERR_FORMAT: it is no checkpoint, cut off or damaged;
+ * SF_ERR_UNSUPPORTED: of another version; SF_ERR_ARGUMENT: of another scene (the view is named), an option
+ * that may not differ (named). On failure *fitter is NULL. */
+SF_API sf_status sf_fitter_load(sf_context *context, sf_scene *scene, const char *path,
+                                const sf_fit_options *options, sf_fitter **fitter);
+
+/* The plan of a run limited by time: how much of time_limit had passed at each step, in parts of
+ * SF_PLAN_TICKS. A run that follows it makes the same bytes on a machine of any speed. */
+enum { SF_PLAN_TICKS = 1 << 24 };
+
+/* Copies up to `capacity` steps of the plan so far (ticks may be NULL); *count is how many there are, 0 for a
+ * run that knows no time limit. SF_ERR_MEMORY: there was no room to keep it. */
+SF_API sf_status sf_fitter_get_plan(const sf_fitter *fitter, uint32_t *ticks, size_t capacity, size_t *count);
+
+/* Before the first step of a fitter with the options that were in effect (sf_fitter_get_options): takes the
+ * time of each step from `ticks` [count] (copied), not from the clock, and
+ * ends after these steps. SF_ERR_ARGUMENT: ticks fall or reach SF_PLAN_TICKS; a step was done already. */
+SF_API sf_status sf_fitter_follow(sf_fitter *fitter, const uint32_t *ticks, size_t count);
+
+/* What a fit was expected to take when it was created, bytes of the whole process. */
+typedef struct sf_memory_bill {
+    uint64_t budget;    /* memory of the options, or 4/5 of what was free; 0: not known, no limit */
+    uint64_t before;    /* resident before the fitter: the program and the pictures */
+    uint64_t gaussians; /* model, moments of the optimiser, statistics of growth, for max_gaussians */
+    uint64_t lists;     /* Gaussians on the screen, tile lists, sums of gradients, for max_gaussians */
+    uint64_t planes;    /* pictures in the making, of the largest view */
+    uint64_t results;   /* to write the model or to evaluate it in the end, the larger */
+    uint64_t total;
+} sf_memory_bill;
+
+SF_API void sf_fitter_get_memory(const sf_fitter *fitter, sf_memory_bill *bill);
+
+/* The options in effect: max_gaussians is lowered to what the memory holds. */
+SF_API void sf_fitter_get_options(const sf_fitter *fitter, sf_fit_options *options);
 
 /* Called between steps, from the thread that runs. */
 typedef void (*sf_fit_callback)(void *user, const sf_fit_progress *progress);
@@ -148,11 +238,29 @@ SF_API void sf_fitter_get_progress(const sf_fitter *fitter, sf_fit_progress *pro
 SF_API void sf_fitter_cancel(sf_fitter *fitter);
 SF_API void sf_fitter_resume(sf_fitter *fitter);
 
+/* Takes seconds that went by between steps out of the run's time: what the caller spent on looking at the
+ * model does not count against time_limit. Negative: puts them in. */
+SF_API void sf_fitter_skip_time(sf_fitter *fitter, double seconds);
+
 /* A copy of the model as it is between steps; the caller destroys it. */
 SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);
 
 /* Renders the present model with the fit's background and near plane; as sf_render. */
 SF_API sf_status sf_fitter_render(sf_fitter *fitter, const sf_camera *camera, const sf_image_out *out);
+
+/* The camera of view `id` as the fit has refined it: pose and focal lengths of a training view; of a held-out
+ * view the pose as given, and the focal lengths that training views of the same camera (equal intrinsics as
+ * given) have led to. Without refinement: as given. SF_ERR_ARGUMENT: no such view. */
+SF_API sf_status sf_fitter_get_camera(const sf_fitter *fitter, uint32_t id, sf_camera *camera);
+
+/* sf_scene_save_cameras with the cameras of sf_fitter_get_camera. */
+SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *path);
+
+/* A training picture's exposure: it is compared with gain x + bias, at most 1, of the
+ * render x. Over the training views
+ * the gains' logarithms and the biases have mean 0. 1 and 0 without `exposure`. SF_ERR_ARGUMENT: no training
+ * view of that id was taken up yet. */
+SF_API sf_status sf_fitter_get_exposure(const sf_fitter *fitter, uint32_t id, double gain[3], double bias[3]);
 
 /* How to render the fit's model as the fit saw it, for sf_render. */
 SF_API void sf_fitter_render_options(const sf_fitter *fitter, sf_render_options *options);

@@ -30,9 +30,11 @@ typedef struct sf_load_options {
     int hold_out;          /* every n-th view in name order, from the first, is held out; 0: none */
     const char *test_list; /* a text file with one picture name a line: these are held out instead */
     int max_views;         /* refuse projects with more views; 0: no limit */
+    int64_t memory;        /* bytes, of the whole process: refuse pictures that take more; 0: 4/5 of what is
+                              free. Simulated scenes are not checked */
 } sf_load_options;
 
-/* images NULL, downscale 1, hold_out 8, no list, no limit. */
+/* images NULL, downscale 1, hold_out 8, no list, no limit, memory 0. */
 SF_API sf_load_options sf_load_options_default(void);
 
 /* An empty scene, for views and points of the caller's. */
@@ -42,7 +44,8 @@ SF_API void sf_scene_destroy(sf_scene **scene);
 /* Reads a project: a COLMAP folder, a transforms.json or a folder that holds one, or a simulated scene
  * ("sim:studio", see source.h). Structural faults are fatal and named; a picture that is missing or cannot be
  * decoded and a pose that is not finite skip that view, counted and reported to the log.
- * SF_ERR_EMPTY: no training view is left. */
+ * SF_ERR_EMPTY: no training view is left; SF_ERR_MEMORY: also if the pictures would not fit, before one is
+ * read. */
 SF_API sf_status sf_scene_load(sf_context *context, const char *path, const sf_load_options *options,
                                sf_scene **scene);
 
@@ -98,6 +101,10 @@ SF_API sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, f
 
 /* Copies up to `capacity` points from index `first`; returns how many. */
 SF_API size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity, float *xyz, uint8_t *rgb);
+
+/* A 64-bit hash of all views (names, splits, cameras, pictures) and points: whether a scene is the one that a
+ * run was made with. It finds accidents; it does not withstand a forger. SF_ERR_MEMORY. */
+SF_API sf_status sf_scene_fingerprint(sf_scene *scene, uint64_t *fingerprint);
 
 /* Writes the views' cameras as INRIA's cameras.json, atomically. */
 SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path);

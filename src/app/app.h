@@ -1,5 +1,5 @@
 /* app.h - what the subcommands share. The program uses what is public, and nothing
- * else; bench alone looks inside. */
+ * else; bench and chart alone, and what a fit notes of the machine, look inside. */
 #ifndef APP_APP_H
 #define APP_APP_H
 
@@ -9,7 +9,7 @@
 
 #include "args.h"
 
-extern const command command_fit, command_render, command_eval, command_info, command_bench;
+extern const command command_fit, command_render, command_eval, command_info, command_bench, command_chart;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
@@ -41,6 +41,10 @@ int app_check_output(const args *a, const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
+/* Makes the folders of a path: all but its last part; or all. 0 or an exit code. */
+int app_make_folders(const args *a, const char *path);
+int app_make_folder(const args *a, const char *path);
+
 /* A string for JSON, which holds UTF-8 alone: where `text` is not, its bytes above 127 become ?. */
 json_t *app_json_text(const char *text);
 
@@ -50,16 +54,20 @@ int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *jso
 /* evaluate.c: views rendered and compared with their pictures. */
 typedef struct evaluation {
     size_t views;
-    double psnr, ssim; /* means */
-    json_t *list;      /* {name, psnr, ssim} of each */
+    double psnr, ssim, psnr_corrected; /* means of sf_quality's */
+    json_t *list;                      /* {name, psnr, ssim, psnr_corrected} of each */
 } evaluation;
 
-/* Renders a camera into rgb [H][W][3]. */
-typedef sf_status (*app_draw)(void *user, const sf_camera *camera, float *rgb);
+/* Renders what a view sees into rgb [H][W][3]. */
+typedef sf_status (*app_draw)(void *user, const sf_view_info *view, float *rgb);
 
 /* Evaluates the views of a split ("test", "train", "all"). The caller owns result->list. */
 sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
                        void *user, evaluation *result);
+
+/* A view's render as PNG, and its quality; with draw NULL its picture, and no quality. */
+sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
+                         void *user, const char *path, sf_quality *quality);
 
 /* A view's picture and its render beside it, as PNG. */
 sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
@@ -79,5 +87,18 @@ int progress_start(progress_line *line, const args *a, FILE *out);
 void progress_show(progress_line *line, const sf_fit_progress *p, int now);
 /* Ends a bar's line, so that something else can be printed. */
 void progress_break(progress_line *line);
+
+/* replay.c: the log of a run as the recipe of another. What can fail gives 0 or an exit code. */
+/* What a log must hold for it: the plan of a run limited by time (null: none), the scene's fingerprint. */
+json_t *replay_plan_json(const sf_fitter *fitter);
+json_t *replay_scene_json(sf_scene *scene);
+/* The log that --replay names; the caller's to release, also after a failure. */
+int replay_open(const args *a, json_t **log);
+/* The run's options; an option that is given beside them is refused by name. */
+int replay_options(const args *a, sf_context *ctx, const json_t *log, sf_fit_options *options);
+/* Whether scene, kernels and version are those of the run, and its plan can be followed. */
+int replay_check(const args *a, sf_context *ctx, const json_t *log, sf_scene *scene);
+/* Makes the fitter follow the plan of the run. */
+int replay_follow(const args *a, sf_context *ctx, const json_t *log, sf_fitter *fitter);
 
 #endif

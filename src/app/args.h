@@ -11,7 +11,7 @@ typedef struct arg_option {
     const char *text;
 } arg_option;
 
-enum { ARGS_MOST = 128, ARGS_POSITIONAL = 4 };
+enum { ARGS_MOST = 128, ARGS_POSITIONAL = 1024 };
 
 /* What was typed. */
 typedef struct args {

@@ -74,7 +74,11 @@ int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene)
     options.test_list = args_value(a, "test-list");
     int error = args_int(a, "downscale", 1, 64, &options.downscale);
     if (!error) error = args_int(a, "hold-out", 0, 1000000, &options.hold_out);
+    const char *memory = args_value(a, "memory");
+    sf_fit_options fit = sf_fit_options_default();
+    if (!error && memory && sf_fit_options_set(ctx, &fit, "memory", memory)) error = app_fail(a, ctx);
     if (error) return error;
+    options.memory = fit.memory;
     return sf_scene_load(ctx, path, &options, scene) ? app_fail(a, ctx) : 0;
 }
 
@@ -139,6 +143,34 @@ char *app_folder(const char *path) {
     memcpy(folder, path, n);
     folder[n] = 0;
     return folder;
+}
+
+int app_make_folders(const args *a, const char *path) {
+    char *part = malloc(strlen(path) + 1);
+    if (!part) return app_say(a, path, "out of memory");
+    strcpy(part, path);
+    for (char *c = part + 1; *part && *c; c++) {
+        if (*c != '/') continue;
+        *c = 0;
+        if (mkdir(part, 0777) && errno != EEXIST) {
+            app_say(a, part, strerror(errno));
+            free(part);
+            return EXIT_FAILED;
+        }
+        *c = '/';
+    }
+    free(part);
+    return 0;
+}
+
+int app_make_folder(const args *a, const char *path) {
+    struct stat st;
+    if (!*path) return app_say(a, "\"\"", "is not the name of a folder");
+    int error = app_make_folders(a, path);
+    if (error) return error;
+    if (mkdir(path, 0777) && errno != EEXIST) return app_say(a, path, strerror(errno));
+    if (!stat(path, &st) && !S_ISDIR(st.st_mode)) return app_say(a, path, strerror(ENOTDIR));
+    return access(path, W_OK | X_OK) ? app_say(a, path, strerror(errno)) : 0;
 }
 
 int app_check_output(const args *a, const char *path) {

@@ -16,7 +16,7 @@ static sf_status draw_pair(sf_scene *scene, const sf_view_info *view, app_draw d
     p->weight = p->truth + 3 * pixels;
     p->drawn = p->weight + pixels;
     sf_status status = sf_scene_get_pixels(scene, view->id, p->truth, p->weight);
-    return status ? status : draw(user, &view->camera, p->drawn);
+    return status || !draw ? status : draw(user, view, p->drawn);
 }
 
 static sf_status evaluate_view(sf_scene *scene, sf_renderer *renderer, const sf_view_info *view,
@@ -33,8 +33,10 @@ static sf_status evaluate_view(sf_scene *scene, sf_renderer *renderer, const sf_
     result->views++;
     result->psnr += quality.psnr;
     result->ssim += quality.ssim;
-    json_array_append_new(result->list, json_pack("{s:o, s:f, s:f}", "name", app_json_text(view->name),
-                                                  "psnr", quality.psnr, "ssim", quality.ssim));
+    result->psnr_corrected += quality.psnr_corrected;
+    json_array_append_new(result->list, json_pack("{s:o, s:f, s:f, s:f}", "name", app_json_text(view->name),
+                                                  "psnr", quality.psnr, "ssim", quality.ssim,
+                                                  "psnr_corrected", quality.psnr_corrected));
     return SF_OK;
 }
 
@@ -55,7 +57,25 @@ sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const ch
     if (result->views) {
         result->psnr /= (double)result->views;
         result->ssim /= (double)result->views;
+        result->psnr_corrected /= (double)result->views;
     }
+    return status;
+}
+
+sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
+                         void *user, const char *path, sf_quality *quality) {
+    int width = view->camera.width, height = view->camera.height;
+    pair p = {0};
+    sf_renderer *renderer = NULL;
+    sf_status status = draw_pair(scene, view, draw, user, &p);
+    if (!status && draw) status = sf_renderer_create(ctx, &renderer);
+    if (!status && draw)
+        status =
+            sf_compare(renderer, width, height, p.drawn, p.truth, view->has_mask ? p.weight : NULL, quality);
+    if (status == SF_ERR_EMPTY) status = SF_OK; /* masked altogether: no quality */
+    if (!status) status = sf_write_png(ctx, path, width, height, draw ? p.drawn : p.truth);
+    sf_renderer_destroy(&renderer);
+    free(p.truth);
     return status;
 }
 

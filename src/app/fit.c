@@ -6,18 +6,26 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include "app.h"
+#include "watch.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE", "the model to write, an INRIA .ply; - for standard output (splat.ply)"},
     {"from", 0, "MODEL", "go on from a model, of splatfit or others: full resolution from the first step"},
-    {"cameras", 0, "FILE", "cameras.json to write; none for none (beside the model)"},
+    {"cameras", 0, "FILE", "cameras.json to write, as refined; none for none (beside the model)"},
+    {"preset", 0, "NAME",
+     "draft (seconds), standard (a minute) or high; other options go before it (standard)"},
     {"log", 0, "FILE", "write every hyperparameter, the curve and the result as JSON"},
-    {"eval-every", 0, "N", "evaluate the held-out views every N steps, for the log's curve"},
     {"compare", 0, "FILE", "write a held-out picture and its render side by side, as PNG"},
+    {"checkpoint", 0, "FILE", "write all that a fit is to FILE, now and then and at the end, to go on from"},
+    {"checkpoint-every", 0, "S", "seconds between checkpoints; 0: after each step (60)"},
+    {"resume", 0, "FILE", "go on from a checkpoint, to the bytes of a run that was never interrupted"},
+    {"replay", 0, "FILE", "repeat the run that wrote this log, to the byte, also one limited by time"},
     {"progress", 0, "KIND", "auto, plain, json (one object a line) or none (auto)"},
     {0},
 };
+
+/* Of a time limit, what is left for steps however long the pictures took to read. */
+#define LEAST_TIME 0.1
 
 /* The fit that a signal stops. */
 static sf_fitter *volatile running;
@@ -46,17 +54,21 @@ typedef struct fit_run {
     sf_fitter *fitter;
     sf_fit_options options;
     progress_line line;
-    int eval_every;
-    json_t *curve;
-    int stopped;        /* the number of the signal that ended the run early; 0: none */
-    double seconds;     /* that the steps took */
-    double next_sample; /* fraction of the run at which the curve gets its next point */
-    sf_status eval_status;
+    watch watch;
+    int stopped;    /* the number of the signal that ended the run early; 0: none */
+    double seconds; /* that the steps took */
+    json_t *replay; /* the log of the run that is repeated */
+    int checkpoint_every;
+    double next_checkpoint; /* seconds of the fit */
+    int checkpoint_error;
 } fit_run;
 
-static sf_status draw(void *user, const sf_camera *camera, float *rgb) {
+/* Held-out views by the poses as given: theirs are not refined. */
+static sf_status draw(void *user, const sf_view_info *view, float *rgb) {
     sf_image_out out = {.rgb = rgb};
-    return sf_fitter_render(user, camera, &out);
+    sf_camera camera;
+    sf_status status = sf_fitter_get_camera(user, view->id, &camera);
+    return status ? status : sf_fitter_render(user, &camera, &out);
 }
 
 /* --background R,G,B stands for the option color and its three components. */
@@ -80,44 +92,63 @@ static int set_option(fit_run *r, const char *name, const char *text) {
     return EXIT_USAGE;
 }
 
+/* What holds where no option says otherwise. */
+static int first_options(fit_run *r) {
+    const char *resume = args_value(r->a, "resume"), *replay = args_value(r->a, "replay");
+    const char *preset = args_value(r->a, "preset"), *other = resume ? "--resume" : "--replay";
+    const char *const beside[] = {resume ? "from" : NULL, resume ? "replay" : NULL,
+                                  resume || replay ? "preset" : NULL};
+    for (int i = 0; i < 3; i++)
+        if (beside[i] && args_value(r->a, beside[i])) {
+            fprintf(stderr, "splatfit fit: --%s: cannot be given beside %s\n", beside[i], other);
+            return EXIT_USAGE;
+        }
+    if (sf_fit_options_preset(r->ctx, preset ? preset : "standard", &r->options)) {
+        app_fail(r->a, r->ctx);
+        return EXIT_USAGE;
+    }
+    if (resume) return sf_checkpoint_options(r->ctx, resume, &r->options) ? app_fail(r->a, r->ctx) : 0;
+    int error = replay ? replay_open(r->a, &r->replay) : 0;
+    return !error && replay ? replay_options(r->a, r->ctx, r->replay, &r->options) : error;
+}
+
 static int read_options(fit_run *r) {
-    r->options = sf_fit_options_default();
+    int failed = first_options(r);
+    if (failed) return failed;
     sf_option_info info;
     for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
         const char *text = args_value(r->a, info.name);
         int error = text ? set_option(r, info.name, text) : 0;
         if (error) return error;
     }
-    if (r->options.time_limit > 0 && !args_value(r->a, "steps")) r->options.steps = 0;
+    if (args_value(r->a, "time_limit") && r->options.time_limit > 0 && !args_value(r->a, "steps"))
+        r->options.steps = 0;
     if (!r->options.steps && !(r->options.time_limit > 0)) {
         app_say(r->a, "--steps", "0 needs --time-limit");
         return EXIT_USAGE;
     }
-    return args_int(r->a, "eval-every", 1, 1000000000, &r->eval_every);
+    r->checkpoint_every = 60;
+    int error = args_int(r->a, "checkpoint-every", 0, 1000000000, &r->checkpoint_every);
+    return error ? error : watch_read(&r->watch);
 }
 
-static void add_sample(fit_run *r, const sf_fit_progress *p, double psnr) {
-    json_t *point = json_pack("{s:I, s:f, s:f, s:I, s:i, s:i}", "step", (json_int_t)p->step, "seconds",
-                              p->seconds, "loss", p->loss, "gaussians", (json_int_t)p->gaussians, "level",
-                              p->level, "sh_degree", p->sh_degree);
-    if (psnr > 0) json_object_set_new(point, "psnr", json_real(psnr));
-    json_array_append_new(r->curve, point);
+/* A checkpoint that cannot be written leaves the last one, and is tried again in time. */
+static void write_checkpoint(fit_run *r, const sf_fit_progress *p) {
+    const char *path = args_value(r->a, "checkpoint");
+    if (!path) return;
+    r->checkpoint_error = 0;
+    if (sf_fitter_save(r->fitter, path)) {
+        progress_break(&r->line);
+        r->checkpoint_error = app_fail(r->a, r->ctx);
+    }
+    r->next_checkpoint = p->seconds + r->checkpoint_every;
 }
 
 static void on_progress(void *user, const sf_fit_progress *p) {
     fit_run *r = user;
     progress_show(&r->line, p, 0);
-    double psnr = 0;
-    if (r->eval_every && p->step % r->eval_every == 0 && !r->eval_status) {
-        evaluation e;
-        r->eval_status = app_evaluate(r->ctx, r->scene, r->a, "test", draw, r->fitter, &e);
-        psnr = e.psnr;
-        json_decref(e.list);
-    }
-    if (psnr > 0 || p->fraction >= r->next_sample) {
-        add_sample(r, p, psnr);
-        r->next_sample = p->fraction + 0.01;
-    }
+    watch_step(&r->watch, p);
+    if (p->seconds >= r->next_checkpoint) write_checkpoint(r, p);
 }
 
 static json_t *options_json(const sf_fit_options *options) {
@@ -146,21 +177,30 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
     sf_scene_get_info(r->scene, &scene);
     sf_fitter_get_progress(r->fitter, &p);
     json_t *result = json_pack("{s:I, s:f, s:f, s:I, s:f, s:[f,f,f], s:I, s:b}", "steps", (json_int_t)p.step,
-                               "seconds", r->seconds, "peak_memory_mb", peak_memory(), "gaussians",
+                               "fit_seconds", r->seconds, "peak_memory_mb", peak_memory(), "gaussians",
                                (json_int_t)p.gaussians, "loss", p.loss, "background", (double)p.background[0],
                                (double)p.background[1], (double)p.background[2], "skipped_values",
                                (json_int_t)p.skipped_values, "complete", !r->stopped);
+    if (r->options.refine_poses || r->options.refine_intrinsics)
+        json_object_set_new(result, "refinement",
+                            json_pack("{s:f, s:f, s:f}", "turned_degrees", p.turned_degrees, "moved_depths",
+                                      p.moved_depths, "focal_change", p.focal_change));
     if (e->views) {
         json_object_set_new(result, "psnr", json_real(e->psnr));
         json_object_set_new(result, "ssim", json_real(e->ssim));
+        json_object_set_new(result, "psnr_corrected", json_real(e->psnr_corrected));
         json_object_set(result, "views", e->list);
     }
-    return json_pack("{s:s, s:s, s:i, s:o, s:{s:I, s:I, s:I, s:f}, s:o, s:O, s:o}", "version", sf_version(),
-                     "isa", sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "project",
-                     app_json_text(r->a->positional[0]), "scene", "train_views",
-                     (json_int_t)scene.train_views, "test_views", (json_int_t)scene.test_views, "points",
-                     (json_int_t)scene.points, "extent", scene.extent, "options", options_json(&r->options),
-                     "curve", r->curve, "result", result);
+    sf_fitter_get_options(r->fitter, &r->options);
+    json_t *log = json_pack(
+        "{s:s, s:s, s:i, s:o, s:{s:I, s:I, s:I, s:f, s:o}, s:o, s:b, s:o, s:o}", "version", sf_version(),
+        "isa", sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "project",
+        app_json_text(r->a->positional[0]), "scene", "train_views", (json_int_t)scene.train_views,
+        "test_views", (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent",
+        scene.extent, "fingerprint", replay_scene_json(r->scene), "options", options_json(&r->options),
+        "gone_on", p.gone_on, "plan", replay_plan_json(r->fitter), "result", result);
+    if (log) watch_log(&r->watch, log, e);
+    return log;
 }
 
 static int is_file(const char *path) {
@@ -173,13 +213,13 @@ static int write_cameras(const fit_run *r) {
     const char *asked = args_value(r->a, "cameras");
     if (asked) {
         if (!strcmp(asked, "none")) return 0;
-        return sf_scene_save_cameras(r->scene, asked) ? app_fail(r->a, r->ctx) : 0;
+        return sf_fitter_save_cameras(r->fitter, asked) ? app_fail(r->a, r->ctx) : 0;
     }
     if (!is_file(r->output)) return 0;
     char *folder = app_folder(r->output), *path = folder ? malloc(strlen(folder) + 16) : NULL;
     int error = 0;
     if (path) sprintf(path, "%scameras.json", folder);
-    if (!path || sf_scene_save_cameras(r->scene, path)) error = app_fail(r->a, r->ctx);
+    if (!path || sf_fitter_save_cameras(r->fitter, path)) error = app_fail(r->a, r->ctx);
     free(folder);
     free(path);
     return error;
@@ -189,12 +229,8 @@ static int write_cameras(const fit_run *r) {
 static int write_comparison(const fit_run *r) {
     const char *path = args_value(r->a, "compare");
     if (!path) return 0;
-    sf_scene_info info;
-    sf_view_info view = {0};
-    sf_scene_get_info(r->scene, &info);
-    size_t i = 0;
-    while (i < info.views && !sf_scene_get_view(r->scene, i, &view) && view.split != SF_SPLIT_TEST) i++;
-    if (i == info.views && sf_scene_get_view(r->scene, 0, &view)) return app_fail(r->a, r->ctx);
+    sf_view_info view;
+    if (watch_first_held_out(r->scene, &view)) return app_fail(r->a, r->ctx);
     return app_write_pair(r->ctx, r->scene, &view, draw, r->fitter, path) ? app_fail(r->a, r->ctx) : 0;
 }
 
@@ -210,7 +246,14 @@ static void print_result(fit_run *r, const evaluation *e) {
         fprintf(r->out, "left out %llu times: Gaussians with values that were not finite\n",
                 (unsigned long long)p.skipped_values);
     if (e->views)
-        fprintf(r->out, "held out, %zu views: PSNR %.2f dB, SSIM %.4f\n", e->views, e->psnr, e->ssim);
+        fprintf(r->out,
+                "held out, %zu views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",
+                e->views, e->psnr, e->ssim, e->psnr_corrected);
+    if (r->options.refine_poses)
+        fprintf(r->out, "poses corrected, in the median by %.3f degrees and %.2f %% of depth\n",
+                p.turned_degrees, 100 * p.moved_depths);
+    if (r->options.refine_intrinsics)
+        fprintf(r->out, "focal length corrected by %+.2f %%\n", 100 * p.focal_change);
     if (r->options.background == SF_BACKGROUND_AUTO)
         fprintf(r->out, "background %.4f,%.4f,%.4f: give it to eval and render as --background\n",
                 (double)p.background[0], (double)p.background[1], (double)p.background[2]);
@@ -244,7 +287,7 @@ static int finish(fit_run *r) {
 
 /* Each output can be written, and none is named twice. */
 static int check_outputs(const fit_run *r) {
-    static const char *const names[] = {"output", "log", "compare", "cameras"};
+    static const char *const names[] = {"output", "log", "compare", "cameras", "checkpoint"};
     enum { OUTPUTS = sizeof names / sizeof *names };
     const char *paths[OUTPUTS];
     for (int i = 0; i < OUTPUTS; i++) {
@@ -261,6 +304,33 @@ static int check_outputs(const fit_run *r) {
     return 0;
 }
 
+/* The time limit is the program's: what reading the pictures took is gone. */
+static void count_setup(fit_run *r) {
+    if (args_value(r->a, "resume") || r->replay || !(r->options.time_limit > 0)) return;
+    double left = r->options.time_limit - watch_seconds(&r->watch);
+    r->options.time_limit =
+        left > LEAST_TIME * r->options.time_limit ? left : LEAST_TIME * r->options.time_limit;
+}
+
+static int make_fitter(fit_run *r, const sf_model *from) {
+    const char *resume = args_value(r->a, "resume");
+    count_setup(r);
+    sf_status status = resume ? sf_fitter_load(r->ctx, r->scene, resume, &r->options, &r->fitter)
+                              : sf_fitter_create(r->ctx, r->scene, from, &r->options, &r->fitter);
+    if (status) return app_fail(r->a, r->ctx);
+    sf_fit_progress p;
+    sf_fitter_get_progress(r->fitter, &p);
+    r->next_checkpoint = p.seconds + r->checkpoint_every;
+    return 0;
+}
+
+/* Whether the memory holds fewer Gaussians than were asked for. */
+static int lowered(const fit_run *r) {
+    sf_fit_options options;
+    sf_fitter_get_options(r->fitter, &options);
+    return options.max_gaussians < r->options.max_gaussians;
+}
+
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");
     sf_model *from = NULL;
@@ -272,10 +342,29 @@ static int prepare(fit_run *r) {
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");
     if (!error) error = app_load(r->a, r->ctx, r->a->positional[0], &r->scene);
-    if (!error && sf_fitter_create(r->ctx, r->scene, from, &r->options, &r->fitter))
-        error = app_fail(r->a, r->ctx);
+    if (!error && r->replay) error = replay_check(r->a, r->ctx, r->replay, r->scene);
+    if (!error) error = make_fitter(r, from);
+    if (!error && r->replay && lowered(r))
+        error = app_say(r->a, "memory", "too little for the max_gaussians of the run that is repeated");
+    if (!error && r->replay) error = replay_follow(r->a, r->ctx, r->replay, r->fitter);
+    if (!error) error = watch_start(&r->watch, r->ctx, r->scene, r->fitter, draw);
     sf_model_destroy(&from);
     return error;
+}
+
+static void print_memory(const fit_run *r) {
+    const double mega = 1048576;
+    sf_memory_bill b;
+    sf_fit_options options;
+    sf_fitter_get_memory(r->fitter, &b);
+    sf_fitter_get_options(r->fitter, &options);
+    fprintf(
+        r->out,
+        "memory: about %.0f MB of %.0f for %lld Gaussians: program and pictures %.0f, Gaussians and their "
+        "moments %.0f, tile lists %.0f, planes %.0f, results %.0f\n",
+        (double)b.total / mega, (double)b.budget / mega, (long long)options.max_gaussians,
+        (double)b.before / mega, (double)b.gaussians / mega, (double)b.lists / mega, (double)b.planes / mega,
+        (double)b.results / mega);
 }
 
 static void announce(const fit_run *r) {
@@ -287,12 +376,16 @@ static void announce(const fit_run *r) {
     fprintf(r->out, "%s: %zu training views, %zu held out, %zu points; %zu first Gaussians, %d threads, %s\n",
             r->a->positional[0], info.train_views, info.test_views, info.points, p.gaussians,
             sf_context_threads(r->ctx), sf_context_isa(r->ctx));
+    print_memory(r);
+    if (args_value(r->a, "resume"))
+        fprintf(r->out, "going on after step %lld, %.1f s\n", (long long)p.step, p.seconds);
     fflush(r->out);
 }
 
 static int run(const args *a) {
     const char *output = args_value(a, "output");
-    fit_run r = {.a = a, .output = output ? output : "splat.ply", .curve = json_array()};
+    fit_run r = {.a = a, .output = output ? output : "splat.ply"};
+    watch_begin(&r.watch, a);
     r.out = strcmp(r.output, "-") ? stdout : stderr;
     int error = prepare(&r);
     if (!error) {
@@ -305,30 +398,34 @@ static int run(const args *a) {
         r.seconds = p.seconds;
         progress_show(&r.line, &p, 1);
         progress_break(&r.line);
-        add_sample(&r, &p, 0);
+        watch_stop(&r.watch, &p);
         if (status == SF_ERR_CANCELLED)
             r.stopped = (int)stopped_by;
-        else if (status || r.eval_status)
+        else if (status || r.watch.status)
             error = app_fail(a, r.ctx);
+        write_checkpoint(&r, &p);
         int saved = finish(&r); /* also after a failure: what was fitted so far is kept */
         if (!error) error = saved;
+        if (!error) error = r.checkpoint_error;
     }
     running = NULL;
-    json_decref(r.curve);
+    watch_free(&r.watch);
+    json_decref(r.replay);
     sf_fitter_destroy(&r.fitter);
     sf_scene_destroy(&r.scene);
     sf_context_destroy(&r.ctx);
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options, watch_options, load_options, common_options, NULL};
 
 const command command_fit = {
     .name = "fit",
     .synopsis = "PROJECT -o splat.ply [OPTIONS]",
     .summary = "Fits a model to a project. PROJECT is a COLMAP folder, a transforms.json or its folder, or "
                "the embedded "
-               "scene sim:studio. SIGINT and SIGTERM write the model so far.",
+               "scene sim:studio. SIGINT and SIGTERM write the model so far, and the checkpoint that "
+               "--checkpoint names.",
     .tables = tables,
     .least = 1,
     .most = 1,

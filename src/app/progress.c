@@ -31,10 +31,11 @@ static void print_json(const progress_line *line, const sf_fit_progress *p) {
     fprintf(line->out,
             "{\"step\": %lld, \"steps\": %lld, \"fraction\": %.6f, \"seconds\": %.3f, \"loss\": %.6g, "
             "\"gaussians\": %zu, \"steps_per_second\": %.4g, \"eta_seconds\": %.1f, \"level\": %d, "
-            "\"sh_degree\": %d}\n",
+            "\"sh_degree\": %d, \"turned_degrees\": %.4f, \"moved_depths\": %.5f, \"focal_change\": %.5f}\n",
             (long long)p->step, (long long)p->steps, p->fraction, p->seconds,
             isfinite(p->loss) ? p->loss : -1.0, p->gaussians, p->steps_per_second,
-            isfinite(p->eta_seconds) ? p->eta_seconds : -1.0, p->level, p->sh_degree);
+            isfinite(p->eta_seconds) ? p->eta_seconds : -1.0, p->level, p->sh_degree, p->turned_degrees,
+            p->moved_depths, p->focal_change);
 }
 
 static void print_text(const progress_line *line, const sf_fit_progress *p) {

@@ -1,9 +1,7 @@
 /* render.c - splatfit render: a model as the views of a project see it, as PNG. */
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "app.h"
 
@@ -11,25 +9,6 @@ static const arg_option own_options[] = {
     {"out", 'o', "DIR", "folder for the pictures and cameras.json, made if it is missing"},
     {0},
 };
-
-/* Makes the folders of a path, all but its last part. */
-static int make_folders(const args *a, const char *path) {
-    char *part = malloc(strlen(path) + 1);
-    if (!part) return app_say(a, path, "out of memory");
-    strcpy(part, path);
-    for (char *c = part + 1; *c; c++) {
-        if (*c != '/') continue;
-        *c = 0;
-        if (mkdir(part, 0777) && errno != EEXIST) {
-            app_say(a, part, strerror(errno));
-            free(part);
-            return EXIT_FAILED;
-        }
-        *c = '/';
-    }
-    free(part);
-    return 0;
-}
 
 static int render_view(const args *a, sf_context *ctx, sf_renderer *renderer, const sf_model *model,
                        const sf_render_options *options, const sf_view_info *view, const char *folder) {
@@ -42,7 +21,7 @@ static int render_view(const args *a, sf_context *ctx, sf_renderer *renderer, co
         const char *dot = strrchr(view->name, '.'), *slash = strrchr(view->name, '/');
         int stem = dot && (!slash || dot > slash) ? (int)(dot - view->name) : (int)strlen(view->name);
         snprintf(path, room, "%s/%.*s.png", folder, stem, view->name);
-        error = make_folders(a, path);
+        error = app_make_folders(a, path);
         sf_image_out out = {.rgb = rgb};
         if (!error && (sf_render(renderer, model, &view->camera, options, &out) ||
                        sf_write_png(ctx, path, view->camera.width, view->camera.height, rgb)))

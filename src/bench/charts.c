@@ -2,8 +2,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../chart/svg.h"
 #include "report.h"
-#include "svg.h"
 
 static const char *color_of(const char *level) {
     static const char *const colors[][2] = {{"scalar", "#8b949e"},

@@ -6,7 +6,15 @@
 
 #include "../base/clock.h"
 #include "../base/pool.h"
+#include "../io/cameras_json.h"
 #include "../scene/first.h"
+#include "refine.h"
+
+enum {
+    VALIDATE = 8,          /* every n-th training view, where a target needs some */
+    ROUNDS = 3,            /* to time a step */
+    LEAST_GAUSSIANS = 1000 /* that a fit without a model to go on from begins with, if so many are allowed */
+};
 
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     const sf_fit_options *o = &f->options;
@@ -17,14 +25,21 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
                            "max_gaussians: %lld is less than the %zu of the model gone on from",
                            (long long)o->max_gaussians, from->count);
         f->gone_on = 1;
+        sf_status status = sf_fitter_plan_memory(f, from->count, degree);
+        if (status) return status;
         return sf_model_copy(from, from->count, degree, &f->model);
     }
-    sf_first_options first = {.max_gaussians = (size_t)o->max_gaussians,
+    size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
+    sf_status status = sf_fitter_plan_memory(f, least, (int)o->sh_degree);
+    if (status) return status;
+    sf_first_options first = {.from = (sf_first)o->first,
+                              .max_gaussians = (size_t)o->max_gaussians,
                               .random_count = (size_t)o->init_random,
                               .sh_degree = (int)o->sh_degree,
                               .opacity = o->init_opacity,
                               .scale = o->init_scale,
-                              .extent = f->extent};
+                              .extent = f->extent,
+                              .nearest = (double)f->near_plane};
     return sf_first_gaussians(f->scene, &first, &f->rng, &f->model);
 }
 
@@ -40,52 +55,16 @@ static void choose_background(sf_fitter *f) {
     memcpy(f->background, color, sizeof color);
 }
 
-sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *from,
-                           const sf_fit_options *options, sf_fitter **out) {
-    *out = NULL;
-    sf_fit_options defaults = sf_fit_options_default();
-    if (!options) options = &defaults;
-    sf_status status = sf_fit_options_check(ctx, options);
-    if (status) return status;
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    if (!info.train_views) return sf_fail(ctx, SF_ERR_EMPTY, "scene: no training view");
-
-    sf_fitter *f = sf_calloc(ctx, 1, sizeof *f);
-    if (!f) return SF_ERR_MEMORY;
-    f->ctx = ctx;
-    f->scene = scene;
-    f->options = *options;
-    f->extent = info.extent;
-    f->near_plane = (float)(options->near_plane * info.extent);
-    f->start = f->rate_time = sf_clock();
-    atomic_init(&f->cancelled, 0);
-    sf_rng_seed(&f->rng, (uint64_t)options->seed);
-    sf_workspace_init(&f->workspace, ctx);
-    choose_background(f);
-    status = choose_start(f, from);
-    if (!status) {
-        f->model->antialiased = options->antialiased || (from && from->antialiased);
-        f->first_count = f->model->count;
-        status = sf_fitter_room(f, f->model->count ? f->model->count : 1);
-    }
-    *out = f;
-    if (status) sf_fitter_destroy(out);
-    return status;
+static void leave_out_validation(sf_fitter *f) {
+    size_t kept = 0;
+    for (size_t i = 0; i < f->order_count; i++)
+        if (!sf_validates(f, f->order[i])) f->order[kept++] = f->order[i];
+    f->order_count = kept;
 }
 
-void sf_fitter_destroy(sf_fitter **fitter_pointer) {
-    sf_fitter *f = *fitter_pointer;
-    if (!f) return;
-    sf_model_destroy(&f->model);
-    sf_params_destroy(f->ctx, &f->m);
-    sf_params_destroy(f->ctx, &f->v);
-    sf_free(f->ctx, f->screen_sum);
-    sf_free(f->ctx, f->screen_seen);
-    sf_free(f->ctx, f->order);
-    sf_workspace_free(&f->workspace);
-    sf_free(f->ctx, f);
-    *fitter_pointer = NULL;
+/* Whether something is learned of each view. */
+static int learns_views(const sf_fitter *f) {
+    return f->options.exposure || f->options.refine_poses || f->options.refine_intrinsics;
 }
 
 /* The next training view, each once a pass in random order; views that came or went since are taken up with
@@ -96,7 +75,14 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
             sf_free(f->ctx, f->order);
             f->order_at = f->order_count = 0;
             sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
-            if (status) return status;
+            if (!status) leave_out_validation(f);
+            if (!status && learns_views(f))
+                status = sf_view_states_sync(&f->views, f->scene, f->order, f->order_count);
+            if (status) {
+                f->order_count = 0; /* the pass has not begun */
+                return status;
+            }
+            if (f->options.refine_poses) (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
             for (size_t i = f->order_count; i > 1; i--) {
                 size_t j = (size_t)sf_rng_below(&f->rng, i);
                 uint32_t keep = f->order[i - 1];
@@ -155,25 +141,150 @@ static void set_step_background(sf_fitter *f) {
                                                                               : (float)f->background[k];
 }
 
-/* Everything of a step up to what each pair of Gaussian and tile adds to the gradients. */
-static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_loss_value *loss, double *d_background) {
+/* What a step's loss says about all but the Gaussians. */
+typedef struct step_grads {
+    double background[3], exposure[6], camera[SF_CAMERA_SUMS];
+} step_grads;
+
+/* Everything of a step up to what each pair of Gaussian and tile adds to the gradients. state: of the view,
+ * NULL where nothing is learned of it. */
+static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state *state, sf_loss_value *loss,
+                               step_grads *d) {
     sf_workspace *ws = &f->workspace;
-    sf_camera camera = sf_camera_downscaled(&view->camera, 1 << f->level);
+    sf_camera camera = view->camera;
+    int exposed = state && f->options.exposure;
+    sf_refine_camera(&f->views, view->id, &camera);
+    camera = sf_camera_downscaled(&camera, 1 << f->level);
     sf_status status = sf_workspace_look(ws, &camera, f->near_plane);
     if (!status) status = sf_workspace_loss_room(ws);
     if (!status)
         status =
             sf_stage_project(ws, &f->model->params, f->model->count, f->sh_degree, f->model->antialiased);
     if (!status) status = sf_stage_bin(ws);
+    if (!status && exposed) status = sf_exposure_room(&f->exposure, ws);
     if (status) return status;
+    if (state) sf_note_depth(state, ws, f->extent);
     sf_stage_blend(ws, f->step_background, 0);
     double weight_sum = load_target(f, view, 1 << f->level);
     if (!(weight_sum > 0)) return SF_ERR_EMPTY; /* masked altogether: nothing to learn from it */
+    if (exposed) sf_expose(&f->exposure, ws, state);
     sf_stage_loss(ws, f->options.lambda_dssim, weight_sum, 0, 1, loss);
+    if (exposed) sf_expose_bwd(&f->exposure, ws, state, d->exposure);
     status = sf_stage_blend_bwd(ws);
     if (!status && f->options.background == SF_BACKGROUND_AUTO)
-        status = sf_stage_background_bwd(ws, d_background);
+        status = sf_stage_background_bwd(ws, d->background);
     return status;
+}
+
+/* All that a step teaches beside the Gaussians. */
+static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *d, double fraction) {
+    const sf_fit_options *o = &f->options;
+    double decay = pow(o->lr_camera_final, fraction);
+    if (o->background == SF_BACKGROUND_AUTO) sf_update_background(f, d->background);
+    if (!state) return;
+    if (o->exposure)
+        sf_exposure_update(&f->views, state, d->exposure, o, pow(o->lr_exposure_final, fraction));
+    if (o->refine_poses && fraction >= o->refine_start)
+        sf_refine_pose(state, d->camera, o, decay * o->lr_pose);
+    if (o->refine_intrinsics) sf_refine_focal(&f->views, state, d->camera + 6, o, decay * o->lr_focal);
+}
+
+/* Seconds of a step of a training view at full resolution, but for the update. */
+static sf_status time_step(sf_fitter *f, double *seconds) {
+    sf_rng before = f->rng; /* a run that repeats this one's plan does not come here */
+    sf_view *view;
+    sf_status status = next_view(f, &view);
+    *seconds = INFINITY;
+    for (int round = 0; round < ROUNDS && !status; round++) { /* the first makes room */
+        sf_loss_value loss;
+        step_grads d;
+        double start = sf_clock();
+        status = differentiate(f, view, NULL, &loss, &d);
+        *seconds = fmin(*seconds, sf_clock() - start);
+        if (status == SF_ERR_EMPTY) status = SF_OK;
+    }
+    if (!status) sf_view_release(view);
+    f->order_at = f->order_count = 0;
+    f->rng = before;
+    return status;
+}
+
+/* A run that time alone ends is planned for as many steps as it seems to have. */
+static sf_status make_plan(sf_fitter *f) {
+    const sf_fit_options *o = &f->options;
+    double planned = (double)o->steps, seconds = 0;
+    if (!o->steps && !o->plan_steps) {
+        sf_status status = time_step(f, &seconds);
+        if (status) return status;
+        planned = sf_steps_in(f, o->time_limit - (sf_clock() - f->start), seconds);
+    }
+    sf_plan_schedule(f, planned);
+    return SF_OK;
+}
+
+sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_options *options,
+                                 sf_fitter **out) {
+    *out = NULL;
+    sf_status status = sf_fit_options_check(ctx, options);
+    if (status) return status;
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    if (!info.train_views) return sf_fail(ctx, SF_ERR_EMPTY, "scene: no training view");
+
+    sf_fitter *f = sf_calloc(ctx, 1, sizeof *f);
+    if (!f) return SF_ERR_MEMORY;
+    f->ctx = ctx;
+    f->scene = scene;
+    f->options = *options;
+    if (options->target_psnr > 0 && options->validate < 2) f->options.validate = VALIDATE;
+    f->extent = info.extent;
+    f->near_plane = (float)(options->near_plane * info.extent);
+    f->start = f->rate_time = sf_clock();
+    atomic_init(&f->cancelled, 0);
+    sf_rng_seed(&f->rng, (uint64_t)options->seed);
+    sf_workspace_init(&f->workspace, ctx);
+    choose_background(f);
+    f->validation_psnr = f->best_psnr = NAN;
+    f->settle_from = options->lr_settle;
+    *out = f;
+    return SF_OK;
+}
+
+sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *from,
+                           const sf_fit_options *options, sf_fitter **out) {
+    sf_fit_options defaults = sf_fit_options_default();
+    if (!options) options = &defaults;
+    sf_status status = sf_fitter_create_empty(ctx, scene, options, out);
+    if (status) return status;
+    sf_fitter *f = *out;
+    status = choose_start(f, from);
+    if (!status) {
+        f->model->antialiased = options->antialiased || (from && from->antialiased);
+        f->first_count = f->model->count;
+        status = make_plan(f);
+    }
+    size_t most = status ? 0 : sf_planned_count(f, 1);
+    if (!status) status = sf_fitter_room(f, most > f->model->count ? most : f->model->count);
+    if (status) sf_fitter_destroy(out);
+    return status;
+}
+
+void sf_fitter_destroy(sf_fitter **fitter_pointer) {
+    sf_fitter *f = *fitter_pointer;
+    if (!f) return;
+    sf_model_destroy(&f->model);
+    sf_model_destroy(&f->best);
+    sf_params_destroy(f->ctx, &f->m);
+    sf_params_destroy(f->ctx, &f->v);
+    sf_free(f->ctx, f->screen_sum);
+    sf_free(f->ctx, f->screen_seen);
+    sf_free(f->ctx, f->order);
+    sf_free(f->ctx, f->plan);
+    sf_view_states_free(&f->views, f->ctx);
+    sf_exposure_free(&f->exposure, f->ctx);
+    sf_workspace_free(&f->workspace);
+    sf_free(f->ctx, f);
+    *fitter_pointer = NULL;
 }
 
 static void note_progress(sf_fitter *f, double loss) {
@@ -188,27 +299,35 @@ static void note_progress(sf_fitter *f, double loss) {
 
 sf_status sf_fitter_step(sf_fitter *f) {
     if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
-    double fraction = sf_fraction(f);
-    if (fraction >= 1) return SF_ERR_END;
+    if (f->ended) return SF_ERR_END;
+    double fraction = sf_next_fraction(f);
+    sf_status status = sf_consider(f, fraction);
+    if (status) return status;
+    if (fraction >= sf_end_of_run(f)) return SF_ERR_END;
     sf_view *view;
-    sf_status status = next_view(f, &view);
+    status = next_view(f, &view);
     if (status) return status;
     f->level = sf_scheduled_level(f, fraction, view->camera.width, view->camera.height);
     f->sh_degree = sf_scheduled_degree(f, fraction);
     set_step_background(f);
 
     sf_loss_value loss = {0};
-    double d_background[3];
-    status = differentiate(f, view, &loss, d_background);
+    step_grads d;
+    sf_view_state *state = sf_view_state_of(&f->views, view->id);
+    int with_camera = f->options.refine_poses || f->options.refine_intrinsics;
+    status = differentiate(f, view, state, &loss, &d);
     sf_view_release(view);
-    if (!status) status = sf_update(f, fraction);
+    if (!status) status = sf_update(f, fraction, with_camera ? d.camera : NULL);
     if (status && status != SF_ERR_EMPTY) return status;
     if (!status) {
-        if (f->options.background == SF_BACKGROUND_AUTO) sf_update_background(f, d_background);
+        update_beside(f, state, &d, fraction);
         f->skipped_values += f->workspace.not_finite;
     }
     note_progress(f, loss.loss);
-    if (sf_growth_due(f, fraction)) sf_grow_and_prune(f, fraction);
+    if (sf_growth_due(f, fraction)) {
+        sf_fitter_watch_memory(f);
+        sf_grow_and_prune(f, fraction);
+    }
     return SF_OK;
 }
 
@@ -232,7 +351,9 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .steps_per_second = f->steps_per_second,
                            .level = f->level,
                            .sh_degree = f->sh_degree,
-                           .skipped_values = f->skipped_values};
+                           .gone_on = f->gone_on,
+                           .skipped_values = f->skipped_values,
+                           .validation_psnr = f->validation_psnr};
     int64_t window = f->step < SF_LOSS_WINDOW ? f->step : SF_LOSS_WINDOW;
     for (int64_t i = 0; i < window; i++) p->loss += f->losses[i] / (double)window;
     double left = INFINITY;
@@ -241,14 +362,48 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
     if (f->options.time_limit > 0) left = fmin(left, f->options.time_limit - p->seconds);
     p->eta_seconds = fmax(left, 0);
     for (int k = 0; k < 3; k++) p->background[k] = (float)f->background[k];
+    sf_refinement(&f->views, &p->turned_degrees, &p->moved_depths, &p->focal_change);
 }
 
 void sf_fitter_cancel(sf_fitter *f) { atomic_store(&f->cancelled, 1); }
 void sf_fitter_resume(sf_fitter *f) { atomic_store(&f->cancelled, 0); }
 
+void sf_fitter_skip_time(sf_fitter *f, double seconds) {
+    f->start += seconds;
+    f->rate_time += seconds;
+}
+
 sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     return sf_model_copy(f->model, f->model->count, f->model->sh_degree, model);
 }
+
+sf_status sf_fitter_get_camera(const sf_fitter *f, uint32_t id, sf_camera *camera) {
+    sf_view *view = sf_scene_retain_id(f->scene, id);
+    if (!view) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    *camera = view->camera;
+    sf_view_release(view);
+    sf_refine_camera(&f->views, id, camera);
+    return SF_OK;
+}
+
+static void refine_saved(void *views, uint32_t id, sf_camera *camera) { sf_refine_camera(views, id, camera); }
+
+sf_status sf_fitter_save_cameras(const sf_fitter *f, const char *path) {
+    sf_view_states views = f->views;
+    return sf_save_cameras(f->scene, refine_saved, &views, path);
+}
+
+sf_status sf_fitter_get_exposure(const sf_fitter *f, uint32_t id, double gain[3], double bias[3]) {
+    const sf_view_state *state = sf_view_state_of(&f->views, id);
+    if (!state && learns_views(f))
+        return sf_fail(f->ctx, SF_ERR_ARGUMENT, "id: no training view %u was taken up", id);
+    for (int k = 0; k < 3; k++) {
+        gain[k] = state ? exp(state->log_gain[k]) : 1;
+        bias[k] = state ? state->bias[k] : 0;
+    }
+    return SF_OK;
+}
+void sf_fitter_get_options(const sf_fitter *f, sf_fit_options *options) { *options = f->options; }
 
 void sf_fitter_render_options(const sf_fitter *f, sf_render_options *options) {
     *options = sf_render_options_default();

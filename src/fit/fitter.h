@@ -8,6 +8,8 @@
 #include "../render/workspace.h"
 #include "../scene/gaussians.h"
 #include "../scene/scene.h"
+#include "exposure.h"
+#include "views.h"
 
 #include <splatfit/fitter.h>
 
@@ -21,6 +23,7 @@ struct sf_fitter {
     float near_plane;   /* world units */
     int gone_on;        /* started from a model: full resolution and all bands from the first step */
     size_t first_count; /* Gaussians at the start */
+    sf_memory_bill bill;
 
     sf_model *model;
     sf_params m, v;        /* Adam's moments, arrays of the model's capacity */
@@ -29,13 +32,28 @@ struct sf_fitter {
     size_t capacity;
     int growth_ended; /* memory ran out: said once, and N stays */
 
+    /* validate.c */
+    double validation_psnr, best_psnr; /* dB; NAN before the first */
+    double best_fraction, next_validation;
+    sf_model *best; /* the model with best_psnr */
+    int ended;
+    double settle_from; /* of the run: from here on the rates fall */
+
     double background[3], background_m[3], background_v[3];
     float step_background[3]; /* of the step in progress */
+
+    sf_view_states views; /* empty unless exposure or a refinement is on */
+    sf_exposure exposure;
 
     sf_workspace workspace;
     sf_rng rng;
     uint32_t *order; /* training views of this pass in random order */
     size_t order_count, order_at;
+
+    /* plan.c: time of each step in ticks; kept as the clock says, or given and followed */
+    uint32_t *plan;
+    size_t plan_count, plan_capacity;
+    int following, plan_lost;
 
     /* progress */
     int64_t step;
@@ -49,10 +67,37 @@ struct sf_fitter {
     atomic_int cancelled;
 };
 
+/* fit.c: a fitter without a model; `options` are checked. On failure *fitter is NULL. */
+sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_options *options,
+                                 sf_fitter **fitter);
+
+/* memory.c */
+/* Forecasts what the fit takes with bands up to sh_degree, and lowers max_gaussians to what fits.
+ * SF_ERR_MEMORY, with the figures: not even `least` Gaussians fit. */
+sf_status sf_fitter_plan_memory(sf_fitter *fitter, size_t least, int sh_degree);
+/* Ends growth where the process takes more than was expected and allowed. */
+void sf_fitter_watch_memory(sf_fitter *fitter);
+
+/* plan.c */
+/* The part of time_limit that has passed, 0..1; 0 without a limit; the plan's where one is followed. */
+double sf_time_fraction(const sf_fitter *fitter);
+/* The fraction of the run at which the step to come is made; its time is kept. */
+double sf_next_fraction(sf_fitter *fitter);
+/* SF_ERR_ARGUMENT: ticks that fall or are not below SF_PLAN_TICKS. */
+sf_status sf_plan_check(sf_context *ctx, const uint32_t *ticks, size_t count);
+
 /* schedule.c: what holds at a fraction of the run. */
 double sf_fraction(const sf_fitter *fitter);
+/* The fraction where `time` of the time limit has passed. */
+double sf_fraction_at(const sf_fitter *fitter, double time);
 int sf_scheduled_level(const sf_fitter *fitter, double fraction, int width, int height);
 int sf_scheduled_degree(const sf_fitter *fitter, double fraction);
+/* How many steps there are in `seconds`, where one at full resolution takes `step` seconds now. */
+double sf_steps_in(const sf_fitter *fitter, double seconds, double step);
+/* Fills in what the options leave to the plan, for a run of about `steps`. */
+void sf_plan_schedule(sf_fitter *fitter, double steps);
+/* The fraction at which the run ends: 1, or sooner where the views of validation gain nothing. */
+double sf_end_of_run(const sf_fitter *fitter);
 /* Learning rate of a field, in its own units. */
 double sf_scheduled_rate(const sf_fitter *fitter, double fraction, int field);
 /* Whether this step ends with growth, and the number of Gaussians planned for then. */
@@ -63,11 +108,21 @@ size_t sf_planned_count(const sf_fitter *fitter, double fraction);
 double sf_cost_ahead(const sf_fitter *fitter, double fraction);
 
 /* update.c: the way back from the slots' sums to the parameters: gradients, one step of Adam on all fields,
- * the limit on needles, the statistics of growth. On failure nothing has changed. */
-sf_status sf_update(sf_fitter *fitter, double fraction);
+ * the limit on needles, the statistics of growth. d_camera: NULL or [SF_CAMERA_SUMS]. On failure nothing has
+ * changed. */
+sf_status sf_update(sf_fitter *fitter, double fraction, double *d_camera);
 void sf_update_background(sf_fitter *fitter, const double *gradient);
 
+/* validate.c */
+/* Whether a training view is kept out of the training. */
+int sf_validates(const sf_fitter *fitter, uint32_t id);
+/* Mean PSNR of those views, at full resolution; *views: how many. */
+sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
+/* Validates when it is time, keeps the best model, brings it back at the end. SF_ERR_END: the run is over. */
+sf_status sf_consider(sf_fitter *fitter, double fraction);
+
 /* grow.c */
+void sf_forget_moments(sf_fitter *fitter, size_t i);
 /* Room for `count` Gaussians in the model and all arrays beside it. On failure all is as before. */
 sf_status sf_fitter_room(sf_fitter *fitter, size_t count);
 /* Removes what is faint or not finite, then clones and splits up to the plan. */

@@ -77,7 +77,7 @@ static void copy_all(sf_fitter *f, size_t from, size_t to) {
     f->screen_seen[to] = f->screen_seen[from];
 }
 
-static void forget_moments(sf_fitter *f, size_t i) {
+void sf_forget_moments(sf_fitter *f, size_t i) {
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int c = 0; f->m.field[field] && c < sf_field_components(field); c++)
             *at(&f->m, field, i, c) = *at(&f->v, field, i, c) = 0;
@@ -103,7 +103,7 @@ static void prune(sf_fitter *f) {
         if (kept != i) copy_all(f, i, kept);
         kept++;
     }
-    for (size_t i = kept; i < f->model->count; i++) forget_moments(f, i);
+    for (size_t i = kept; i < f->model->count; i++) sf_forget_moments(f, i);
     sf_model_resize(f->model, kept);
 }
 
@@ -142,8 +142,8 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     }
     set_opacity(p, i, opacity);
     set_opacity(p, j, opacity);
-    forget_moments(f, i);
-    forget_moments(f, j);
+    sf_forget_moments(f, i);
+    sf_forget_moments(f, j);
 }
 
 /* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
@@ -158,7 +158,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
     float opacity = 1.0f - sqrtf(1.0f - opacity_of(p->field[SF_FIELD_logit_opacity][i]));
     set_opacity(p, i, opacity);
     set_opacity(p, j, opacity);
-    forget_moments(f, j);
+    sf_forget_moments(f, j);
 }
 
 typedef struct candidate {

@@ -37,6 +37,22 @@ sf_fit_options sf_fit_options_default(void) {
     return (sf_fit_options){SF_FIT_OPTIONS(VALUE_INT, VALUE_REAL, VALUE_FLAG, VALUE_ENUM)};
 }
 
+sf_status sf_fit_options_preset(sf_context *ctx, const char *name, sf_fit_options *options) {
+    sf_fit_options preset = sf_fit_options_default();
+    if (!strcmp(name, "draft")) {
+        preset.steps = 800;
+        preset.max_gaussians = 30000;
+    } else if (!strcmp(name, "high")) {
+        preset.steps = 12000;
+        preset.max_gaussians = 150000;
+        preset.lr_mean = 3.2e-4;
+    } else if (strcmp(name, "standard") != 0) {
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "preset: \"%s\" is none of draft|standard|high", name);
+    }
+    *options = preset;
+    return SF_OK;
+}
+
 /* Values of an ENUM. */
 static int enum_size(const char *values) {
     int n = 1;
@@ -96,10 +112,20 @@ static int enum_index(const char *values, const char *text) {
     }
 }
 
+/* Numbers of bytes may end in K, M or G: 1024, its square, its cube. */
+static double take_unit(const sf_option_info *info, char **end) {
+    static const char letters[] = "KMG";
+    const char *letter = **end ? strchr(letters, **end) : NULL;
+    if (!letter || (*end)[1] || strcmp(info->unit, "bytes")) return 1;
+    ++*end;
+    return ldexp(1, 10 * (int)(letter - letters + 1));
+}
+
 static sf_status set_number(sf_context *ctx, const option *o, sf_fit_options *options, const char *text) {
     char *end, *at = (char *)options + o->offset;
     errno = 0;
     double real = strtod(text, &end);
+    if (end != text) real *= take_unit(&o->info, &end);
     if (end == text || *end || !isfinite(real))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: \"%s\" is not a number", o->info.name, text);
     if (real < o->info.least || real > o->info.most)

@@ -4,16 +4,57 @@
 #include <limits.h>
 #include <math.h>
 
-#include "../base/clock.h"
-
 enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 
-double sf_fraction(const sf_fitter *f) {
+/* Phases of a run last so many steps, and at most such a part of a short run. */
+#define PYRAMID_STEPS 900
+#define PYRAMID_MOST  0.65
+#define MIX_STEPS     1250
+#define MIX_MOST      0.9
+#define SH_STEPS      450
+#define SH_MOST       0.3
+#define GROW_STEPS    1500
+#define GROW_MOST     0.5
+/* SH degree 1 starts at this part of sh_end. */
+#define SH_START 0.33
+
+/* A mean step in full steps with the first Gaussians; how steps grow with the Gaussians. */
+#define MEAN_STEP   0.55
+#define STEP_GROWTH 0.7
+
+/* What is left to the plan, and what the user chose. */
+static double chosen(double value, double steps, double most, double planned) {
+    return value > 0 ? value : fmin(most, steps / planned);
+}
+
+double sf_steps_in(const sf_fitter *f, double seconds, double step) {
+    const sf_fit_options *o = &f->options;
+    double first = fmax((double)f->first_count, 1), steps = 0, count = first;
+    for (int round = 0; round < 8; round++) { /* a longer run has more Gaussians, and slower steps */
+        steps = seconds / fmax(step * MEAN_STEP * pow(count / first, STEP_GROWTH), 1e-9);
+        count = fmin((double)o->max_gaussians, first + o->grow_most * steps);
+    }
+    return steps;
+}
+
+void sf_plan_schedule(sf_fitter *f, double planned) {
+    sf_fit_options *o = &f->options;
+    planned = fmax(planned, 1);
+    if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
+    planned = (double)o->plan_steps;
+    o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
+    o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
+    o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
+    o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
+}
+
+double sf_fraction_at(const sf_fitter *f, double time) {
     double fraction = 0;
     if (f->options.steps > 0) fraction = (double)f->step / (double)f->options.steps;
-    if (f->options.time_limit > 0) fraction = fmax(fraction, (sf_clock() - f->start) / f->options.time_limit);
-    return fmin(fraction, 1);
+    return fmin(fmax(fraction, time), 1);
 }
+
+double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
 int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
     int level = 0;
@@ -23,6 +64,8 @@ int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int heigh
         level++;
         end *= f->options.pyramid_ratio;
     }
+    /* A step at half the resolution costs half, and teaches nearly as much. */
+    if (!level && fraction < f->options.pyramid_mix && f->options.pyramid_levels) level = f->step & 1;
     while (level && (width >> level < LEAST_SIDE || height >> level < LEAST_SIDE)) level--;
     return level;
 }
@@ -30,13 +73,16 @@ int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int heigh
 int sf_scheduled_degree(const sf_fitter *f, double fraction) {
     int most = f->model->sh_degree;
     if (f->gone_on || fraction >= f->options.sh_end || most == 0) return most;
-    if (fraction < f->options.sh_start) return 0;
-    double part = (fraction - f->options.sh_start) / (f->options.sh_end - f->options.sh_start);
+    double start = SH_START * f->options.sh_end;
+    if (fraction < start) return 0;
+    double part = (fraction - start) / (f->options.sh_end - start);
     int degree = 1 + (int)(part * (most - 1));
     return degree < most ? degree : most;
 }
 
-double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
+double sf_end_of_run(const sf_fitter *f) { return f->settle_from + 1 - f->options.lr_settle; }
+
+static double full_rate(const sf_fitter *f, double fraction, int field) {
     const sf_fit_options *o = &f->options;
     switch (field) {
     case SF_FIELD_mean:
@@ -54,21 +100,30 @@ double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
     }
 }
 
+/* At the end all rates fall: what is left of the noise of single views settles. */
+double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
+    const sf_fit_options *o = &f->options;
+    double part = fmax(fraction - f->settle_from, 0) / fmax(1 - o->lr_settle, 1e-9);
+    return full_rate(f, fraction, field) * pow(o->lr_settled, part);
+}
+
 int sf_growth_due(const sf_fitter *f, double fraction) {
     return f->step % f->options.grow_every == 0 && fraction >= f->options.grow_start &&
            fraction <= f->options.grow_end;
 }
 
 size_t sf_planned_count(const sf_fitter *f, double fraction) {
-    double most = (double)f->options.max_gaussians, first = (double)f->first_count;
+    double first = (double)f->first_count, grown = f->options.grow_most * (double)f->options.plan_steps;
+    double most = fmin((double)f->options.max_gaussians, first + grown);
     double span = f->options.grow_end - f->options.grow_start;
     double part = span > 0 ? fmin((fraction - f->options.grow_start) / span, 1) : 1;
     return (size_t)(first + fmax(most - first, 0) * part);
 }
 
-/* A step of a coarser picture costs less; a tenth stays. */
+/* A step of a coarser picture costs less; what a step does for each Gaussian stays. */
+#define STEP_FLOOR 0.25
 static double step_cost(const sf_fitter *f, double fraction) {
-    return 0.1 + 0.9 * pow(0.25, sf_scheduled_level(f, fraction, INT_MAX, INT_MAX));
+    return STEP_FLOOR + (1 - STEP_FLOOR) * pow(0.25, sf_scheduled_level(f, fraction, INT_MAX, INT_MAX));
 }
 
 double sf_cost_ahead(const sf_fitter *f, double fraction) {

@@ -3,33 +3,38 @@
 
 #include <math.h>
 
+#include "adam.h"
+
 typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
-    float most_ratio; /* logarithm of the greatest aspect; 0: no limit */
+    float most_ratio; /* logarithm of the greatest aspect */
 } update_job;
 
-/* The longest axis at most `aspect` times the middle one: needles fit one view and hurt the others. */
-static void limit_aspect(float *log_scale, size_t i, float most_ratio) {
-    float s[3];
-    for (int k = 0; k < 3; k++) s[k] = log_scale[sf_at(i, 3, k)];
-    int longest = s[0] >= s[1] ? (s[0] >= s[2] ? 0 : 2) : (s[1] >= s[2] ? 1 : 2);
-    float middle = fmaxf(s[(longest + 1) % 3], s[(longest + 2) % 3]);
-    if (s[longest] > middle + most_ratio) log_scale[sf_at(i, 3, longest)] = middle + most_ratio;
-}
+static float least_of(float a, float b) { return a < b ? a : b; }
+static float most_of(float a, float b) { return a > b ? a : b; }
 
-/* Within what a model's file may hold. */
-static void limit_scale(float *log_scale, size_t i) {
-    for (int k = 0; k < 3; k++) {
-        float *s = &log_scale[sf_at(i, 3, k)];
-        *s = fminf(fmaxf(*s, -SF_LOG_SCALE_MOST), SF_LOG_SCALE_MOST);
+/* The log-scales of a block: within what a model's file may hold, and the longest axis at most `aspect` times
+ * the middle one, for needles fit one view and hurt the others. Without branches or calls, so that it is
+ * vectors. */
+static void limit_scales(float *block, float most_ratio) {
+    float *x = block, *y = block + SF_LANES, *z = block + 2 * SF_LANES;
+    for (int k = 0; k < 3 * SF_LANES; k++)
+        block[k] = most_of(least_of(block[k], SF_LOG_SCALE_MOST), -SF_LOG_SCALE_MOST);
+    for (int i = 0; i < SF_LANES; i++) {
+        float middle = most_of(least_of(x[i], y[i]), least_of(most_of(x[i], y[i]), z[i]));
+        float most = middle + most_ratio;
+        x[i] = least_of(x[i], most), y[i] = least_of(y[i], most), z[i] = least_of(z[i], most);
     }
 }
 
-static void gather_statistics(sf_fitter *f, size_t i) {
-    if (f->workspace.state[i] != SF_SEEN) return;
-    f->screen_sum[i] += (double)f->workspace.screen[i];
-    f->screen_seen[i]++;
+static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
+    const uint8_t *state = f->workspace.state;
+    for (size_t i = first; i < end; i++) {
+        uint32_t seen = state[i] == SF_SEEN;
+        f->screen_sum[i] += seen ? (double)f->workspace.screen[i] : 0;
+        f->screen_seen[i] += seen;
+    }
 }
 
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
@@ -42,17 +47,16 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
                               f->v.field[field] + at, (end - first) * block, &job->step[field]);
     }
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
-    for (size_t i = first * SF_LANES; i < end * SF_LANES && i < f->model->count; i++) {
-        limit_scale(log_scale, i);
-        if (job->most_ratio > 0) limit_aspect(log_scale, i, job->most_ratio);
-        gather_statistics(f, i);
-    }
+    for (size_t block = first; block < end; block++)
+        limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio);
+    size_t last = end * SF_LANES;
+    gather_statistics(f, first * SF_LANES, last < f->model->count ? last : f->model->count);
 }
 
-sf_status sf_update(sf_fitter *f, double fraction) {
+sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     const sf_fit_options *o = &f->options;
     double t = (double)f->step + 1;
-    update_job job = {.fitter = f, .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : 0.0f};
+    update_job job = {.fitter = f, .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY};
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         job.step[field] = (sf_adam){
             .rate = (float)(sf_scheduled_rate(f, fraction, field) / (1 - pow(o->adam_beta1, t))),
@@ -61,20 +65,12 @@ sf_status sf_update(sf_fitter *f, double fraction) {
             .v_scale = (float)(1 / (1 - pow(o->adam_beta2, t))),
             .epsilon = (float)o->adam_epsilon,
         };
-    return sf_stage_project_bwd(&f->workspace, NULL, update_blocks, &job);
+    return sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
 }
 
 void sf_update_background(sf_fitter *f, const double *gradient) {
-    const sf_fit_options *o = &f->options;
-    double t = (double)f->step + 1;
-    for (int k = 0; k < 3; k++) {
-        if (!isfinite(gradient[k])) continue;
-        double *m = &f->background_m[k], *v = &f->background_v[k];
-        *m = o->adam_beta1 * *m + (1 - o->adam_beta1) * gradient[k];
-        *v = o->adam_beta2 * *v + (1 - o->adam_beta2) * gradient[k] * gradient[k];
-        double rate = o->lr_background / (1 - pow(o->adam_beta1, t));
-        double moved =
-            f->background[k] - rate * *m / (sqrt(*v / (1 - pow(o->adam_beta2, t))) + o->adam_epsilon);
-        f->background[k] = fmin(fmax(moved, 0), 1);
-    }
+    double step[3];
+    sf_adam_small(&f->options, f->options.lr_background, f->step + 1, 3, gradient, f->background_m,
+                  f->background_v, step);
+    for (int k = 0; k < 3; k++) f->background[k] = fmin(fmax(f->background[k] - step[k], 0), 1);
 }

@@ -2,6 +2,7 @@
 #include "project.h"
 
 #include "../base/file.h"
+#include "../base/memory.h"
 #include "../base/pool.h"
 #include "../scene/scene.h"
 #include "colmap.h"
@@ -403,8 +404,48 @@ static sf_status check_training(const sf_project *p, const char *path, const sf_
         path, p->count, scene->skipped_missing, scene->skipped_pose, scene->view_count);
 }
 
+/* The pictures' size together and of the largest, px: as the cameras have them, or as the files do. */
+static double count_pixels(const loading *l, int of_files, double *largest) {
+    double sum = 0;
+    *largest = 0;
+    for (size_t i = 0; i < l->project->count; i++) {
+        const sf_entry *e = &l->project->entries[i];
+        int width = e->width, height = e->height;
+        if (e->bad_pose || (of_files && sf_picture_size(l->ctx, e->path, &width, &height))) continue;
+        sum += (double)width * height;
+        if ((double)width * height > *largest) *largest = (double)width * height;
+    }
+    return sum;
+}
+
+/* What is kept, and what each thread holds of a picture while it is decoded: pixels of 4 bytes, planes, and
+ * planes once more where they are resampled. */
+static double bytes_of_pictures(const loading *l, int of_files) {
+    enum { KEPT = 3, AT_WORK = 4 + 3 + 3 };
+    double largest, factor = l->options->downscale, sum = count_pixels(l, of_files, &largest);
+    return KEPT * sum / (factor * factor) + AT_WORK * largest * sf_pool_threads(l->ctx->pool);
+}
+
+/* Pictures that the memory cannot hold are refused before one is read. */
+static sf_status check_memory(const loading *l, const char *path) {
+    const double mega = 1048576;
+    double budget = (double)sf_memory_budget((uint64_t)l->options->memory),
+           before = (double)sf_memory_resident();
+    /* the files' own sizes, which may be smaller, are looked up only where they matter */
+    if (!(budget > 0) || before + bytes_of_pictures(l, 0) <= budget) return SF_OK;
+    double bytes = bytes_of_pictures(l, 1);
+    if (before + bytes <= budget) return SF_OK;
+    return sf_fail(
+        l->ctx, SF_ERR_MEMORY,
+        "%s: memory: %.0f MB are not enough: the pictures take about %.0f MB beside the %.0f in use "
+        "(downscale makes them smaller)",
+        path, budget / mega, bytes / mega, before / mega);
+}
+
 static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene) {
     const sf_project *p = l->project;
+    sf_status fits = check_memory(l, path);
+    if (fits) return fits;
     sf_pool_run(l->ctx->pool, p->count, load_entry, (void *)l);
     sf_status status = fatal_result(l);
     for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
@@ -484,6 +525,8 @@ static sf_status check_options(sf_context *ctx, const sf_load_options *options) 
                        MAX_DOWNSCALE);
     if (options->hold_out < 0)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "hold_out: %d is below 0", options->hold_out);
+    if (options->memory < 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "memory: %lld is below 0", (long long)options->memory);
     if (options->max_views < 0)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "max_views: %d is below 0", options->max_views);
     return SF_OK;

@@ -6,17 +6,24 @@
 #include "gaussians.h"
 #include "scene.h"
 
+#include <splatfit/fitter.h>
+
 typedef struct sf_first_options {
+    sf_first from;
     size_t max_gaussians; /* a random choice of the points where there are more */
-    size_t random_count;  /* where the scene has no points */
+    size_t random_count;  /* of those at random */
     int sh_degree;
     double opacity;
-    double scale;  /* standard deviation, in mean distances to the 3 nearest */
-    double extent; /* of the scene */
+    double scale;   /* standard deviation, in mean distances to the 3 nearest */
+    double extent;  /* of the scene, world units */
+    double nearest; /* camera z from which on a sweep looks for surfaces, world units */
 } sf_first_options;
 
-/* Makes a model from the scene's sparse points: colour from the point, scale from the mean distance to its 3
- * nearest neighbours, identity rotation. Without points: random ones along the rays of the training views. */
+/* Makes a model from points, as options->from says: the scene's sparse ones, those that a sweep finds
+ * (sweep.h), or random ones along the rays of the training views. Colour from the point, scale from the mean
+ * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes what there is enough of, in
+ * that order; a sweep that finds too little gives way to random ones. SF_ERR_EMPTY: no training view, or
+ * SF_FIRST_POINTS in a scene without points. */
 sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
 
 /* distances[i] = mean distance from point i of [n][3] to its (up to) 3 nearest others; 0 if there is no

@@ -15,6 +15,7 @@ sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *cam
     if (!view) return SF_ERR_MEMORY;
     view->ctx = ctx;
     atomic_init(&view->references, 1);
+    atomic_init(&view->hash, 0);
     view->split = split;
     view->camera = *camera;
     view->name = sf_alloc(ctx, length, 1);
@@ -141,6 +142,21 @@ sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id) {
     sf_view *view = i < scene->view_count ? sf_view_retain(scene->views[i]) : NULL;
     pthread_mutex_unlock(&scene->lock);
     return view;
+}
+
+sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count) {
+    pthread_mutex_lock(&scene->lock);
+    *count = 0;
+    *views = sf_alloc(scene->ctx, scene->view_count, sizeof **views);
+    for (size_t i = 0; *views && i < scene->view_count; i++)
+        (*views)[(*count)++] = sf_view_retain(scene->views[i]);
+    pthread_mutex_unlock(&scene->lock);
+    return *views ? SF_OK : SF_ERR_MEMORY;
+}
+
+void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count) {
+    for (size_t i = 0; i < count; i++) sf_view_release(views[i]);
+    sf_free(scene->ctx, views);
 }
 
 sf_status sf_scene_training_ids(sf_scene *scene, uint32_t **ids, size_t *count) {

@@ -18,8 +18,9 @@ typedef struct sf_view {
     sf_split split;
     sf_camera camera;
     char *name;
-    uint8_t *rgb;    /* [3][height][width], 8-bit sRGB values, planar */
-    uint8_t *weight; /* [height][width], 255 counts in full; NULL: all do */
+    uint8_t *rgb;               /* [3][height][width], 8-bit sRGB values, planar */
+    uint8_t *weight;            /* [height][width], 255 counts in full; NULL: all do */
+    atomic_uint_least64_t hash; /* of rgb and weight, made when first asked for; 0: not yet */
 } sf_view;
 
 struct sf_scene {
@@ -45,6 +46,11 @@ sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
 
 /* A new reference to view `id`, NULL if there is none. */
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
+/* New references to all views, in order; release them and sf_free *views. */
+sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
+void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count);
+/* fingerprint.c: the hash of a view's picture and weights. */
+uint64_t sf_view_hash(sf_view *view);
 /* The ids of the training views, in order; *ids is sf_free'd by the caller. */
 sf_status sf_scene_training_ids(sf_scene *scene, uint32_t **ids, size_t *count);
 

@@ -2,8 +2,8 @@
 # includes.sh - every module of src/ and arch/ includes only what lies before it.
 #
 #   base <- kernels <- scene <- {io, render};  io <- capture;  {io, capture, render} <- {pose, fit} <- live
-#   bench sees base, kernels, scene, render, fit and arch;  preview sees base and scene;  app sees bench and
-#   preview;  arch sees kernels;  all see include/splatfit
+#   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base and scene;
+#   app sees bench, chart and preview;  arch sees kernels;  all see include/splatfit
 set -eu
 
 # The module of a file: src/<module>/..., or arch for all of arch/.
@@ -28,8 +28,9 @@ done | awk '
         allow("fit", "base kernels scene io capture render")
         allow("live", "base kernels scene io capture render pose fit")
         allow("preview", "base scene")
-        allow("bench", "base kernels scene render fit arch")
-        allow("app", "preview bench")
+        allow("chart", "base")
+        allow("bench", "base kernels scene render fit arch chart")
+        allow("app", "preview bench chart")
         allow("arch", "kernels")
     }
     $2 ~ /^include\/splatfit\// { next }

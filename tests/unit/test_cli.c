@@ -517,7 +517,7 @@ static void test_wrong_paths(void **state) {
 static void test_full_device(void **state) {
     (void)state;
     static const bad_input cases[] = {
-        {FAILED, "/dev/full: ", {"fit", "good", "-o", "/dev/full", "--steps", "1"}},
+        {FAILED, "/dev/full: ", {"fit", "good", "-o", "/dev/full", "--steps", "1", "--first", "points"}},
         {FAILED, "/dev/full: ", {"eval", "good.ply", "good", "--json", "/dev/full"}},
     };
     struct stat st;
@@ -785,17 +785,31 @@ static void check_log(const char *name) {
     assert_true(json_array_size(curve) >= 3);
     size_t i, with_psnr = 0;
     json_t *point;
-    double step = 0;
+    double step = 0, seconds = 0;
     json_array_foreach(curve, i, point) {
         assert_true(number(point, "step") >= step && number(point, "loss") > 0);
         assert_true(number(point, "gaussians") <= 400);
         step = number(point, "step");
         with_psnr += json_object_get(point, "psnr") != NULL;
+        assert_true(!json_object_get(point, "psnr") == !json_object_get(point, "ssim"));
+        assert_true(number(point, "seconds") > seconds);
+        seconds = number(point, "seconds");
     }
+    const json_t *machine = json_object_get(log, "machine"), *scene = json_object_get(log, "scene");
+    assert_true(json_string_length(json_object_get(machine, "cpu")) > 0);
+    assert_int_equal(number(machine, "threads"), 2);
+    assert_string_equal(json_string_value(json_object_get(scene, "name")), "sim:studio");
+    assert_int_equal(number(scene, "width"), SCENE_WIDTH);
+    assert_int_equal(number(scene, "height"), SCENE_HEIGHT);
+    assert_int_equal(number(log, "seed"), 7);
+    assert_true(number(result, "seconds") >= seconds && number(result, "evaluation_seconds") > 0);
+    assert_true(number(result, "setup_seconds") < seconds && number(result, "fit_seconds") <= seconds);
+    assert_in_range((size_t)(1000 * number(result, "needles")), 0, 1000);
     assert_int_equal(step, 30);
     assert_int_equal(with_psnr, 3); /* every 10 steps */
     assert_int_equal(number(result, "steps"), 30);
     assert_true(number(result, "psnr") > 5 && number(result, "ssim") > 0);
+    assert_true(number(result, "psnr_corrected") > 5);
     assert_int_equal(json_array_size(json_object_get(result, "views")), SCENE_HELD_OUT);
     assert_true(json_is_true(json_object_get(result, "complete")));
     json_decref(log);
@@ -1038,7 +1052,7 @@ static void test_from(void **state) {
     assert_true(psnr[1] >= psnr[0] - 0.5);
 }
 
-/* Signals and full disks. */
+/* Going on and repeating. */
 
 static void wait_for_text(pid_t pid, const char *text) {
     double since = now();
@@ -1052,6 +1066,151 @@ static void wait_for_text(pid_t pid, const char *text) {
         if (!found) pause_a_moment();
     }
 }
+
+/* Interrupted by a signal, gone on with: the bytes of a run that was not. */
+static void test_resume(void **state) {
+    (void)state;
+    const char *steps = getenv("SPLATFIT_QUICK") ? "60" : "400";
+    clear_out();
+    run_quietly(ARGS("fit", SCENE, "-o", "out/a.ply", "--steps", steps, SMALL, "--cameras", "none"));
+    pid_t pid = start_program(ARGS("fit", SCENE, "-o", "out/b.ply", "--steps", steps, "--max-gaussians",
+                                   "400", "--threads", "1", "--checkpoint", "out/c", "--checkpoint-every",
+                                   "0", "--progress", "plain", "--cameras", "none"),
+                              NULL);
+    wait_for_text(pid, "step ");
+    kill(pid, SIGTERM);
+    outcome o = wait_for(pid);
+    assert_true(o.code == 128 + SIGTERM || o.code == 0);
+    free_outcome(&o);
+    o = run_ok("fit", SCENE, "-o", "out/b.ply", "--resume", "out/c", "--checkpoint", "out/c", "--threads",
+               "2", "--cameras", "none", "--log", "out/log.json");
+    test_assert_contains(o.out, "going on after step ", __FILE__, __LINE__);
+    free_outcome(&o);
+    assert_same_files("out/a.ply", "out/b.ply");
+    json_t *log = json_of("out/log.json");
+    assert_true(number(json_object_get(log, "options"), "max_gaussians") == 400);
+    json_decref(log);
+
+    assert_int_equal(rename(work("out/c"), work("c")), 0);
+    clear_out();
+    static const bad_input cases[] = {
+        {FAILED, "c: sh_degree: the run has 3", {"fit", SCENE, "--resume", "c", "--sh-degree", "2"}},
+        {FAILED, "c: is of another scene", {"fit", SCENE, "--resume", "c", "--downscale", "2"}},
+        {FAILED, "good.ply: is not a checkpoint", {"fit", SCENE, "--resume", "good.ply"}},
+        {FAILED, "absent: cannot be opened", {"fit", SCENE, "--resume", "absent"}},
+        {USAGE, "from: cannot be given", {"fit", SCENE, "--resume", "c", "--from", "good.ply"}},
+        {FAILED, "empty: is a folder", {"fit", SCENE, "--checkpoint", "empty"}},
+        {USAGE, "--checkpoint-every: \"-1\"", {"fit", SCENE, "--checkpoint-every", "-1"}},
+        {FAILED, "memory: 1 MB are not enough", {"fit", SCENE, "--memory", "1M"}},
+    };
+    for (size_t i = 0; i < COUNT(cases); i++) assert_refused(cases[i].args, cases[i].code, cases[i].part, 0);
+}
+
+/* The old checkpoint stays where there is no room for the new one, and the exit code tells of it. */
+static void test_checkpoint_too_large(void **state) {
+    (void)state;
+    clear_out();
+    write_text("out/c", "the old checkpoint");
+    launch limited = {.file_limit = 8192};
+    outcome o = wait_for(start_program(
+        ARGS("fit", SHORT_FIT, "--quiet", "-o", "/dev/null", "--cameras", "none", "--checkpoint", "out/c"),
+        &limited));
+    assert_int_equal(o.code, FAILED);
+    test_assert_contains(o.err, "out/c: ", __FILE__, __LINE__);
+    free_outcome(&o);
+    content c = content_of("out/c");
+    assert_string_equal(c.data, "the old checkpoint");
+    free(c.data);
+    assert_int_equal(test_count_entries(work("out")), 1);
+}
+
+static void write_changed(const char *name, json_t *log, const char *key, json_t *value) {
+    json_t *copy = json_deep_copy(log);
+    if (value)
+        json_object_set_new(copy, key, value);
+    else
+        json_object_del(copy, key);
+    assert_int_equal(json_dump_file(copy, work(name), 0), 0);
+    json_decref(copy);
+}
+
+/* A run limited by time, again, as fast as it goes. */
+static void test_replay(void **state) {
+    (void)state;
+    clear_out();
+    const char *limit =
+        getenv("SPLATFIT_QUICK") ? "10" : "1"; /* an emulated program has read the scene by then */
+    run_quietly(ARGS("fit", SCENE, "-o", "out/a.ply", "--time-limit", limit, SMALL, "--log", "out/a.json",
+                     "--cameras", "none", "--seed", "3"));
+    run_quietly(ARGS("fit", SCENE, "-o", "out/b.ply", "--replay", "out/a.json", "--threads", "1", "--log",
+                     "out/b.json", "--cameras", "none"));
+    assert_same_files("out/a.ply", "out/b.ply");
+    json_t *a = json_of("out/a.json"), *b = json_of("out/b.json"), *times = json_object_get(a, "plan");
+    assert_true(json_equal(times, json_object_get(b, "plan")));
+    assert_true(json_equal(json_object_get(a, "options"), json_object_get(b, "options")));
+    assert_true(number(times, "steps") == number(json_object_get(a, "result"), "steps"));
+    write_changed("other.json", a, "isa", json_string("abacus"));
+    write_changed("version.json", a, "version", json_string("0"));
+    write_changed("planless.json", a, "plan", NULL);
+    write_changed("plan.json", a, "plan",
+                  json_pack("{s:i,s:i,s:s}", "ticks", 1 << 24, "steps", 3, "deltas", "5 6"));
+    write_changed("optionless.json", a, "options", NULL);
+    write_changed("options.json", a, "options", json_object());
+    write_changed("from.json", a, "gone_on", json_true());
+    json_decref(a);
+    json_decref(b);
+    assert_int_equal(rename(work("out/a.json"), work("a.json")), 0);
+    clear_out();
+    static const bad_input cases[] = {
+        {FAILED, "steps: is given again", {"fit", SCENE, "--replay", "a.json", "--steps", "5"}},
+        {FAILED, "a.json: scene: ", {"fit", SCENE, "--replay", "a.json", "--downscale", "2"}},
+        {FAILED, "other.json: isa: ", {"fit", SCENE, "--replay", "other.json"}},
+        {FAILED, "version.json: version: ", {"fit", SCENE, "--replay", "version.json"}},
+        {FAILED, "planless.json: plan: ", {"fit", SCENE, "--replay", "planless.json"}},
+        {FAILED, "plan.json: plan: ", {"fit", SCENE, "--replay", "plan.json"}},
+        {FAILED, "optionless.json: options: ", {"fit", SCENE, "--replay", "optionless.json"}},
+        {FAILED, "options.json: steps: is missing", {"fit", SCENE, "--replay", "options.json"}},
+        {FAILED, "from.json: gone_on: ", {"fit", SCENE, "--replay", "from.json"}},
+        {FAILED, "good.ply: line 1: ", {"fit", SCENE, "--replay", "good.ply"}},
+    };
+    for (size_t i = 0; i < COUNT(cases); i++) assert_refused(cases[i].args, cases[i].code, cases[i].part, 0);
+}
+
+/* MB that the program has had resident, by its log. */
+static double peak_in(const char *name) {
+    json_t *log = json_of(name);
+    double peak = number(json_object_get(log, "result"), "peak_memory_mb");
+    json_decref(log);
+    return peak;
+}
+
+/* The cap that the memory allows, said in one line. What a sanitizer or an emulator takes is found out first.
+ */
+static void test_memory(void **state) {
+    (void)state;
+    char budget[32];
+    clear_out();
+    run_quietly(ARGS("fit", SCENE, "-o", "/dev/null", "--steps", "1", "--log", "out/log.json"));
+    double allowed = floor(peak_in("out/log.json")) + 100;
+    snprintf(budget, sizeof budget, "%.0fM", allowed);
+    outcome o = run_ok("fit", SCENE, "-o", "/dev/null", "--steps", "1", "--max-gaussians", "1000000",
+                       "--memory", budget, "--log", "out/log.json");
+    test_assert_contains(o.out, "memory: about ", __FILE__, __LINE__);
+    test_assert_contains(o.err, "max_gaussians lowered from 1000000 to ", __FILE__, __LINE__);
+    free_outcome(&o);
+    json_t *log = json_of("out/log.json"), *options = json_object_get(log, "options");
+    assert_true(number(options, "max_gaussians") > 1000 && number(options, "max_gaussians") < 200000);
+    assert_true(number(options, "memory") == allowed * 1048576);
+    json_decref(log);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    assert_true(peak_in("out/log.json") <= allowed);
+#endif
+    clear_out();
+    assert_refused(ARGS("fit", "good", "-o", "out/x.ply", "--memory", "10K"), FAILED,
+                   "good: memory: 0 MB are not enough: the pictures take about ", 0);
+}
+
+/* Signals and full disks. */
 
 /* The model so far is written, whole, and the exit code tells which signal it was. */
 static void check_signal(int number_of_signal) {
@@ -1174,6 +1333,10 @@ int main(void) {
         cmocka_unit_test(test_model_to_a_pipe),
         cmocka_unit_test(test_model_to_a_device),
         cmocka_unit_test(test_from),
+        cmocka_unit_test(test_resume),
+        cmocka_unit_test(test_checkpoint_too_large),
+        cmocka_unit_test(test_replay),
+        cmocka_unit_test(test_memory),
         cmocka_unit_test(test_interrupted),
         cmocka_unit_test(test_terminated),
         cmocka_unit_test(test_file_too_large),

@@ -178,8 +178,13 @@ static sf_scene *scene_of(sf_context *ctx, int views) {
     return scene;
 }
 
-static const sf_first_options usual = {
-    .max_gaussians = 1000, .random_count = 300, .sh_degree = 2, .opacity = 0.1, .scale = 0.5, .extent = 10};
+static const sf_first_options usual = {.max_gaussians = 1000,
+                                       .random_count = 300,
+                                       .sh_degree = 2,
+                                       .opacity = 0.1,
+                                       .scale = 0.5,
+                                       .extent = 10,
+                                       .nearest = 0.4};
 
 /* All that is in a model of degree 2. */
 enum { MOST = 1200, COEFFICIENTS = 9 };
@@ -273,7 +278,9 @@ static void test_scales_have_limits(void **state) {
             add_points(scene, cases[i].where, cases[i].n, 1);
         else
             assert_ok(ctx, sf_scene_add_points(scene, cases[i].n, cases[i].points, NULL));
-        content *c = make_first(scene, &usual, 1);
+        sf_first_options options = usual;
+        options.from = SF_FIRST_POINTS;
+        content *c = make_first(scene, &options, 1);
         assert_int_equal(c->count, cases[i].n);
         for (size_t k = 0; k < c->count; k++)
             assert_float_equal(c->log_scales[k][0], log(cases[i].scale), 1e-5);
@@ -442,6 +449,51 @@ static void test_nothing_to_start_from(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* From where, as asked for: points that are there are left alone by the others, and none are missed. */
+static void test_from_where_asked(void **state) {
+    (void)state;
+    static const struct {
+        sf_first from;
+        size_t points, expected;
+    } cases[] = {{SF_FIRST_AUTO, 0, 300},     {SF_FIRST_AUTO, 99, 300},    {SF_FIRST_AUTO, 100, 100},
+                 {SF_FIRST_POINTS, 5, 5},     {SF_FIRST_POINTS, 100, 100}, {SF_FIRST_SWEEP, 100, 300},
+                 {SF_FIRST_RANDOM, 100, 300}, {SF_FIRST_RANDOM, 0, 300}};
+    sf_context *ctx = test_context();
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        sf_scene *scene = scene_of(ctx, 4); /* of one colour each: a sweep finds nothing */
+        sf_first_options options = usual;
+        options.from = cases[i].from;
+        add_points(scene, place_anywhere, cases[i].points, 1);
+        test_log_clear();
+        content *c = make_first(scene, &options, 1);
+        assert_int_equal(c->count, cases[i].expected);
+        if (cases[i].expected == 300) {
+            check_random(c, 4);
+            test_assert_contains(test_log, "300 first Gaussians at random", __FILE__, __LINE__);
+        }
+        free(c);
+        sf_scene_destroy(&scene);
+    }
+    sf_context_destroy(&ctx);
+}
+
+/* Asked for points that are not there, it says so. */
+static void test_no_points_to_start_from(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = scene_of(ctx, 1);
+    sf_first_options options = usual;
+    options.from = SF_FIRST_POINTS;
+    sf_rng rng;
+    sf_model *model;
+    sf_rng_seed(&rng, 1);
+    assert_status(ctx, sf_first_gaussians(scene, &options, &rng, &model), SF_ERR_EMPTY);
+    assert_null(model);
+    assert_error_names(ctx, "first: points");
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_distances),
@@ -455,6 +507,8 @@ int main(void) {
         cmocka_unit_test(test_random_depths),
         cmocka_unit_test(test_random_count_is_capped),
         cmocka_unit_test(test_nothing_to_start_from),
+        cmocka_unit_test(test_from_where_asked),
+        cmocka_unit_test(test_no_points_to_start_from),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -243,6 +243,7 @@ static void test_from_points(void **state) {
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(300);
+    options.first = SF_FIRST_POINTS;
     sf_fitter *fitter = start(ctx, scene, &options);
     assert_int_equal(progress_of(fitter).gaussians, TRUE_COUNT);
     double before = psnr_of(ctx, scene, fitter);
@@ -396,6 +397,7 @@ static void test_cap_holds(void **state) {
     sf_scene *scene = small_scene(ctx);
     for (size_t i = 0; i < sizeof caps / sizeof *caps; i += getenv("SPLATFIT_QUICK") ? 3 : 1) {
         sf_fit_options options = short_fit(50);
+        options.first = SF_FIRST_POINTS;
         options.max_gaussians = caps[i];
         options.grow_every = 2;
         options.grow_end = 1;
@@ -521,15 +523,40 @@ static void test_time_limit(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
-    sf_fit_options options = short_fit(0);
-    options.time_limit = 0.5;
+    sf_fit_options options = short_fit(1);
     sf_fitter *fitter = start(ctx, scene, &options);
+    take_steps(ctx, fitter, 1);
+    double limit = 0.5 + 10 * progress_of(fitter).seconds; /* emulated, a step can take a second */
+    sf_fitter_destroy(&fitter);
+    options = short_fit(0);
+    options.time_limit = limit;
+    fitter = start(ctx, scene, &options);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     sf_fit_progress p = progress_of(fitter);
-    assert_true(p.fraction == 1 && p.seconds >= 0.5);
+    assert_true(p.fraction == 1 && p.seconds >= limit);
     assert_int_equal(p.steps, 0);
     assert_true(p.step > 0);
     assert_sound(ctx, fitter);
+    sf_fitter_destroy(&fitter);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+/* Seconds taken out of the run count neither as its time nor against its limit; negative ones are put in. */
+static void test_time_taken_out(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = small_scene(ctx);
+    sf_fit_options options = short_fit(0);
+    options.time_limit = 1e6;
+    sf_fitter *fitter = start(ctx, scene, &options);
+    take_steps(ctx, fitter, 1);
+    sf_fitter_skip_time(fitter, -2e6);
+    assert_true(progress_of(fitter).seconds >= 2e6);
+    assert_status(ctx, sf_fitter_step(fitter), SF_ERR_END);
+    sf_fitter_skip_time(fitter, 1.5e6);
+    assert_true(progress_of(fitter).fraction >= 0.5 && progress_of(fitter).fraction < 1);
+    take_steps(ctx, fitter, 1);
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -808,6 +835,7 @@ static void assert_background(const sf_fitter *fitter, double red, double green,
 /* A fit over a known background. */
 static sf_fitter *fit_over(sf_context *ctx, sf_scene *scene, int background, int64_t steps) {
     sf_fit_options options = short_fit(steps);
+    options.first = SF_FIRST_POINTS;
     options.background = background;
     options.background_red = 0.25;
     options.background_green = 0.5;
@@ -1063,6 +1091,7 @@ int main(void) {
         cmocka_unit_test(test_bad_options),
         cmocka_unit_test(test_progress_and_end),
         cmocka_unit_test(test_time_limit),
+        cmocka_unit_test(test_time_taken_out),
         cmocka_unit_test(test_snapshot_stays),
         cmocka_unit_test(test_cancel_and_resume),
         cmocka_unit_test(test_cancel_any_time),

@@ -1,0 +1,265 @@
+/* watch.c - what fit notes down on the way: held-out quality at given moments, snapshots, its own clock. */
+#define _XOPEN_SOURCE 700 /* realpath */
+#include "watch.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../bench/clocks.h"
+
+const arg_option watch_options[] = {
+    {"eval-every", 0, "N", "evaluate the held-out views every N steps, for the log's curve"},
+    {"eval-at", 0, "LIST", "and at these seconds since the program's start, for example 1,2,5,10"},
+    {"snapshots", 0, "DIR", "write the first held-out view at 1, 2, 5, 10, 30 and 60 s as PNG"},
+    {"label", 0, "TEXT", "what to call this run in charts, for the log"},
+    {0},
+};
+
+static const int snapshot_at[] = {1, 2, 5, 10, 30, 60}; /* s */
+enum { SNAPSHOTS = sizeof snapshot_at / sizeof *snapshot_at };
+
+/* Longest over middle axis from which a Gaussian counts as a needle. */
+#define NEEDLE_ASPECT 100.0
+
+void watch_begin(watch *w, const args *a) {
+    *w = (watch){.a = a, .start = sf_clock(), .curve = json_array()};
+    bench_machine_describe(&w->machine, 0);
+}
+
+double watch_seconds(const watch *w) { return sf_clock() - w->start - w->looking; }
+
+/* Seconds above 0 in ascending order, separated by commas. */
+static int read_times(watch *w) {
+    const char *list = args_value(w->a, "eval-at"), *at = list;
+    for (double before = 0; at; w->eval_times++) {
+        char *end;
+        double seconds = strtod(at, &end);
+        if (end == at || (*end && *end != ',') || !(seconds > before) || !isfinite(seconds) ||
+            w->eval_times == WATCH_TIMES) {
+            fprintf(stderr, "splatfit %s: --eval-at: \"%s\" is not a list of up to %d ascending seconds\n",
+                    w->a->command->name, list, (int)WATCH_TIMES);
+            return EXIT_USAGE;
+        }
+        w->eval_at[w->eval_times] = before = seconds;
+        at = *end ? end + 1 : NULL;
+    }
+    return 0;
+}
+
+int watch_read(watch *w) {
+    int error = args_int(w->a, "eval-every", 1, 1000000000, &w->eval_every);
+    return error ? error : read_times(w);
+}
+
+int watch_start(watch *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, app_draw draw) {
+    w->ctx = ctx;
+    w->scene = scene;
+    w->fitter = fitter;
+    w->draw = draw;
+    w->machine.threads = sf_context_threads(ctx);
+    const char *folder = args_value(w->a, "snapshots");
+    if (folder) w->snapshots = json_array();
+    int error = folder ? app_make_folder(w->a, folder) : 0;
+    w->setup = watch_seconds(w);
+    return error;
+}
+
+/* JSON has no word for what is not finite. */
+static json_t *json_number(double value) { return isfinite(value) ? json_real(value) : json_null(); }
+
+static void set_quality(json_t *point, const evaluation *e) {
+    if (!e->views) return;
+    json_object_set_new(point, "psnr", json_number(e->psnr));
+    json_object_set_new(point, "ssim", json_number(e->ssim));
+}
+
+static void add_point(watch *w, const sf_fit_progress *p, double seconds, const evaluation *e) {
+    json_t *point = json_pack("{s:I, s:f, s:o, s:I, s:i, s:i}", "step", (json_int_t)p->step, "seconds",
+                              seconds, "loss", json_number(p->loss), "gaussians", (json_int_t)p->gaussians,
+                              "level", p->level, "sh_degree", p->sh_degree);
+    set_quality(point, e);
+    json_array_append_new(w->curve, point);
+}
+
+sf_status watch_first_held_out(sf_scene *scene, sf_view_info *view) {
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    for (size_t i = 0; i < info.views; i++)
+        if (!sf_scene_get_view(scene, i, view) && view->split == SF_SPLIT_TEST) return SF_OK;
+    return sf_scene_get_view(scene, 0, view);
+}
+
+/* "DIR/NAME"; free() it. */
+static char *in_folder(const char *folder, const char *name) {
+    size_t room = strlen(folder) + strlen(name) + 2;
+    char *path = malloc(room);
+    if (path) snprintf(path, room, "%s/%s", folder, name);
+    return path;
+}
+
+/* How the log names a file: from its own folder on where the file lies in there, else in full. */
+static json_t *name_from_log(const watch *w, const char *path) {
+    const char *log = args_value(w->a, "log");
+    char *folder = log ? app_folder(log) : NULL, *full = realpath(path, NULL);
+    char *base = folder ? realpath(*folder ? folder : ".", NULL) : NULL;
+    size_t n = base ? strlen(base) : 0;
+    int below = full && n && !strncmp(full, base, n) && full[n] == '/';
+    json_t *name = app_json_text(below ? full + n + 1 : full ? full : path);
+    free(folder);
+    free(base);
+    free(full);
+    return name;
+}
+
+/* The picture that the snapshots show, once; then the view as the fit has it. */
+static sf_status write_snapshot(watch *w, int second, double seconds) {
+    sf_view_info view;
+    sf_quality quality = {0};
+    char name[32] = "picture.png";
+    const char *folder = args_value(w->a, "snapshots");
+    sf_status status = watch_first_held_out(w->scene, &view);
+    if (second) snprintf(name, sizeof name, "%ds.png", second);
+    char *path = in_folder(folder, name);
+    if (!path) return SF_ERR_MEMORY;
+    if (!status)
+        status = app_write_view(w->ctx, w->scene, &view, second ? w->draw : NULL, w->fitter, path, &quality);
+    if (!status) {
+        json_t *entry = json_pack("{s:i, s:f, s:o, s:o}", "second", second, "seconds", seconds, "view",
+                                  app_json_text(view.name), "file", name_from_log(w, path));
+        if (second) json_object_set_new(entry, "psnr", json_number(quality.psnr));
+        json_array_append_new(w->snapshots, entry);
+    }
+    free(path);
+    return status;
+}
+
+/* Moments that have come since the last look; of several the last one counts. */
+static int times_due(const watch *w, double seconds) {
+    int due = w->eval_done;
+    while (due < w->eval_times && w->eval_at[due] <= seconds) due++;
+    return due;
+}
+
+static int snapshots_due(const watch *w, double seconds) {
+    int due = w->snapshots_done;
+    while (w->snapshots && due < SNAPSHOTS && snapshot_at[due] <= seconds) due++;
+    return due;
+}
+
+static void look(watch *w, int evaluate, int snapshots, double seconds, evaluation *e) {
+    double began = sf_clock();
+    if (evaluate) w->status = app_evaluate(w->ctx, w->scene, w->a, "test", w->draw, w->fitter, e);
+    if (!w->status && snapshots && !w->snapshots_done) w->status = write_snapshot(w, 0, seconds);
+    if (!w->status && snapshots) w->status = write_snapshot(w, snapshot_at[snapshots - 1], seconds);
+    double took = sf_clock() - began;
+    w->looking += took;
+    sf_fitter_skip_time(w->fitter, took);
+}
+
+void watch_step(watch *w, const sf_fit_progress *p) {
+    double seconds = watch_seconds(w);
+    int times = times_due(w, seconds), snapshots = snapshots_due(w, seconds);
+    int evaluate = times > w->eval_done || (w->eval_every && p->step % w->eval_every == 0);
+    evaluation e = {0};
+    if (w->status) return;
+    if (evaluate || snapshots > w->snapshots_done)
+        look(w, evaluate, snapshots > w->snapshots_done ? snapshots : 0, seconds, &e);
+    w->eval_done = times;
+    w->snapshots_done = snapshots;
+    if (e.views || p->fraction >= w->next_sample) {
+        add_point(w, p, seconds, &e);
+        w->next_sample = p->fraction + 0.01;
+    }
+    json_decref(e.list);
+}
+
+static json_t *last_point(const watch *w) {
+    size_t n = json_array_size(w->curve);
+    return n ? json_array_get(w->curve, n - 1) : NULL;
+}
+
+void watch_stop(watch *w, const sf_fit_progress *p) {
+    w->seconds = watch_seconds(w);
+    w->machine.load_end = bench_machine_load();
+    json_t *last = last_point(w);
+    if (!last || json_integer_value(json_object_get(last, "step")) < p->step)
+        add_point(w, p, w->seconds, &(evaluation){0});
+}
+
+/* Share of the Gaussians whose longest axis is more than NEEDLE_ASPECT times the middle one. */
+static sf_status count_needles(const sf_fitter *fitter, double *share) {
+    sf_model *model = NULL;
+    sf_status status = sf_fitter_snapshot(fitter, &model);
+    size_t count = status ? 0 : sf_model_count(model), needles = 0;
+    float *scales = count ? malloc(count * 3 * sizeof *scales) : NULL;
+    *share = 0;
+    if (count && !scales) status = SF_ERR_MEMORY;
+    if (!status) status = sf_model_get(model, 0, count, &(sf_gaussians){.log_scales = scales});
+    for (size_t i = 0; i < count && !status; i++) {
+        double a = (double)scales[3 * i], b = (double)scales[3 * i + 1], c = (double)scales[3 * i + 2];
+        double longest = fmax(a, fmax(b, c)), middle = fmax(fmin(a, b), fmin(fmax(a, b), c));
+        needles += longest - middle > log(NEEDLE_ASPECT);
+    }
+    if (count) *share = (double)needles / (double)count;
+    free(scales);
+    sf_model_destroy(&model);
+    return status;
+}
+
+/* The project's own name: of sim:studio without its settings, of a file that of its folder. */
+static json_t *scene_name(const char *project) {
+    char name[256];
+    size_t n = strcspn(project, "?");
+    while (n > 1 && project[n - 1] == '/') n--;
+    for (int folder = 0;; folder = 1) {
+        size_t from = n;
+        while (from && project[from - 1] != '/') from--;
+        snprintf(name, sizeof name, "%.*s", (int)(n - from), project + from);
+        size_t length = strlen(name);
+        if (folder || !from || length < 5 || strcmp(name + length - 5, ".json")) return app_json_text(name);
+        n = from - 1;
+    }
+}
+
+static json_t *machine_json(const watch *w) {
+    const bench_machine *m = &w->machine;
+    return json_pack("{s:o, s:i, s:i, s:s, s:f, s:f}", "cpu", app_json_text(m->cpu), "cpus", m->cpus,
+                     "threads", m->threads, "isa", sf_context_isa(w->ctx), "load_start", m->load_start,
+                     "load_end", m->load_end);
+}
+
+static void log_scene(const watch *w, json_t *scene) {
+    sf_view_info view;
+    json_object_set_new(scene, "name", scene_name(w->a->positional[0]));
+    if (watch_first_held_out(w->scene, &view)) return;
+    json_object_set_new(scene, "width", json_integer(view.camera.width));
+    json_object_set_new(scene, "height", json_integer(view.camera.height));
+}
+
+void watch_log(watch *w, json_t *log, const evaluation *end) {
+    static const char *const given[] = {"label", "preset"};
+    json_t *result = json_object_get(log, "result"), *seed = json_object_get(log, "options");
+    double needles = 0;
+    seed = json_object_get(seed, "seed");
+    for (size_t i = 0; i < sizeof given / sizeof *given; i++) {
+        const char *text = args_value(w->a, given[i]);
+        if (text) json_object_set_new(log, given[i], app_json_text(text));
+    }
+    json_object_set(log, "seed", seed);
+    json_object_set_new(log, "machine", machine_json(w));
+    log_scene(w, json_object_get(log, "scene"));
+    set_quality(last_point(w), end);
+    json_object_set(log, "curve", w->curve);
+    if (w->snapshots) json_object_set(log, "snapshots", w->snapshots);
+    json_object_set_new(result, "seconds", json_real(w->seconds));
+    json_object_set_new(result, "setup_seconds", json_real(w->setup));
+    json_object_set_new(result, "evaluation_seconds", json_real(w->looking));
+    if (!count_needles(w->fitter, &needles)) json_object_set_new(result, "needles", json_real(needles));
+}
+
+void watch_free(watch *w) {
+    json_decref(w->curve);
+    json_decref(w->snapshots);
+}

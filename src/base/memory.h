@@ -1,0 +1,18 @@
+/* memory.h - what the machine has left for this process, and what the process has taken. */
+#ifndef SF_BASE_MEMORY_H
+#define SF_BASE_MEMORY_H
+
+#include <stdint.h>
+
+/* Bytes that this process may still take before the machine or its control group runs out; 0: not known. */
+uint64_t sf_memory_free(void);
+
+/* Bytes that the process has resident now, and the most that it ever had; 0: not known. */
+uint64_t sf_memory_resident(void);
+uint64_t sf_memory_peak(void);
+
+/* What the process may take altogether: `asked`, where that is 0 what it has and four fifths of what is left;
+ * 0: not known. */
+uint64_t sf_memory_budget(uint64_t asked);
+
+#endif

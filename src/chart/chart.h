@@ -1,0 +1,119 @@
+/* chart.h - charts of quality against time, from the logs that fits wrote. */
+#ifndef CHART_CHART_H
+#define CHART_CHART_H
+
+#include "svg.h"
+
+enum { CHART_TEXT = 192 };
+
+/* Quality of a model on held-out views, as it was at a moment of its fit. */
+typedef enum chart_metric { CHART_PSNR, CHART_SSIM, CHART_METRICS } chart_metric;
+
+typedef struct chart_point {
+    double seconds; /* since the program's start, evaluations left out */
+    double gaussians;
+    double quality[CHART_METRICS];
+} chart_point;
+
+/* The view that snapshots show: its own picture (second 0), or a render. */
+typedef struct chart_snapshot {
+    int second;           /* for which it was made */
+    double seconds, psnr; /* when it was made; psnr of this view alone */
+    uint8_t *png;
+    size_t size;
+} chart_snapshot;
+
+/* One fit. Fields that have no comment are the log's. */
+typedef struct chart_run {
+    char label[CHART_TEXT]; /* "label", else "preset / isa", else "isa" */
+    char scene[CHART_TEXT], cpu[CHART_TEXT], isa[CHART_TEXT];
+    int width, height; /* px, of the held-out views */
+    int threads;
+    double seed, load_start, load_end;
+    double steps, seconds, setup_seconds, evaluation_seconds, gaussians, needles; /* at the end */
+    chart_point *points; /* seconds ascend; 1 at least */
+    size_t count;
+    chart_snapshot *snapshots;
+    size_t snapshot_count;
+} chart_run;
+
+/* A run to some quality with one more move of the schedule than the run before it in the list. */
+typedef struct chart_move {
+    char name[CHART_TEXT];
+    double seconds, steps, psnr;
+} chart_move;
+
+typedef struct chart_ablation {
+    char name[CHART_TEXT]; /* of its file, without folder and ending */
+    chart_move *moves;
+    size_t count;
+} chart_ablation;
+
+typedef struct chart_input {
+    sf_context *ctx;
+    chart_run *runs;
+    size_t run_count, run_room;
+    chart_ablation *ablations;
+    size_t ablation_count, ablation_room;
+} chart_input;
+
+/* read.c: adds a file: the log of a fit, or an ablation (a list of objects). SF_ERR_IO, SF_ERR_FORMAT: with
+ * file and field; the input is as it was. */
+sf_status chart_read(chart_input *input, const char *path);
+void chart_free(chart_input *input);
+
+/* curve.c: what the runs of one label and scene do together. */
+typedef struct chart_sample {
+    double seconds, gaussians; /* mean of the runs */
+    double mean, least, most;  /* of the quality */
+} chart_sample;
+
+typedef struct chart_curve {
+    const char *label;
+    size_t style; /* index of the label among all labels */
+    size_t runs;
+    chart_sample *samples;
+    size_t count;
+} chart_curve;
+
+/* The runs of one scene: those of the input with the scene and the size of `first`. */
+typedef struct chart_scene {
+    const chart_input *input;
+    const chart_run *first;
+    chart_curve *curves[CHART_METRICS]; /* one a label, in the order of the input */
+    size_t count;
+} chart_scene;
+
+int chart_same_scene(const chart_run *a, const chart_run *b);
+/* Whether no run before it is of its scene. */
+int chart_opens_scene(const chart_input *input, size_t run);
+sf_status chart_scene_make(const chart_input *input, const chart_run *first, chart_scene *scene);
+void chart_scene_free(chart_scene *scene);
+
+/* The best quality of any curve, and when a curve first has as much as `target` (negative: never). */
+double chart_best(const chart_scene *scene, chart_metric metric);
+double chart_time_to(const chart_curve *curve, double target);
+
+/* peers.c: other programs on the same pictures, measured once. */
+typedef struct chart_peer {
+    const char *scene;
+    int width, height;
+    const char *name;   /* program, version, settings */
+    const char *source; /* where and by whom */
+    struct {
+        double seconds, psnr;
+    } points[8]; /* ended by 0 s */
+} chart_peer;
+
+/* Peer `index` of those measured on a scene; NULL past the last. */
+const chart_peer *chart_peer_of(const chart_run *scene, size_t index);
+
+/* draw.c: one picture each, as an element svg. */
+sf_status chart_draw_quality(const chart_scene *scene, chart_metric metric, sf_writer *out);
+void chart_draw_times(const chart_scene *scene, sf_writer *out);
+void chart_draw_moves(const chart_ablation *ablation, sf_writer *out);
+
+/* page.c: index.html and each of its charts as an .svg of its own, in a folder that exists. */
+sf_status chart_write_page(const chart_input *input, const char *folder);
+
+#endif

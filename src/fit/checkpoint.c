@@ -1,0 +1,696 @@
+/* checkpoint.c - everything that a fit is between two steps, to a file and back.
+ *
+ * A fit that goes on from a checkpoint makes the same bytes as one that was never interrupted. What a step
+ * reads and does not make anew must therefore be here: a new array of the fitter needs one line in
+ * `put_state` and one in `take_state`.
+ */
+#include "fitter.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "../base/clock.h"
+#include "../io/sections.h"
+
+static const sf_sections_kind checkpoint_kind = {
+    .magic = "SPLATFIT", .version = 1, .text = "a checkpoint of splatfit"};
+
+/* The options that a run may be gone on with differently. */
+static const char *const free_options[] = {"steps", "time_limit", "memory"};
+
+enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUES = 16, VIEW_VALUES = 3 };
+
+/* Scalars of the fitter, by kind. */
+#define STATE_INTEGERS(F)                                                                                    \
+    F(step)                                                                                                  \
+    F(level)                                                                                                 \
+    F(sh_degree)                                                                                             \
+    F(skipped_values)                                                                                        \
+    F(gone_on)                                                                                               \
+    F(first_count)                                                                                           \
+    F(growth_ended)                                                                                          \
+    F(order_at)                                                                                              \
+    F(following)                                                                                             \
+    F(plan_lost)                                                                                             \
+    F(ended)
+#define STATE_REALS(F)                                                                                       \
+    F(extent)                                                                                                \
+    F(near_plane)                                                                                            \
+    F(steps_per_second)                                                                                      \
+    F(best_fraction)                                                                                         \
+    F(next_validation)                                                                                       \
+    F(settle_from)
+
+#define COUNT_ONE(name) +1
+enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };
+#undef COUNT_ONE
+
+/* Arrays of all fields, under `prefix`. */
+
+typedef struct field_name {
+    char text[SF_SECTION_NAME];
+} field_name;
+
+static field_name name_of(const char *prefix, int field) {
+#define NAME(name, components) #name,
+    static const char *const names[] = {SF_FIELDS(NAME)};
+#undef NAME
+    field_name n;
+    snprintf(n.text, sizeof n.text, "%s.%s", prefix, names[field]);
+    return n;
+}
+
+/* Whole blocks: the lanes behind the last Gaussian come back as they were. */
+static size_t field_size(size_t count, int field) {
+    return sf_blocks(count) * SF_LANES * (size_t)sf_field_components(field);
+}
+
+static void put_params(sf_sections_out *out, const char *prefix, const sf_params *params, size_t count) {
+    for (int i = 0; i < SF_FIELD_COUNT; i++)
+        if (params->field[i])
+            sf_sections_put(out, name_of(prefix, i).text, params->field[i], field_size(count, i),
+                            sizeof(float));
+}
+
+static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_params *params, size_t count) {
+    sf_status status = SF_OK;
+    for (int i = 0; i < SF_FIELD_COUNT && !status; i++)
+        if (params->field[i])
+            status = sf_sections_take(in, name_of(prefix, i).text, params->field[i], field_size(count, i),
+                                      sizeof(float));
+    return status;
+}
+
+static sf_status bad(const sf_sections_in *in, const char *section, const char *what) {
+    return sf_fail(in->ctx, SF_ERR_FORMAT, "%s: section %s: %s", in->path, section, what);
+}
+
+/* Options, a line each. */
+
+static sf_status put_options(sf_sections_out *out, const sf_fitter *f) {
+    char *text = sf_alloc(f->ctx, MOST_TEXT, 1), value[OPTION_TEXT];
+    if (!text) return SF_ERR_MEMORY;
+    size_t used = 0;
+    sf_option_info info;
+    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
+        sf_fit_options_get(&f->options, info.name, value, sizeof value);
+        used += (size_t)snprintf(text + used, MOST_TEXT - used, "%s %s\n", info.name, value);
+    }
+    sf_sections_put(out, "options", text, used, 1);
+    sf_free(f->ctx, text);
+    return SF_OK;
+}
+
+/* The line at *at, which loses its newline, must be `info`'s. */
+static sf_status take_option(sf_sections_in *in, const sf_option_info *info, char **at,
+                             sf_fit_options *options) {
+    char *line = *at, *end = strchr(line, '\n'), *space = strchr(line, ' '), what[256];
+    if (!end || !space || space > end) {
+        snprintf(what, sizeof what, "%s is missing", info->name);
+        return bad(in, "options", what);
+    }
+    *end = *space = 0;
+    *at = end + 1;
+    if (strcmp(line, info->name)) {
+        snprintf(what, sizeof what, "%.64s stands where %s is expected", line, info->name);
+        return bad(in, "options", what);
+    }
+    if (!sf_fit_options_set(in->ctx, options, info->name, space + 1)) return SF_OK;
+    snprintf(what, sizeof what, "%.200s", sf_last_error(in->ctx));
+    return bad(in, "options", what);
+}
+
+static sf_status take_options(sf_sections_in *in, sf_fit_options *options) {
+    char text[MOST_TEXT + 1], *at = text;
+    uint64_t size;
+    sf_status status = sf_sections_count(in, "options", 1, &size);
+    if (!status && size > MOST_TEXT) status = bad(in, "options", "is too long");
+    if (!status) status = sf_sections_take(in, "options", text, (size_t)size, 1);
+    if (status) return status;
+    text[size] = 0;
+    *options = sf_fit_options_default();
+    sf_option_info info;
+    for (size_t i = 0; !status && !sf_fit_option_info(i, &info); i++)
+        status = take_option(in, &info, &at, options);
+    if (!status && *at) status = bad(in, "options", "holds more than this program knows");
+    return status;
+}
+
+static int is_free(const char *name) {
+    for (size_t i = 0; i < sizeof free_options / sizeof *free_options; i++)
+        if (!strcmp(free_options[i], name)) return 1;
+    return 0;
+}
+
+static sf_status check_options(const sf_sections_in *in, const sf_fit_options *kept,
+                               const sf_fit_options *asked) {
+    sf_option_info info;
+    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
+        char was[OPTION_TEXT], is[OPTION_TEXT];
+        sf_fit_options_get(kept, info.name, was, sizeof was);
+        sf_fit_options_get(asked, info.name, is, sizeof is);
+        if (strcmp(was, is) && !is_free(info.name))
+            return sf_fail(in->ctx, SF_ERR_ARGUMENT, "%s: %s: the run has %s and cannot go on with %s",
+                           in->path, info.name, was, is);
+    }
+    return SF_OK;
+}
+
+/* The scene: views are known again by name, split, camera and picture. */
+
+typedef struct view_table {
+    size_t count;
+    char *names; /* each followed by a 0 */
+    size_t name_bytes;
+    int32_t *values;    /* [count][VIEW_VALUES] split, width, height */
+    double *cameras;    /* [count][CAMERA_VALUES] */
+    uint64_t *pictures; /* [count] hashes */
+} view_table;
+
+static void free_table(sf_context *ctx, view_table *t) {
+    sf_free(ctx, t->names);
+    sf_free(ctx, t->values);
+    sf_free(ctx, t->cameras);
+    sf_free(ctx, t->pictures);
+    *t = (view_table){0};
+}
+
+static void describe(sf_view *view, int32_t *values, double *camera, uint64_t *picture) {
+    const sf_camera *c = &view->camera;
+    const double lens[] = {c->fx, c->fy, c->cx, c->cy};
+    values[0] = (int32_t)view->split, values[1] = c->width, values[2] = c->height;
+    memcpy(camera, lens, sizeof lens);
+    memcpy(camera + 4, c->R_cw, sizeof c->R_cw);
+    memcpy(camera + 13, c->t_cw, sizeof c->t_cw);
+    *picture = sf_view_hash(view);
+}
+
+static sf_status make_table(sf_context *ctx, sf_view *const *views, size_t count, view_table *t) {
+    *t = (view_table){.count = count};
+    for (size_t i = 0; i < count; i++) t->name_bytes += strlen(views[i]->name) + 1;
+    t->names = sf_alloc(ctx, t->name_bytes, 1);
+    t->values = sf_alloc(ctx, count, VIEW_VALUES * sizeof *t->values);
+    t->cameras = sf_alloc(ctx, count, CAMERA_VALUES * sizeof *t->cameras);
+    t->pictures = sf_alloc(ctx, count, sizeof *t->pictures);
+    if (!t->names || !t->values || !t->cameras || !t->pictures) {
+        free_table(ctx, t);
+        return SF_ERR_MEMORY;
+    }
+    char *at = t->names;
+    for (size_t i = 0; i < count; i++) {
+        size_t size = strlen(views[i]->name) + 1;
+        memcpy(at, views[i]->name, size);
+        at += size;
+        describe(views[i], t->values + VIEW_VALUES * i, t->cameras + CAMERA_VALUES * i, t->pictures + i);
+    }
+    return SF_OK;
+}
+
+/* Views are named by their place in the scene; one that has left has none. */
+static uint32_t place_of(sf_view *const *views, size_t count, uint32_t id) {
+    size_t place = 0;
+    while (place < count && views[place]->id != id) place++;
+    return place < count ? (uint32_t)place : UINT32_MAX;
+}
+
+static void put_order(sf_sections_out *out, const sf_fitter *f, sf_view *const *views, size_t count,
+                      uint32_t *places) {
+    for (size_t i = 0; i < f->order_count; i++) places[i] = place_of(views, count, f->order[i]);
+    sf_sections_put(out, "order", places, f->order_count, sizeof *places);
+}
+
+static sf_status put_scene(sf_sections_out *out, const sf_fitter *f) {
+    sf_view **views;
+    size_t count;
+    view_table t;
+    sf_status status = sf_scene_retain_all(f->scene, &views, &count);
+    if (status) return status;
+    uint32_t *places = sf_alloc(f->ctx, f->order_count, sizeof *places);
+    status = places ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
+    if (!status) {
+        sf_sections_put(out, "views.names", t.names, t.name_bytes, 1);
+        sf_sections_put(out, "views.sizes", t.values, VIEW_VALUES * count, sizeof *t.values);
+        sf_sections_put(out, "views.cameras", t.cameras, CAMERA_VALUES * count, sizeof *t.cameras);
+        sf_sections_put(out, "views.pictures", t.pictures, count, sizeof *t.pictures);
+        put_order(out, f, views, count, places);
+        free_table(f->ctx, &t);
+    }
+    sf_free(f->ctx, places);
+    sf_scene_release_all(f->scene, views, count);
+    return status;
+}
+
+static sf_status take_table(sf_sections_in *in, view_table *t) {
+    *t = (view_table){0};
+    size_t n;
+    sf_status status = sf_sections_take_new(in, "views.pictures", &t->pictures, &t->count, INT32_MAX / 2,
+                                            sizeof *t->pictures);
+    if (!status) status = sf_sections_take_new(in, "views.names", &t->names, &t->name_bytes, MOST_NAMES, 1);
+    if (!status)
+        status = sf_sections_take_new(in, "views.sizes", &t->values, &n, VIEW_VALUES * t->count,
+                                      sizeof *t->values);
+    if (!status && n != VIEW_VALUES * t->count) status = bad(in, "views.sizes", "is too short");
+    if (!status)
+        status = sf_sections_take_new(in, "views.cameras", &t->cameras, &n, CAMERA_VALUES * t->count,
+                                      sizeof *t->cameras);
+    if (!status && n != CAMERA_VALUES * t->count) status = bad(in, "views.cameras", "is too short");
+    if (!status && t->name_bytes && t->names[t->name_bytes - 1])
+        status = bad(in, "views.names", "has no end");
+    if (status) free_table(in->ctx, t);
+    return status;
+}
+
+static sf_status other_scene(const sf_sections_in *in, const char *name, const char *what) {
+    return sf_fail(in->ctx, SF_ERR_ARGUMENT, "%s: is of another scene: view %s: %s", in->path, name, what);
+}
+
+static const char *split_text(int32_t split) { return split == SF_SPLIT_TEST ? "held out" : "for training"; }
+
+/* View i of the scene against that of the checkpoint, whose name is `name`. */
+static sf_status compare_view(const sf_sections_in *in, const view_table *t, size_t i, const char *name,
+                              sf_view *view) {
+    int32_t values[VIEW_VALUES];
+    double camera[CAMERA_VALUES];
+    uint64_t picture;
+    char what[128];
+    const int32_t *was = t->values + VIEW_VALUES * i;
+    describe(view, values, camera, &picture);
+    if (strcmp(name, view->name)) {
+        snprintf(what, sizeof what, "the checkpoint has %.80s in its place", name);
+    } else if (values[1] != was[1] || values[2] != was[2]) {
+        snprintf(what, sizeof what, "size: %dx%d, in the checkpoint %dx%d", (int)values[1], (int)values[2],
+                 (int)was[1], (int)was[2]);
+    } else if (values[0] != was[0]) {
+        snprintf(what, sizeof what, "is %s, in the checkpoint %s", split_text(values[0]), split_text(was[0]));
+    } else if (memcmp(camera, t->cameras + CAMERA_VALUES * i, sizeof camera)) {
+        snprintf(what, sizeof what, "its camera differs from the checkpoint's");
+    } else if (picture != t->pictures[i]) {
+        snprintf(what, sizeof what, "its picture differs from the checkpoint's");
+    } else {
+        return SF_OK;
+    }
+    return other_scene(in, view->name, what);
+}
+
+static sf_status compare_scene(const sf_sections_in *in, const view_table *t, sf_view *const *views,
+                               size_t count) {
+    const char *name = t->names, *end = t->names + t->name_bytes;
+    if (count != t->count)
+        return sf_fail(in->ctx, SF_ERR_ARGUMENT, "%s: is of another scene: views: %zu, in the checkpoint %zu",
+                       in->path, count, t->count);
+    for (size_t i = 0; i < count; i++) {
+        if (name >= end) return bad(in, "views.names", "is too short");
+        sf_status status = compare_view(in, t, i, name, views[i]);
+        if (status) return status;
+        name += strlen(name) + 1;
+    }
+    return SF_OK;
+}
+
+/* Places back to ids; no view has the id 0. */
+static sf_status take_order(sf_sections_in *in, sf_fitter *f, sf_view *const *views, size_t count) {
+    sf_status status =
+        sf_sections_take_new(in, "order", &f->order, &f->order_count, INT32_MAX, sizeof *f->order);
+    for (size_t i = 0; i < f->order_count && !status; i++) {
+        uint32_t place = f->order[i];
+        if (place != UINT32_MAX && place >= count)
+            status = bad(in, "order", "names a view that is none");
+        else
+            f->order[i] = place == UINT32_MAX ? 0 : views[place]->id;
+    }
+    return status;
+}
+
+static sf_status take_scene(sf_sections_in *in, sf_fitter *f) {
+    sf_view **views;
+    size_t count;
+    view_table t;
+    sf_status status = sf_scene_retain_all(f->scene, &views, &count);
+    if (status) return status;
+    status = take_table(in, &t);
+    if (!status) {
+        status = compare_scene(in, &t, views, count);
+        free_table(f->ctx, &t);
+    }
+    if (!status) status = take_order(in, f, views, count);
+    sf_scene_release_all(f->scene, views, count);
+    return status;
+}
+
+/* What was learned of each view: a row of numbers each, views named by their place in the scene. */
+
+/* Numbers and arrays of numbers of a view's state and of a lens. */
+#define LEARNED_OF_VIEW(F)                                                                                   \
+    F(log_gain)                                                                                              \
+    F(bias)                                                                                                  \
+    F(exposure.m)                                                                                            \
+    F(exposure.v)                                                                                            \
+    F(R_cw)                                                                                                  \
+    F(t_cw)                                                                                                  \
+    F(pose.m)                                                                                                \
+    F(pose.v)                                                                                                \
+    F(depth)                                                                                                 \
+    F(turned_deg)                                                                                            \
+    F(moved_depths)
+#define LEARNED_OF_LENS(F) F(fx) F(fy) F(cx) F(cy) F(log_focal) F(focal.m) F(focal.v)
+enum { VIEW_INTEGERS = 4, LENS_INTEGERS = 3 };
+#define ROW_OF(name)      +sizeof(((const sf_view_state *)NULL)->name) / sizeof(double)
+#define ROW_OF_LENS(name) +sizeof(((const sf_lens *)NULL)->name) / sizeof(double)
+enum {
+    VIEW_ROW = VIEW_INTEGERS LEARNED_OF_VIEW(ROW_OF),
+    LENS_ROW = LENS_INTEGERS LEARNED_OF_LENS(ROW_OF_LENS)
+};
+#undef ROW_OF
+#undef ROW_OF_LENS
+
+static void pack_view(const sf_view_state *s, double *row) {
+    const double integers[VIEW_INTEGERS] = {(double)s->lens, s->held, (double)s->exposure.steps,
+                                            (double)s->pose.steps};
+    memcpy(row, integers, sizeof integers);
+    row += VIEW_INTEGERS;
+#define PACK(name) memcpy(row, &s->name, sizeof s->name), row += sizeof s->name / sizeof *row;
+    LEARNED_OF_VIEW(PACK)
+}
+
+static void unpack_view(const double *row, sf_view_state *s) {
+    s->lens = (size_t)row[0], s->held = row[1] != 0;
+    s->exposure.steps = (int64_t)row[2], s->pose.steps = (int64_t)row[3];
+    row += VIEW_INTEGERS;
+#define UNPACK(name) memcpy(&s->name, row, sizeof s->name), row += sizeof s->name / sizeof *row;
+    LEARNED_OF_VIEW(UNPACK)
+}
+
+static void pack_lens(const sf_lens *s, double *row) {
+    const double integers[LENS_INTEGERS] = {s->width, s->height, (double)s->focal.steps};
+    memcpy(row, integers, sizeof integers);
+    row += LENS_INTEGERS;
+    LEARNED_OF_LENS(PACK)
+}
+
+static void unpack_lens(const double *row, sf_lens *s) {
+    s->width = (int32_t)row[0], s->height = (int32_t)row[1], s->focal.steps = (int64_t)row[2];
+    row += LENS_INTEGERS;
+    LEARNED_OF_LENS(UNPACK)
+}
+#undef PACK
+#undef UNPACK
+
+static sf_status put_learned(sf_sections_out *out, const sf_fitter *f) {
+    const sf_view_states *v = &f->views;
+    if (!v->count) return SF_OK;
+    double *rows = sf_alloc(f->ctx, v->count, VIEW_ROW * sizeof *rows);
+    double *lenses = sf_alloc(f->ctx, v->lens_count, LENS_ROW * sizeof *lenses);
+    uint32_t *places = sf_alloc(f->ctx, v->count, sizeof *places);
+    sf_view **views = NULL;
+    size_t count = 0;
+    sf_status status =
+        rows && lenses && places ? sf_scene_retain_all(f->scene, &views, &count) : SF_ERR_MEMORY;
+    if (!status) {
+        for (size_t i = 0; i < v->count; i++) {
+            places[i] = place_of(views, count, v->states[i].id);
+            pack_view(&v->states[i], rows + VIEW_ROW * i);
+        }
+        for (size_t i = 0; i < v->lens_count; i++) pack_lens(&v->lenses[i], lenses + LENS_ROW * i);
+        sf_sections_put(out, "learned.places", places, v->count, sizeof *places);
+        sf_sections_put(out, "learned.views", rows, VIEW_ROW * v->count, sizeof *rows);
+        sf_sections_put(out, "learned.lenses", lenses, LENS_ROW * v->lens_count, sizeof *lenses);
+        sf_scene_release_all(f->scene, views, count);
+    }
+    sf_free(f->ctx, rows);
+    sf_free(f->ctx, lenses);
+    sf_free(f->ctx, places);
+    return status;
+}
+
+/* States from rows; a view that has left has left its state too. */
+static sf_status take_states(const sf_sections_in *in, sf_fitter *f, const uint32_t *places,
+                             const double *rows, size_t n, sf_view *const *views, size_t count) {
+    sf_view_states *v = &f->views;
+    sf_status status = sf_grow(f->ctx, &v->states, &v->capacity, 0, n, sizeof *v->states);
+    if (!status) status = sf_grow(f->ctx, &v->scratch, &v->scratch_capacity, 0, n, sizeof *v->scratch);
+    for (size_t i = 0; i < n && !status; i++) {
+        const double *row = rows + VIEW_ROW * i;
+        if (places[i] == UINT32_MAX) continue;
+        for (size_t k = 0; k < VIEW_ROW; k++)
+            if (!isfinite(row[k])) return bad(in, "learned.views", "holds a value that is not finite");
+        if (places[i] >= count || !(row[0] >= 0 && row[0] < (double)v->lens_count))
+            return bad(in, "learned.views", "names a view or a lens that is none");
+        sf_view_state *s = &v->states[v->count++];
+        *s = (sf_view_state){.id = views[places[i]]->id, .given = views[places[i]]->camera};
+        unpack_view(row, s);
+    }
+    return status;
+}
+
+static sf_status take_lenses(sf_sections_in *in, sf_fitter *f) {
+    sf_view_states *v = &f->views;
+    double *rows = NULL;
+    size_t n = 0;
+    sf_status status = sf_sections_take_new(in, "learned.lenses", &rows, &n, INT32_MAX, sizeof *rows);
+    if (status) return status;
+    for (size_t k = 0; k < n && !status; k++)
+        if (!isfinite(rows[k])) status = bad(in, "learned.lenses", "holds a value that is not finite");
+    if (!status && n % LENS_ROW) status = bad(in, "learned.lenses", "has another length");
+    if (!status) status = sf_grow(f->ctx, &v->lenses, &v->lens_capacity, 0, n / LENS_ROW, sizeof *v->lenses);
+    for (size_t i = 0; i < n / LENS_ROW && !status; i++) {
+        v->lenses[v->lens_count] = (sf_lens){0};
+        unpack_lens(rows + LENS_ROW * i, &v->lenses[v->lens_count++]);
+    }
+    sf_free(f->ctx, rows);
+    return status;
+}
+
+static sf_status take_learned(sf_sections_in *in, sf_fitter *f) {
+    uint64_t have;
+    if (sf_sections_count(in, "learned.places", sizeof(uint32_t), &have))
+        return SF_OK; /* nothing was learned */
+    uint32_t *places = NULL;
+    double *rows = NULL;
+    sf_view **views = NULL;
+    size_t n = 0, values = 0, count = 0;
+    sf_status status = take_lenses(in, f);
+    if (!status)
+        status = sf_sections_take_new(in, "learned.places", &places, &n, INT32_MAX / 128, sizeof *places);
+    if (!status)
+        status = sf_sections_take_new(in, "learned.views", &rows, &values, VIEW_ROW * n, sizeof *rows);
+    if (!status && values != VIEW_ROW * n) status = bad(in, "learned.views", "has another length");
+    if (!status) status = sf_scene_retain_all(f->scene, &views, &count);
+    if (!status) {
+        status = take_states(in, f, places, rows, n, views, count);
+        sf_scene_release_all(f->scene, views, count);
+    }
+    sf_free(f->ctx, places);
+    sf_free(f->ctx, rows);
+    return status;
+}
+
+/* The state. */
+
+static void put_text(sf_sections_out *out, const char *name, const char *text) {
+    sf_sections_put(out, name, text, strlen(text), 1);
+}
+
+static void put_state(sf_sections_out *out, const sf_fitter *f) {
+    const sf_model *m = f->model;
+#define VALUE(name) (int64_t) f->name,
+    const int64_t integers[] = {STATE_INTEGERS(VALUE)};
+#undef VALUE
+#define VALUE(name) (double)f->name,
+    const double reals[] = {STATE_REALS(VALUE)};
+#undef VALUE
+    const int64_t model[] = {(int64_t)m->count, m->sh_degree, m->antialiased};
+    const double seconds = sf_clock() - f->start;
+    sf_sections_put(out, "integers", integers, INTEGERS, sizeof *integers);
+    sf_sections_put(out, "reals", reals, REALS, sizeof *reals);
+    sf_sections_put(out, "seconds", &seconds, 1, sizeof seconds);
+    sf_sections_put(out, "rng", f->rng.s, 4, sizeof *f->rng.s);
+    sf_sections_put(out, "background", f->background, 3, sizeof *f->background);
+    sf_sections_put(out, "background.m", f->background_m, 3, sizeof *f->background_m);
+    sf_sections_put(out, "background.v", f->background_v, 3, sizeof *f->background_v);
+    sf_sections_put(out, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
+    sf_sections_put(out, "plan", f->plan, f->plan_count, sizeof *f->plan);
+    sf_sections_put(out, "model", model, 3, sizeof *model);
+    put_params(out, "model", &m->params, m->count);
+    put_params(out, "m", &f->m, m->count);
+    put_params(out, "v", &f->v, m->count);
+    sf_sections_put(out, "screen.sum", f->screen_sum, m->count, sizeof *f->screen_sum);
+    sf_sections_put(out, "screen.seen", f->screen_seen, m->count, sizeof *f->screen_seen);
+    const int64_t best = f->best ? (int64_t)f->best->count : -1;
+    const double psnr[] = {f->validation_psnr, f->best_psnr}; /* NAN before the first validation */
+    sf_sections_put(out, "best", &best, 1, sizeof best);
+    sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
+    if (f->best) put_params(out, "best", &f->best->params, f->best->count);
+}
+
+static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
+    int64_t integers[INTEGERS], *at = integers;
+    sf_status status = sf_sections_take(in, "integers", integers, INTEGERS, sizeof *integers);
+    for (int i = 0; i < INTEGERS && !status; i++)
+        if (integers[i] < 0) status = bad(in, "integers", "one is below 0");
+    if (status) return status;
+#define VALUE(name) f->name = *at++;
+    STATE_INTEGERS(VALUE)
+#undef VALUE
+    if (f->order_at > f->order_count) return bad(in, "integers", "order_at lies behind the order");
+    return SF_OK;
+}
+
+static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
+    double reals[REALS], *at = reals, seconds;
+    sf_status status = sf_sections_take(in, "reals", reals, REALS, sizeof *reals);
+    for (int i = 0; i < REALS && !status; i++)
+        if (!(isfinite(reals[i]) && reals[i] >= 0)) status = bad(in, "reals", "one is not a number above 0");
+    if (!status) status = sf_sections_take(in, "seconds", &seconds, 1, sizeof seconds);
+    if (!status && !(isfinite(seconds) && seconds >= 0)) status = bad(in, "seconds", "is not a time");
+    if (status) return status;
+#define VALUE(name) f->name = *at++;
+    STATE_REALS(VALUE)
+#undef VALUE
+    f->rate_time = sf_clock();
+    f->rate_step = f->step;
+    f->start = f->rate_time - seconds;
+    return SF_OK;
+}
+
+static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
+    sf_status status = sf_sections_take_new(in, "plan", &f->plan, &f->plan_count, INT32_MAX, sizeof *f->plan);
+    if (status) return status;
+    f->plan_capacity = f->plan_count;
+    return sf_plan_check(f->ctx, f->plan, f->plan_count) ? bad(in, "plan", "times do not rise") : SF_OK;
+}
+
+/* The number is believed only where the file is long enough for it. */
+static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
+    int64_t model[3];
+    uint64_t have;
+    sf_status status = sf_sections_take(in, "model", model, 3, sizeof *model);
+    if (status) return status;
+    if (model[0] < 0 || model[0] > f->options.max_gaussians || model[1] < 0 || model[1] > SF_MAX_SH_DEGREE)
+        return bad(in, "model", "the number of Gaussians or the degree is out of range");
+    size_t count = (size_t)model[0];
+    status = sf_sections_count(in, name_of("model", SF_FIELD_mean).text, sizeof(float), &have);
+    if (!status && have != field_size(count, SF_FIELD_mean))
+        status = bad(in, name_of("model", SF_FIELD_mean).text, "is not of the model's length");
+    if (!status) status = sf_fitter_plan_memory(f, (size_t)f->options.max_gaussians, (int)model[1]);
+    if (!status) status = sf_model_create_room(f->ctx, count, (int)model[1], &f->model);
+    if (status) return status;
+    f->model->antialiased = model[2] != 0;
+    size_t most = sf_planned_count(f, 1);
+    status = sf_fitter_room(f, most > count ? most : count);
+    if (status) return status;
+    f->model->count = count;
+    status = take_params(in, "model", &f->model->params, count);
+    if (!status) status = take_params(in, "m", &f->m, count);
+    if (!status) status = take_params(in, "v", &f->v, count);
+    if (!status) status = sf_sections_take(in, "screen.sum", f->screen_sum, count, sizeof *f->screen_sum);
+    if (!status) status = sf_sections_take(in, "screen.seen", f->screen_seen, count, sizeof *f->screen_seen);
+    return status;
+}
+
+/* The best model so far, if the run validates. */
+static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
+    int64_t count;
+    double psnr[2];
+    uint64_t have;
+    sf_status status = sf_sections_take(in, "validation", psnr, 2, sizeof *psnr);
+    if (!status) status = sf_sections_take(in, "best", &count, 1, sizeof count);
+    if (status) return status;
+    f->validation_psnr = psnr[0], f->best_psnr = psnr[1];
+    if (count < 0) return SF_OK;
+    status = sf_sections_count(in, name_of("best", SF_FIELD_mean).text, sizeof(float), &have);
+    if (status) return status;
+    if (count > (int64_t)f->capacity || have != field_size((size_t)count, SF_FIELD_mean))
+        return bad(in, "best", "is not of a model's length");
+    status = sf_model_create_room(f->ctx, f->capacity, f->model->sh_degree, &f->best);
+    if (status) return status;
+    f->best->antialiased = f->model->antialiased;
+    f->best->count = (size_t)count;
+    return take_params(in, "best", &f->best->params, (size_t)count);
+}
+
+static sf_status take_state(sf_sections_in *in, sf_fitter *f) {
+    sf_status status = take_integers(in, f);
+    if (!status) status = take_reals(in, f);
+    if (!status) status = sf_sections_take(in, "rng", f->rng.s, 4, sizeof *f->rng.s);
+    if (!status) status = sf_sections_take(in, "background", f->background, 3, sizeof *f->background);
+    if (!status) status = sf_sections_take(in, "background.m", f->background_m, 3, sizeof *f->background_m);
+    if (!status) status = sf_sections_take(in, "background.v", f->background_v, 3, sizeof *f->background_v);
+    if (!status) status = sf_sections_take(in, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
+    if (!status) status = take_plan(in, f);
+    if (!status) status = take_model(in, f);
+    if (!status) status = take_best(in, f);
+    if (!status) status = take_learned(in, f);
+    return status;
+}
+
+/* Other kernels or another program go on with the run, but not to the same bytes. */
+static sf_status check_origin(sf_sections_in *in) {
+    const char *names[] = {"program", "isa"}, *mine[] = {sf_version(), sf_context_isa(in->ctx)};
+    for (int i = 0; i < 2; i++) {
+        char text[64];
+        uint64_t size;
+        sf_status status = sf_sections_count(in, names[i], 1, &size);
+        if (!status && size >= sizeof text) status = bad(in, names[i], "is too long");
+        if (!status) status = sf_sections_take(in, names[i], text, (size_t)size, 1);
+        if (status) return status;
+        text[size] = 0;
+        if (strcmp(text, mine[i]))
+            sf_log(in->ctx, SF_LOG_WARNING,
+                   "%s: %s: written by %s, gone on from by %s: results may differ in rounding", in->path,
+                   names[i], text, mine[i]);
+    }
+    return SF_OK;
+}
+
+sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
+    sf_sections_out out;
+    sf_status status = sf_sections_create(&out, f->ctx, path, &checkpoint_kind);
+    if (status) return status;
+    put_text(&out, "program", sf_version());
+    put_text(&out, "isa", sf_context_isa(f->ctx));
+    status = put_options(&out, f);
+    if (!status) status = put_scene(&out, f);
+    if (!status) status = put_learned(&out, f);
+    if (status) {
+        sf_writer_abandon(&out.writer);
+        return status;
+    }
+    put_state(&out, f);
+    return sf_sections_commit(&out);
+}
+
+sf_status sf_checkpoint_options(sf_context *ctx, const char *path, sf_fit_options *options) {
+    sf_sections_in in;
+    sf_fit_options read;
+    sf_status status = sf_sections_open(&in, ctx, path, &checkpoint_kind);
+    if (status) return status;
+    status = take_options(&in, &read);
+    sf_sections_close(&in);
+    if (!status) *options = read;
+    return status;
+}
+
+static sf_status restore(sf_sections_in *in, sf_scene *scene, const sf_fit_options *asked, sf_fitter **f) {
+    sf_fit_options options;
+    sf_status status = take_options(in, &options);
+    if (!status && asked) status = check_options(in, &options, asked);
+    if (!status) status = sf_fitter_create_empty(in->ctx, scene, asked ? asked : &options, f);
+    if (!status) status = take_scene(in, *f);
+    if (!status) status = check_origin(in);
+    if (!status) status = take_state(in, *f);
+    return status ? status : sf_sections_all_taken(in);
+}
+
+sf_status sf_fitter_load(sf_context *ctx, sf_scene *scene, const char *path, const sf_fit_options *options,
+                         sf_fitter **fitter) {
+    sf_sections_in in;
+    *fitter = NULL;
+    sf_status status = sf_sections_open(&in, ctx, path, &checkpoint_kind);
+    if (status) return status;
+    status = restore(&in, scene, options, fitter);
+    sf_sections_close(&in);
+    if (status) sf_fitter_destroy(fitter);
+    return status;
+}

@@ -1,0 +1,146 @@
+/* memory.c - what a fit takes, before it takes it.
+ *
+ * All but the tile lists follows from sizes. How many tiles a Gaussian touches is the scene's: MEAN_TILES is
+ * what fits reach that have grown to their cap, and TILE_LAYERS what a picture's tiles hold even of few and
+ * large Gaussians; both on the side of more.
+ */
+#include "fitter.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/memory.h"
+#include "../base/pool.h"
+
+enum {
+    PLANES = 9, /* floats a pixel that a picture takes: colour, its gradient, transmittance, depth, last */
+    LOSS_PLANES = 4, /* and its loss: target and weight */
+    SHOWN_PLANES = 7 /* and whoever evaluates it: the picture, its weight, the render */
+};
+
+/* Entries and strips (a Gaussian's tiles and rows of tiles). */
+#define MEAN_TILES  4.5
+#define MEAN_STRIPS 2.5
+#define TILE_LAYERS 40.0
+#define LAYER_ROWS  0.5 /* strips an entry, of those */
+/* What the allocator holds beside what it was asked for: little of arrays that are made once, more of those
+ * that grow, come and go. */
+#define ARRAY_SLACK 1.05
+#define LIST_SLACK  1.15
+#define PLANE_SLACK 1.25
+
+/* The bill is on the side of more, and a process that goes on from a checkpoint has a little more resident
+ * than the one that chose the cap: what must fit may be over the budget by this. */
+#define OVERDRAFT 1.1
+
+static const double mega = 1048576.0;
+
+static size_t values_of(int sh_degree) {
+    size_t values = 0;
+    for (int i = 0; i < SF_FIELD_COUNT; i++)
+        if (sf_field_stored(i, sh_degree)) values += (size_t)sf_field_components(i);
+    return values;
+}
+
+/* Pixels of the largest view, and tiles. */
+static double largest_picture(sf_scene *scene, double *stride) {
+    double most = 0;
+    *stride = 0;
+    pthread_mutex_lock(&scene->lock);
+    for (size_t i = 0; i < scene->view_count; i++) {
+        const sf_camera *c = &scene->views[i]->camera;
+        double width = ceil((double)c->width / SF_TILE) * SF_TILE;
+        most = fmax(most, width * ceil((double)c->height / SF_TILE) * SF_TILE);
+        *stride = fmax(*stride, width);
+    }
+    pthread_mutex_unlock(&scene->lock);
+    return most;
+}
+
+/* Bytes that grow with the number of Gaussians, of one; and the others. */
+typedef struct bill_rates {
+    double gaussians, lists, results;
+    double fixed_lists, planes, evaluation;
+} bill_rates;
+
+static bill_rates rates_of(sf_fitter *f, int sh_degree) {
+    const double entry = 2 * sizeof(uint32_t) + sizeof(uint64_t) + SF_SUMS * sizeof(float);
+    const double strip = sizeof(sf_span) + 2 * sizeof(sf_strip);
+    const double seen =
+        sizeof(sf_splat) + sizeof(uint8_t) + 2 * sizeof(uint16_t) + 3 * sizeof(uint32_t) + 2 * sizeof(float);
+    double stride, pixels = largest_picture(f->scene, &stride);
+    double threads = sf_pool_threads(f->ctx->pool), values = (double)values_of(sh_degree) * sizeof(float);
+    double scratch = threads * (double)sf_loss_scratch((size_t)stride) * sizeof(float);
+    double layers = TILE_LAYERS * pixels / SF_TILE_PIXELS;
+    int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
+    double pictures = pixels * planes * sizeof(float) + scratch;
+    double models = f->options.validate > 1 ? 4 : 3; /* itself, two moments, the best one so far */
+    return (bill_rates){.gaussians = models * values + sizeof *f->screen_sum + sizeof *f->screen_seen,
+                        .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
+                        .results = values,
+                        .fixed_lists = layers * (entry + LAYER_ROWS * strip),
+                        .planes = pictures,
+                        .evaluation = pictures + pixels * SHOWN_PLANES * sizeof(float)};
+}
+
+static void fill_in(sf_memory_bill *bill, const bill_rates *r, double count) {
+    bill->gaussians = (uint64_t)(ARRAY_SLACK * r->gaussians * count);
+    bill->lists = (uint64_t)(LIST_SLACK * (r->lists * count + r->fixed_lists));
+    bill->planes = (uint64_t)(PLANE_SLACK * r->planes);
+    bill->results = (uint64_t)fmax(ARRAY_SLACK * r->results * count, PLANE_SLACK * r->evaluation);
+    bill->total = bill->before + bill->gaussians + bill->lists + bill->planes + bill->results;
+}
+
+/* The greatest number whose bill is within the budget; the bill rises with the number. */
+static size_t most_within(const sf_memory_bill *bill, const bill_rates *r, size_t most) {
+    sf_memory_bill tried = *bill;
+    size_t least = 0;
+    while (least < most) {
+        size_t middle = least + (most - least + 1) / 2;
+        fill_in(&tried, r, (double)middle);
+        if (tried.total <= bill->budget)
+            least = middle;
+        else
+            most = middle - 1;
+    }
+    return least;
+}
+
+sf_status sf_fitter_plan_memory(sf_fitter *f, size_t least, int sh_degree) {
+    sf_memory_bill *bill = &f->bill;
+    bill_rates rates = rates_of(f, sh_degree);
+    size_t asked = (size_t)f->options.max_gaussians, most = asked;
+    bill->before = sf_memory_resident();
+    bill->budget = sf_memory_budget((uint64_t)f->options.memory);
+    if (bill->budget) most = most_within(bill, &rates, asked);
+    if (most < least) {
+        fill_in(bill, &rates, (double)least);
+        if ((double)bill->total <= OVERDRAFT * (double)bill->budget) most = least;
+    }
+    if (most < least)
+        return sf_fail(
+            f->ctx, SF_ERR_MEMORY,
+            "memory: %.0f MB are not enough: %zu Gaussians take about %.0f MB, %.0f of them for the "
+            "program and the pictures",
+            (double)bill->budget / mega, least, (double)bill->total / mega, (double)bill->before / mega);
+    fill_in(bill, &rates, (double)most);
+    if (most < asked) {
+        sf_log(f->ctx, SF_LOG_WARNING, "memory: max_gaussians lowered from %zu to %zu: %.0f MB hold no more",
+               asked, most, (double)bill->budget / mega);
+        f->options.max_gaussians = (int64_t)most;
+    }
+    return SF_OK;
+}
+
+void sf_fitter_watch_memory(sf_fitter *f) {
+    uint64_t resident = f->growth_ended || !f->bill.budget ? 0 : sf_memory_resident();
+    if (resident <= f->bill.budget) return;
+    f->growth_ended = 1;
+    sf_log(
+        f->ctx, SF_LOG_WARNING,
+        "memory: %.0f MB are in use, %.0f were allowed: the model stays at %zu Gaussians; the run cannot be "
+        "repeated to the byte",
+        (double)resident / mega, (double)f->bill.budget / mega, f->model->count);
+}
+
+void sf_fitter_get_memory(const sf_fitter *f, sf_memory_bill *bill) { *bill = f->bill; }

@@ -1,0 +1,73 @@
+/* plan.c - how far a run limited by time was at each of its steps: kept, so that it can be repeated. */
+#include "fitter.h"
+
+#include <string.h>
+
+#include "../base/clock.h"
+
+enum { LEAST_ROOM = 1 << 14 /* steps: further room is needed seldom */ };
+
+/* A step's time decides its learning rate and its level alike: it is cut to ticks before anything is made of
+ * it, so that ticks alone are enough to repeat it. */
+double sf_time_fraction(const sf_fitter *f) {
+    if (f->following) {
+        size_t step = (size_t)f->step;
+        return step < f->plan_count ? (double)f->plan[step] / SF_PLAN_TICKS : 1;
+    }
+    if (!(f->options.time_limit > 0)) return 0;
+    double part = (sf_clock() - f->start) / f->options.time_limit;
+    if (!(part < 1)) return 1;
+    return part > 0 ? (double)(uint32_t)(part * SF_PLAN_TICKS) / SF_PLAN_TICKS : 0;
+}
+
+/* Of `fraction` the part that is time's, for the step to come. */
+static void keep(sf_fitter *f, double fraction) {
+    size_t step = (size_t)f->step;
+    size_t need = step < LEAST_ROOM ? LEAST_ROOM : step + 1;
+    if (sf_grow(f->ctx, &f->plan, &f->plan_capacity, step, need, sizeof *f->plan)) {
+        f->plan_lost = 1;
+        sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the run goes on, but cannot be repeated");
+        return;
+    }
+    f->plan[step] = (uint32_t)(fraction * SF_PLAN_TICKS);
+    f->plan_count = step + 1;
+}
+
+double sf_next_fraction(sf_fitter *f) {
+    double time = sf_time_fraction(f);
+    if (f->options.time_limit > 0 && !f->following && !f->plan_lost && time < 1) {
+        if (f->plan_count < (size_t)f->step) /* the limit came after the first steps */
+            f->plan_lost = 1;
+        else
+            keep(f, time);
+    }
+    return sf_fraction_at(f, time);
+}
+
+sf_status sf_fitter_get_plan(const sf_fitter *f, uint32_t *ticks, size_t capacity, size_t *count) {
+    *count = 0;
+    if (f->plan_lost) return sf_fail(f->ctx, SF_ERR_MEMORY, "plan: the time of some step was not kept");
+    size_t all = f->plan_count < (size_t)f->step ? f->plan_count : (size_t)f->step;
+    *count = all;
+    if (ticks && all) memcpy(ticks, f->plan, (all < capacity ? all : capacity) * sizeof *ticks);
+    return SF_OK;
+}
+
+sf_status sf_plan_check(sf_context *ctx, const uint32_t *ticks, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (ticks[i] >= SF_PLAN_TICKS || (i && ticks[i] < ticks[i - 1]))
+            return sf_fail(ctx, SF_ERR_ARGUMENT, "plan: step %zu: %u is not in %u..%u", i, (unsigned)ticks[i],
+                           i ? (unsigned)ticks[i - 1] : 0, SF_PLAN_TICKS - 1);
+    return SF_OK;
+}
+
+sf_status sf_fitter_follow(sf_fitter *f, const uint32_t *ticks, size_t count) {
+    if (f->step) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "plan: the run has begun");
+    sf_status status = sf_plan_check(f->ctx, ticks, count);
+    if (!status) status = sf_grow(f->ctx, &f->plan, &f->plan_capacity, 0, count + 1, sizeof *f->plan);
+    if (status) return status;
+    if (count) memcpy(f->plan, ticks, count * sizeof *ticks);
+    f->plan_count = count;
+    f->following = 1;
+    return SF_OK;
+}

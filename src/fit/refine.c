@@ -1,0 +1,234 @@
+/* refine.c - corrections of poses and focal lengths. */
+#include "refine.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "adam.h"
+
+static const double pi = 3.141592653589793;
+
+/* 1. Two poses held */
+
+static double distance_between(const sf_camera *a, const sf_camera *b) {
+    double p[3], q[3], sum = 0;
+    sf_camera_center(a, p);
+    sf_camera_center(b, q);
+    for (int k = 0; k < 3; k++) sum += (p[k] - q[k]) * (p[k] - q[k]);
+    return sqrt(sum);
+}
+
+/* The view that is farthest from one, which it is not itself. */
+static sf_view_state *farthest(const sf_view_states *views, const sf_view_state *from) {
+    sf_view_state *best = NULL;
+    double most = -1;
+    for (size_t i = 0; i < views->count; i++) {
+        sf_view_state *view = &views->states[i];
+        double distance = view == from ? -1 : distance_between(&view->given, &from->given);
+        if (distance > most) best = view, most = distance;
+    }
+    return best;
+}
+
+void sf_hold_two(sf_view_states *views) {
+    sf_view_state *held[2] = {NULL, NULL};
+    int count = 0;
+    for (size_t i = 0; i < views->count && count < 2; i++)
+        if (views->states[i].held) held[count++] = &views->states[i];
+    if (!views->count || count == 2) return;
+    if (!held[0]) held[0] = farthest(views, &views->states[0]);
+    if (!held[0]) held[0] = &views->states[0]; /* the only one */
+    held[0]->held = 1;
+    held[1] = farthest(views, held[0]);
+    if (held[1]) held[1]->held = 1;
+}
+
+/* 2. The cameras */
+
+static void pose_in_use(const sf_view_state *view, sf_camera *camera) {
+    memcpy(camera->R_cw, view->R_cw, sizeof view->R_cw);
+    memcpy(camera->t_cw, view->t_cw, sizeof view->t_cw);
+}
+
+void sf_refine_camera(const sf_view_states *views, uint32_t id, sf_camera *camera) {
+    const sf_view_state *view = sf_view_state_of(views, id);
+    const sf_lens *lens = view ? &views->lenses[view->lens] : sf_lens_of(views, camera);
+    if (view) pose_in_use(view, camera);
+    if (lens) {
+        camera->fx *= exp(lens->log_focal[0]);
+        camera->fy *= exp(lens->log_focal[1]);
+    }
+}
+
+void sf_note_depth(sf_view_state *view, const sf_workspace *ws, double otherwise) {
+    if (view->depth > 0) return;
+    double sum = 0, seen = 0;
+    for (size_t i = 0; i < ws->count; i++) {
+        if (ws->state[i] != SF_SEEN) continue;
+        sum += 1 / (double)ws->splats[i].depth; /* the harmonic mean: the sky has no say */
+        seen++;
+    }
+    view->depth = seen > 0 ? seen / sum : otherwise;
+}
+
+/* 3. The steps */
+
+/* exp([phi]x) (Rodrigues) */
+static void exponential(const double phi[3], double R[9]) {
+    double angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2], angle = sqrt(angle2);
+    double s = angle > 1e-8 ? sin(angle) / angle : 1, half = sin(angle / 2);
+    double c = angle > 1e-8 ? 2 * half * half / angle2 : 0.5;
+    const double K[9] = {0, -phi[2], phi[1], phi[2], 0, -phi[0], -phi[1], phi[0], 0};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            R[3 * i + j] = (i == j) + s * K[3 * i + j] + c * (phi[i] * phi[j] - (i == j ? angle2 : 0));
+}
+
+/* out = a b, with a or b transposed where asked */
+static void product(const double *a, int a_turned, const double *b, int b_turned, double out[9]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            out[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++)
+                out[3 * i + j] += a[a_turned ? 3 * k + i : 3 * i + k] * b[b_turned ? 3 * j + k : 3 * k + j];
+        }
+}
+
+static void apply(const double R[9], const double p[3], double out[3]) {
+    for (int i = 0; i < 3; i++) out[i] = R[3 * i] * p[0] + R[3 * i + 1] * p[1] + R[3 * i + 2] * p[2];
+}
+
+/* p_c' = E (p_c - pivot) + pivot + rho */
+static void move(sf_view_state *view, const double rho[3], const double phi[3]) {
+    const double pivot[3] = {0, 0, view->depth};
+    double E[9], R[9], arm[3], turned[3];
+    exponential(phi, E);
+    product(E, 0, view->R_cw, 0, R);
+    for (int k = 0; k < 3; k++) arm[k] = view->t_cw[k] - pivot[k];
+    apply(E, arm, turned);
+    memcpy(view->R_cw, R, sizeof R);
+    for (int k = 0; k < 3; k++) view->t_cw[k] = turned[k] + pivot[k] + rho[k];
+}
+
+static void measure(sf_view_state *view) {
+    sf_camera now;
+    double trace = 0;
+    pose_in_use(view, &now);
+    for (int k = 0; k < 9; k++) trace += now.R_cw[k] * view->given.R_cw[k];
+    /* |R - R'|^2 = 6 - 2 trace = 8 sin^2(angle / 2) */
+    view->turned_deg = 2 * asin(fmin(sqrt(fmax(6 - 2 * trace, 0) / 8), 1)) * 180 / pi;
+    view->moved_depths = view->depth > 0 ? distance_between(&now, &view->given) / view->depth : 0;
+}
+
+/* The camera turns about what it sees: a turn about its own centre would do to the picture what a translation
+ * does, and two values that Adam takes one by one would work against each other. With the pivot c on the
+ * axis, rho = rho' - phi x c, so dL/dphi' = dL/dphi - c x dL/drho; with rho' in depths both are angles. */
+void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_options *options, double rate) {
+    if (view->held) return;
+    double depth = view->depth, step[6], rho[3], phi[3];
+    const double turned[6] = {depth * gradient[0],
+                              depth * gradient[1],
+                              depth * gradient[2],
+                              gradient[3] + depth * gradient[1],
+                              gradient[4] - depth * gradient[0],
+                              gradient[5]};
+    if (sf_adam_small(options, rate, ++view->pose.steps, 6, turned, view->pose.m, view->pose.v, step) < 6)
+        return;
+    for (int k = 0; k < 3; k++) {
+        rho[k] = -depth * step[k];
+        phi[k] = -step[3 + k];
+    }
+    move(view, rho, phi);
+    measure(view);
+}
+
+void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, const double *gradient,
+                     const sf_fit_options *options, double rate) {
+    sf_lens *lens = &views->lenses[view->lens];
+    double step[2];
+    sf_adam_small(options, rate, ++lens->focal.steps, 2, gradient, lens->focal.m, lens->focal.v, step);
+    for (int k = 0; k < 2; k++) lens->log_focal[k] -= step[k];
+}
+
+/* 4. The mean held */
+
+/* How a view was corrected: the turn in its own frame, and the centre's displacement in the world. */
+static void correction(const sf_view_state *view, double out[6]) {
+    sf_camera now;
+    double E[9], from[3], to[3];
+    pose_in_use(view, &now);
+    product(now.R_cw, 0, view->given.R_cw, 1, E);
+    out[0] = (E[7] - E[5]) / 2, out[1] = (E[2] - E[6]) / 2, out[2] = (E[3] - E[1]) / 2;
+    sf_camera_center(&view->given, from);
+    sf_camera_center(&now, to);
+    for (int k = 0; k < 3; k++) out[3 + k] = to[k] - from[k];
+}
+
+/* The part of the mean correction that chance does not explain: m - 4 e^2 / m where it is more than twice its
+ * standard error e. Poses that are off are off each in its own way; what all share is the model's drift. */
+static void common_part(const sf_view_states *views, double common[6]) {
+    double mean[6] = {0}, square[6] = {0}, n = (double)views->count, c[6];
+    for (size_t i = 0; i < views->count; i++) {
+        correction(&views->states[i], c);
+        for (int k = 0; k < 6; k++) mean[k] += c[k] / n, square[k] += c[k] * c[k] / n;
+    }
+    for (int k = 0; k < 6; k++) {
+        double error2 = (square[k] - mean[k] * mean[k]) / (n - 1);
+        common[k] = mean[k] * mean[k] > 4 * error2 ? mean[k] - 4 * error2 / mean[k] : 0;
+    }
+}
+
+void sf_hold_mean(sf_view_states *views) {
+    double common[6], back[9], R[9], o[3];
+    if (views->count < 2) return;
+    common_part(views, common);
+    for (int k = 0; k < 3; k++) common[k] = -common[k];
+    exponential(common, back);
+    for (size_t i = 0; i < views->count; i++) {
+        sf_view_state *view = &views->states[i];
+        sf_camera now;
+        pose_in_use(view, &now);
+        sf_camera_center(&now, o);
+        for (int k = 0; k < 3; k++) o[k] = common[3 + k] - o[k];
+        product(back, 0, now.R_cw, 0, R);
+        memcpy(view->R_cw, R, sizeof R);
+        apply(R, o, view->t_cw);
+        measure(view);
+    }
+}
+
+/* 5. How far it went */
+
+/* The value in the middle, by Hoare's selection; reorders them. */
+static double median(double *values, size_t n) {
+    size_t first = 0, last = n ? n - 1 : 0, middle = n / 2;
+    while (first < last) {
+        double pivot = values[middle];
+        size_t i = first, j = last;
+        for (;;) {
+            while (values[i] < pivot) i++;
+            while (pivot < values[j]) j--;
+            if (i >= j) break;
+            double kept = values[i];
+            values[i++] = values[j];
+            values[j--] = kept;
+        }
+        if (j < middle || (j == middle && i == middle)) first = j < middle ? j + 1 : middle;
+        if (i > middle || (j == middle && i == middle)) last = i > middle ? i - 1 : middle;
+    }
+    return n ? values[middle] : 0;
+}
+
+void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal) {
+    double *values = views->scratch;
+    for (size_t i = 0; i < views->count; i++) values[i] = views->states[i].turned_deg;
+    *degrees = median(values, views->count);
+    for (size_t i = 0; i < views->count; i++) values[i] = views->states[i].moved_depths;
+    *depths = median(values, views->count);
+    for (size_t i = 0; i < views->count; i++) {
+        const double *log_focal = views->lenses[views->states[i].lens].log_focal;
+        values[i] = expm1((log_focal[0] + log_focal[1]) / 2);
+    }
+    *focal = median(values, views->count);
+}

@@ -1,0 +1,66 @@
+/* fingerprint.c - by what a scene is known again. */
+#include "scene.h"
+
+#include <string.h>
+
+#include "../base/hash.h"
+
+/* Views never change: made once. A thread that comes second makes the same. */
+uint64_t sf_view_hash(sf_view *view) {
+    uint64_t hash = atomic_load(&view->hash);
+    if (hash) return hash;
+    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height;
+    hash = sf_hash(SF_HASH_SEED, view->rgb, 3 * pixels);
+    if (view->weight) hash = sf_hash(hash, view->weight, pixels);
+    hash += !hash;
+    atomic_store(&view->hash, hash);
+    return hash;
+}
+
+static uint64_t add_number(uint64_t hash, uint64_t value) {
+    uint8_t bytes[8];
+    for (int i = 0; i < 8; i++) bytes[i] = (uint8_t)(value >> (8 * i));
+    return sf_hash(hash, bytes, sizeof bytes);
+}
+
+static uint64_t add_double(uint64_t hash, double value) {
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return add_number(hash, bits);
+}
+
+static uint64_t add_view(uint64_t hash, sf_view *view) {
+    const sf_camera *c = &view->camera;
+    const double lens[] = {c->fx, c->fy, c->cx, c->cy};
+    hash = sf_hash(hash, view->name, strlen(view->name));
+    hash = add_number(hash, (uint64_t)view->split);
+    hash = add_number(hash, (uint64_t)c->width);
+    hash = add_number(hash, (uint64_t)c->height);
+    for (int k = 0; k < 4; k++) hash = add_double(hash, lens[k]);
+    for (int k = 0; k < 9; k++) hash = add_double(hash, c->R_cw[k]);
+    for (int k = 0; k < 3; k++) hash = add_double(hash, c->t_cw[k]);
+    return add_number(hash, sf_view_hash(view));
+}
+
+static uint64_t add_points(uint64_t hash, sf_scene *scene) {
+    pthread_mutex_lock(&scene->lock);
+    for (size_t i = 0; i < 3 * scene->point_count; i++) {
+        uint32_t bits;
+        memcpy(&bits, &scene->points[i], sizeof bits);
+        hash = add_number(hash, (uint64_t)scene->point_colors[i] << 32 | bits);
+    }
+    pthread_mutex_unlock(&scene->lock);
+    return hash;
+}
+
+sf_status sf_scene_fingerprint(sf_scene *scene, uint64_t *fingerprint) {
+    sf_view **views;
+    size_t count;
+    sf_status status = sf_scene_retain_all(scene, &views, &count);
+    if (status) return status;
+    uint64_t hash = SF_HASH_SEED;
+    for (size_t i = 0; i < count; i++) hash = add_view(hash, views[i]);
+    *fingerprint = add_points(hash, scene);
+    sf_scene_release_all(scene, views, count);
+    return SF_OK;
+}

@@ -1,0 +1,210 @@
+/* fuse.c - agreement between the depths of views, and thinning. */
+#include "fuse.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/pool.h"
+
+enum {
+    CELL = 2, /* px: one point at most in CELL x CELL */
+    MOST_TRIALS = 100,
+};
+
+/* Where a point of a view falls in a neighbour, the neighbour's depth is the same within this share of it,
+ * and its own point falls back within so many pixels. */
+#define MOST_DEPTH_ERROR 0.01
+#define MOST_PIXEL_ERROR 1.0
+/* Thinning starts with one point a pixel, and takes at least this much larger cells until it is enough. */
+#define COARSER 1.05
+
+typedef struct candidate {
+    float xyz[3];
+    uint8_t rgb[3];
+    float score;
+    float pixel; /* world units that a pixel spans there */
+    uint64_t voxel;
+} candidate;
+
+typedef struct fuse_job {
+    const sf_seen *seen;
+    candidate *candidates; /* of view i from first[i], count[i] of them */
+    size_t *first, *count;
+} fuse_job;
+
+static void to_world(const sf_camera *c, double u, double v, double z, double *p) {
+    double q[3] = {(u - c->cx) / c->fx * z - c->t_cw[0], (v - c->cy) / c->fy * z - c->t_cw[1],
+                   z - c->t_cw[2]};
+    for (int k = 0; k < 3; k++) p[k] = c->R_cw[k] * q[0] + c->R_cw[3 + k] * q[1] + c->R_cw[6 + k] * q[2];
+}
+
+/* The pixel and depth of a world point; 0 if it is not in the picture. */
+static int to_picture(const sf_camera *c, const double *p, double *u, double *v, double *z) {
+    double q[3];
+    for (int k = 0; k < 3; k++)
+        q[k] = c->R_cw[3 * k] * p[0] + c->R_cw[3 * k + 1] * p[1] + c->R_cw[3 * k + 2] * p[2] + c->t_cw[k];
+    *u = c->fx * q[0] / q[2] + c->cx, *v = c->fy * q[1] / q[2] + c->cy, *z = q[2];
+    return q[2] > 0 && *u >= 0 && *u < c->width && *v >= 0 && *v < c->height;
+}
+
+/* Whether the neighbour's own depth, where the point falls in it, leads back to the pixel; `q` is the point
+ * that the neighbour has. */
+static int confirms(const sf_seen *neighbour, const sf_camera *camera, const double *p, double x, double y,
+                    double *q) {
+    const sf_camera *c = &neighbour->grey.camera;
+    double u, v, z, back_u, back_v, back_z;
+    if (!to_picture(c, p, &u, &v, &z)) return 0;
+    double column = floor(u), row = floor(v);
+    float w = neighbour->inverse_depth[(size_t)row * (size_t)c->width + (size_t)column];
+    if (!(w > 0) || fabs(z * (double)w - 1) > MOST_DEPTH_ERROR) return 0;
+    to_world(c, u, v, 1 / (double)w, q);
+    if (!to_picture(camera, q, &back_u, &back_v, &back_z)) return 0;
+    return hypot(back_u - x, back_v - y) <= MOST_PIXEL_ERROR;
+}
+
+/* Two other views confirm it, or the only one that there is; `p` becomes the mean of what they have. */
+static int is_confirmed(const sf_seen *all, const sf_seen *seen, double x, double y, double *p) {
+    size_t confirmed = 0, needed = seen->neighbours < 2 ? 1 : 2;
+    double sum[3] = {p[0], p[1], p[2]}, q[3];
+    for (size_t k = 0; k < seen->neighbours; k++) {
+        if (!confirms(&all[seen->neighbour[k]], &seen->grey.camera, p, x, y, q)) continue;
+        for (int i = 0; i < 3; i++) sum[i] += q[i];
+        confirmed++;
+    }
+    for (int i = 0; i < 3; i++) p[i] = sum[i] / (double)(confirmed + 1);
+    return confirmed >= needed;
+}
+
+/* The view's own colour, averaged over a pixel of the reduced picture. */
+static void color_of(const sf_seen *seen, size_t x, size_t y, uint8_t *rgb) {
+    size_t factor = (size_t)seen->grey.factor, width = (size_t)seen->view->camera.width;
+    size_t pixels = width * (size_t)seen->view->camera.height, area = factor * factor;
+    for (size_t ch = 0; ch < 3; ch++) {
+        size_t sum = area / 2;
+        for (size_t v = y * factor; v < (y + 1) * factor; v++)
+            for (size_t u = x * factor; u < (x + 1) * factor; u++)
+                sum += seen->view->rgb[ch * pixels + v * width + u];
+        rgb[ch] = (uint8_t)(sum / area);
+    }
+}
+
+/* Takes pixel (x, y) as the cell's candidate if it has a confirmed depth and a higher score. */
+static void consider_pixel(const sf_seen *all, const sf_seen *seen, size_t x, size_t y, candidate *best) {
+    const sf_camera *c = &seen->grey.camera;
+    size_t i = y * (size_t)c->width + x;
+    if (!(seen->inverse_depth[i] > 0) || seen->score[i] <= best->score) return;
+    double p[3], u = (double)x + 0.5, v = (double)y + 0.5, z = 1 / (double)seen->inverse_depth[i];
+    to_world(c, u, v, z, p);
+    if (!is_confirmed(all, seen, u, v, p)) return;
+    for (int k = 0; k < 3; k++) best->xyz[k] = (float)p[k];
+    best->score = seen->score[i];
+    best->pixel = (float)(z / c->fx);
+    color_of(seen, x, y, best->rgb);
+}
+
+static void fuse_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const fuse_job *job = job_pointer;
+    const sf_seen *seen = &job->seen[task];
+    size_t width = (size_t)seen->grey.camera.width, height = (size_t)seen->grey.camera.height;
+    candidate *out = job->candidates + job->first[task];
+    for (size_t y = 0; y < height; y += CELL)
+        for (size_t x = 0; x < width; x += CELL) {
+            candidate best = {.score = 0};
+            for (size_t v = y; v < y + CELL && v < height; v++)
+                for (size_t u = x; u < x + CELL && u < width; u++)
+                    consider_pixel(job->seen, seen, u, v, &best);
+            if (best.score > 0) *out++ = best;
+        }
+    job->count[task] = (size_t)(out - (job->candidates + job->first[task]));
+}
+
+static uint64_t mix(uint64_t hash, int64_t value) {
+    hash = (hash ^ (uint64_t)value) * 0x9e3779b97f4a7c15u;
+    return hash ^ (hash >> 29);
+}
+
+/* The voxel of a point, `size` pixels wide: by steps of two in the span of a pixel, so that what is far away
+ * is as dense in the pictures as what is near. */
+static uint64_t voxel_of(const candidate *c, double size) {
+    int level = ilogbf(c->pixel);
+    double side = ldexp(size, level);
+    uint64_t hash = mix(0, level);
+    for (int k = 0; k < 3; k++)
+        hash = mix(hash, (int64_t)floor(fmin(fmax((double)c->xyz[k] / side, -1e18), 1e18)));
+    return hash;
+}
+
+enum { NOBODY = 0 }; /* slots hold an index + 1 */
+
+/* Marks the candidate with the highest score of each voxel as kept; returns how many. `slots` has a power of
+ * two of them, more than twice the candidates. */
+static size_t keep_best(candidate *c, size_t n, double size, uint32_t *slots, size_t slot_count) {
+    size_t kept = 0;
+    memset(slots, NOBODY, slot_count * sizeof *slots);
+    for (size_t i = 0; i < n; i++) {
+        c[i].voxel = voxel_of(&c[i], size);
+        size_t at = (size_t)c[i].voxel & (slot_count - 1);
+        while (slots[at] && c[slots[at] - 1].voxel != c[i].voxel) at = (at + 1) & (slot_count - 1);
+        kept += !slots[at];
+        if (!slots[at] || c[i].score > c[slots[at] - 1].score) slots[at] = (uint32_t)i + 1;
+    }
+    return kept;
+}
+
+static int is_kept(const candidate *c, size_t i, const uint32_t *slots, size_t slot_count) {
+    size_t at = (size_t)c[i].voxel & (slot_count - 1);
+    while (c[slots[at] - 1].voxel != c[i].voxel) at = (at + 1) & (slot_count - 1);
+    return slots[at] == (uint32_t)i + 1;
+}
+
+static sf_status thin(sf_context *ctx, candidate *c, size_t n, size_t wanted, sf_cloud *cloud) {
+    size_t slot_count = 64;
+    while (slot_count <= 2 * n) slot_count *= 2;
+    uint32_t *slots = sf_alloc(ctx, slot_count, sizeof *slots);
+    if (!slots) return SF_ERR_MEMORY;
+    double size = 1;
+    size_t kept = keep_best(c, n, size, slots, slot_count);
+    for (int i = 0; kept > wanted && i < MOST_TRIALS; i++) {
+        size *= fmax(COARSER, sqrt((double)kept / (double)wanted)); /* points lie on surfaces */
+        kept = keep_best(c, n, size, slots, slot_count);
+    }
+    if (kept > wanted) kept = wanted; /* a few about the origin and of all spans always remain */
+    sf_status status = sf_cloud_create(ctx, kept, cloud);
+    for (size_t i = 0; !status && cloud->n < kept; i++) {
+        if (!is_kept(c, i, slots, slot_count)) continue;
+        memcpy(cloud->xyz + 3 * cloud->n, c[i].xyz, sizeof c[i].xyz);
+        memcpy(cloud->rgb + 3 * cloud->n, c[i].rgb, sizeof c[i].rgb);
+        cloud->n++;
+    }
+    sf_free(ctx, slots);
+    return status;
+}
+
+sf_status sf_fuse(sf_context *ctx, const sf_seen *seen, size_t n, size_t wanted, sf_cloud *cloud) {
+    size_t room = 0, found = 0;
+    fuse_job job = {.seen = seen};
+    *cloud = (sf_cloud){0};
+    job.first = sf_calloc(ctx, n, sizeof *job.first);
+    job.count = sf_calloc(ctx, n, sizeof *job.count);
+    for (size_t i = 0; job.first && i < n; i++) {
+        job.first[i] = room;
+        size_t across = ((size_t)seen[i].grey.camera.width + CELL - 1) / CELL;
+        room += across * (((size_t)seen[i].grey.camera.height + CELL - 1) / CELL);
+    }
+    if (job.first && job.count) job.candidates = sf_alloc(ctx, room, sizeof *job.candidates);
+    sf_status status = job.candidates ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        sf_pool_run(ctx->pool, n, fuse_task, &job);
+        for (size_t i = 0; i < n; i++) {
+            memmove(job.candidates + found, job.candidates + job.first[i],
+                    job.count[i] * sizeof *job.candidates);
+            found += job.count[i];
+        }
+        status = thin(ctx, job.candidates, found, wanted, cloud);
+    }
+    sf_free(ctx, job.candidates);
+    sf_free(ctx, job.count);
+    sf_free(ctx, job.first);
+    return status;
+}

@@ -1,0 +1,124 @@
+/* neighbours.c - the focus of cameras, and the choice of views to match with. */
+#include "neighbours.h"
+
+#include <math.h>
+
+/* Radians between the rays of two cameras to one point: small ones leave its depth open, large ones change
+ * how it looks. */
+#define BEST_ANGLE  0.16
+#define LEAST_ANGLE 0.012
+#define MOST_ANGLE  0.7
+/* The least cosine between optical axes, and share of the picture that the other sees too. */
+#define LEAST_COSINE  0.5
+#define LEAST_OVERLAP 0.4
+
+void sf_focus_point(const sf_camera *const *cameras, size_t n, double focus[3]) {
+    double M[6] = {0}, b[3] = {0}; /* sum of I - d d^T, and that times the centres */
+    for (size_t i = 0; i < n; i++) {
+        const double *d = cameras[i]->R_cw + 6;
+        double c[3], along;
+        sf_camera_center(cameras[i], c);
+        along = d[0] * c[0] + d[1] * c[1] + d[2] * c[2];
+        M[0] += 1 - d[0] * d[0], M[1] -= d[0] * d[1], M[2] -= d[0] * d[2];
+        M[3] += 1 - d[1] * d[1], M[4] -= d[1] * d[2], M[5] += 1 - d[2] * d[2];
+        for (int k = 0; k < 3; k++) b[k] += c[k] - along * d[k];
+    }
+    double m00 = M[3] * M[5] - M[4] * M[4], m01 = M[2] * M[4] - M[1] * M[5], m02 = M[1] * M[4] - M[2] * M[3];
+    double m11 = M[0] * M[5] - M[2] * M[2], m12 = M[1] * M[2] - M[0] * M[4], m22 = M[0] * M[3] - M[1] * M[1];
+    double det = M[0] * m00 + M[1] * m01 + M[2] * m02;
+    focus[0] = (m00 * b[0] + m01 * b[1] + m02 * b[2]) / det; /* not finite for parallel axes */
+    focus[1] = (m01 * b[0] + m11 * b[1] + m12 * b[2]) / det;
+    focus[2] = (m02 * b[0] + m12 * b[1] + m22 * b[2]) / det;
+}
+
+double sf_look_distance(const sf_camera *camera, const double focus[3], double extent) {
+    const double *R = camera->R_cw + 6;
+    double depth = R[0] * focus[0] + R[1] * focus[1] + R[2] * focus[2] + camera->t_cw[2];
+    return isfinite(depth) && depth > 0.05 * extent && depth < 100 * extent ? depth : extent;
+}
+
+static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static double distance_between(const double *a, const double *b) {
+    double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+    return sqrt(dot(d, d));
+}
+
+/* Share of a grid of the camera's pixels, at a depth, that lies in the other's picture. */
+static double overlap(const sf_camera *camera, const sf_camera *other, double depth) {
+    enum { SAMPLES = 5 };
+    int inside = 0;
+    for (int i = 0; i < SAMPLES * SAMPLES; i++) {
+        double x = (i % SAMPLES + 0.5) / SAMPLES * camera->width, p[3], q[3];
+        double y = (i / SAMPLES + 0.5) / SAMPLES * camera->height;
+        double c[3] = {(x - camera->cx) / camera->fx * depth - camera->t_cw[0],
+                       (y - camera->cy) / camera->fy * depth - camera->t_cw[1], depth - camera->t_cw[2]};
+        for (int k = 0; k < 3; k++)
+            p[k] = camera->R_cw[k] * c[0] + camera->R_cw[3 + k] * c[1] + camera->R_cw[6 + k] * c[2];
+        for (int k = 0; k < 3; k++) q[k] = dot(other->R_cw + 3 * k, p) + other->t_cw[k];
+        double u = other->fx * q[0] / q[2] + other->cx, v = other->fy * q[1] / q[2] + other->cy;
+        inside += q[2] > 0 && u > 0 && u < other->width && v > 0 && v < other->height;
+    }
+    return (double)inside / (SAMPLES * SAMPLES);
+}
+
+/* How well camera `b` suits as a neighbour of `a`: 0 is best, INFINITY is not at all. */
+static double unfitness(const sf_camera *a, const sf_camera *b, double distance) {
+    double ca[3], cb[3], to_a[3], to_b[3];
+    if (dot(a->R_cw + 6, b->R_cw + 6) < LEAST_COSINE) return INFINITY;
+    sf_camera_center(a, ca);
+    sf_camera_center(b, cb);
+    for (int k = 0; k < 3; k++) {
+        to_a[k] = -distance * a->R_cw[6 + k]; /* from what a looks at */
+        to_b[k] = cb[k] - (ca[k] + distance * a->R_cw[6 + k]);
+    }
+    double length = sqrt(dot(to_b, to_b));
+    double cosine = dot(to_a, to_b) / (distance * length), angle = acos(fmax(-1, fmin(1, cosine)));
+    if (!(angle >= LEAST_ANGLE && angle <= MOST_ANGLE)) return INFINITY;
+    double seen = overlap(a, b, distance);
+    if (seen < LEAST_OVERLAP) return INFINITY;
+    return fabs(log(angle / BEST_ANGLE)) + fabs(log(length / distance)) + (1 - seen);
+}
+
+/* Whether b lies well apart from all chosen so far, as seen from a. */
+static int apart(const sf_camera *const *cameras, size_t a, size_t b, const size_t *chosen, size_t count) {
+    double ca[3], cb[3], cc[3];
+    sf_camera_center(cameras[a], ca);
+    sf_camera_center(cameras[b], cb);
+    for (size_t i = 0; i < count; i++) {
+        sf_camera_center(cameras[chosen[i]], cc);
+        if (distance_between(cb, cc) < 0.5 * distance_between(ca, cb)) return 0;
+    }
+    return 1;
+}
+
+static int is_chosen(const size_t *chosen, size_t count, size_t i) {
+    while (count && chosen[count - 1] != i) count--;
+    return count > 0;
+}
+
+/* The fittest that is not chosen yet; n if there is none. */
+static size_t fittest(const sf_camera *const *cameras, size_t n, size_t self, double distance,
+                      const size_t *chosen, size_t count, int want_apart) {
+    size_t best = n;
+    double least = INFINITY;
+    for (size_t i = 0; i < n; i++) {
+        if (i == self || is_chosen(chosen, count, i)) continue;
+        if (want_apart && !apart(cameras, self, i, chosen, count)) continue;
+        double u = unfitness(cameras[self], cameras[i], distance);
+        if (u < least) least = u, best = i;
+    }
+    return best;
+}
+
+size_t sf_choose_neighbours(const sf_camera *const *cameras, size_t n, size_t self, double distance,
+                            size_t most, size_t *chosen) {
+    size_t count = 0;
+    for (int want_apart = 1; want_apart >= 0; want_apart--)
+        while (count < most) {
+            size_t i = fittest(cameras, n, self, distance, chosen, count, want_apart);
+            if (i == n) break;
+            chosen[count++] = i;
+        }
+    return count;
+}

@@ -1,0 +1,222 @@
+/* sweep.c - points by matching: every view against its neighbours, first coarsely for the depths that there
+ * are, then finely; what the depths of several views agree on becomes points. */
+#include "sweep.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../base/pool.h"
+#include "fuse.h"
+#include "match.h"
+#include "neighbours.h"
+
+enum {
+    MOST_VIEWS = 48,
+    NEIGHBOURS = 3,
+    COARSE_SIDE = 80, /* px, the longest side of a picture */
+    FINE_SIDE = 256,
+    COARSE_PLANES = 128, /* at most */
+    FINE_PLANES = 80,
+    ENOUGH = 40, /* depths of a view that tell its range */
+};
+
+/* The inverse depth of the farthest plane of the coarse sweep, in 1 / extents: all but infinity. */
+#define FARTHEST 0.01
+/* Shares of the depths found that may lie outside of the range, and what is added to it on both sides. */
+#define OUTLIERS   0.02
+#define RANGE_ROOM 0.15
+
+sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud) {
+    cloud->n = 0;
+    cloud->xyz = sf_alloc(ctx, n, 3 * sizeof *cloud->xyz);
+    cloud->rgb = sf_alloc(ctx, n, 3);
+    if (cloud->xyz && cloud->rgb) return SF_OK;
+    sf_cloud_destroy(ctx, cloud);
+    return SF_ERR_MEMORY;
+}
+
+void sf_cloud_destroy(sf_context *ctx, sf_cloud *cloud) {
+    sf_free(ctx, cloud->xyz);
+    sf_free(ctx, cloud->rgb);
+    *cloud = (sf_cloud){0};
+}
+
+/* One run of the pool over all views. */
+typedef struct sweep_job {
+    sf_context *ctx;
+    sf_seen *seen;
+    size_t n;
+    size_t scratch_floats; /* a thread */
+    float *scratch;        /* [threads][scratch_floats] */
+} sweep_job;
+
+static void fill_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const sweep_job *job = job_pointer;
+    sf_grey_fill(job->ctx, job->seen[task].view, &job->seen[task].grey);
+}
+
+static void match_task(void *job_pointer, size_t task, int thread) {
+    const sweep_job *job = job_pointer;
+    sf_seen *seen = &job->seen[task];
+    size_t pixels = (size_t)seen->grey.camera.width * (size_t)seen->grey.camera.height;
+    if (!seen->neighbours || !(seen->range.first < seen->range.last)) {
+        memset(seen->inverse_depth, 0, pixels * sizeof *seen->inverse_depth);
+        memset(seen->score, 0, pixels * sizeof *seen->score);
+        return;
+    }
+    const sf_grey *neighbours[SF_MATCH_NEIGHBOURS];
+    for (size_t k = 0; k < seen->neighbours; k++) neighbours[k] = &job->seen[seen->neighbour[k]].grey;
+    sf_match(&seen->grey, neighbours, seen->neighbours, &seen->range,
+             job->scratch + (size_t)thread * job->scratch_floats, seen->inverse_depth, seen->score);
+}
+
+static void free_pictures(sweep_job *job) {
+    for (size_t i = 0; i < job->n; i++) {
+        sf_grey_destroy(job->ctx, &job->seen[i].grey);
+        sf_free(job->ctx, job->seen[i].inverse_depth);
+        sf_free(job->ctx, job->seen[i].score);
+        job->seen[i].inverse_depth = job->seen[i].score = NULL;
+    }
+    sf_free(job->ctx, job->scratch);
+    job->scratch = NULL;
+}
+
+static int factor_for(const sf_camera *camera, int longest) {
+    int side = camera->width > camera->height ? camera->width : camera->height;
+    int least = camera->width < camera->height ? camera->width : camera->height;
+    int factor = (side + longest - 1) / longest;
+    return factor < least ? factor : least;
+}
+
+/* Pictures whose longest side is at most `longest`, and room for their depths. */
+static sf_status make_pictures(sweep_job *job, int longest) {
+    sf_status status = SF_OK;
+    job->scratch_floats = 0;
+    for (size_t i = 0; !status && i < job->n; i++) {
+        sf_seen *seen = &job->seen[i];
+        status = sf_grey_create(job->ctx, seen->view, factor_for(&seen->view->camera, longest), &seen->grey);
+        size_t pixels = (size_t)seen->grey.camera.width * (size_t)seen->grey.camera.height;
+        if (!status) seen->inverse_depth = sf_alloc(job->ctx, pixels, sizeof *seen->inverse_depth);
+        if (!status) seen->score = sf_alloc(job->ctx, pixels, sizeof *seen->score);
+        if (!seen->inverse_depth || !seen->score) status = SF_ERR_MEMORY;
+        size_t floats = (sf_match_scratch(&seen->grey.camera) + 15) / 16 * 16; /* each thread's aligned */
+        if (floats > job->scratch_floats) job->scratch_floats = floats;
+    }
+    size_t threads = (size_t)sf_pool_threads(job->ctx->pool);
+    if (!status) job->scratch = sf_alloc(job->ctx, threads * job->scratch_floats, sizeof *job->scratch);
+    if (!status && !job->scratch) status = SF_ERR_MEMORY;
+    if (!status) sf_pool_run(job->ctx->pool, job->n, fill_task, job);
+    return status;
+}
+
+/* The views that a view is matched with, for what it sees at its distance, and planes close enough for them.
+ */
+static void choose_partners(sweep_job *job, const sf_camera *const *cameras, int most_planes) {
+    for (size_t i = 0; i < job->n; i++) {
+        sf_seen *seen = &job->seen[i];
+        const sf_grey *neighbours[SF_MATCH_NEIGHBOURS];
+        seen->neighbours =
+            sf_choose_neighbours(cameras, job->n, i, seen->distance, NEIGHBOURS, seen->neighbour);
+        for (size_t k = 0; k < seen->neighbours; k++) neighbours[k] = &job->seen[seen->neighbour[k]].grey;
+        seen->range.planes = sf_match_planes(&seen->grey, neighbours, seen->neighbours, seen->range.first,
+                                             seen->range.last, most_planes);
+    }
+}
+
+static int compare_floats(const void *a, const void *b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* Narrows a view's range to `n` inverse depths, which are put in order. */
+static void narrow(sf_seen *seen, float *found, size_t n, const sf_match_range *widest) {
+    qsort(found, n, sizeof *found, compare_floats);
+    double low = (double)found[(size_t)(OUTLIERS * (double)n)];
+    double high = (double)found[n - 1 - (size_t)(OUTLIERS * (double)n)];
+    seen->distance = 1 / (double)found[n / 2];
+    double room = RANGE_ROOM * (high - low);
+    seen->range.first = fmax(widest->first, low - room);
+    seen->range.last = fmin(widest->last, high + room);
+}
+
+static size_t gather_depths(const sf_seen *seen, float *found) {
+    size_t pixels = (size_t)seen->grey.camera.width * (size_t)seen->grey.camera.height, n = 0;
+    for (size_t i = 0; i < pixels; i++)
+        if (seen->inverse_depth[i] > 0) found[n++] = seen->inverse_depth[i];
+    return n;
+}
+
+/* The range of each view from the depths that the coarse sweep found in it; of all views together for those
+ * in which it found few. */
+static sf_status narrow_ranges(sweep_job *job, const sf_match_range *widest) {
+    size_t room = 0, all = 0;
+    for (size_t i = 0; i < job->n; i++)
+        room += (size_t)job->seen[i].grey.camera.width * (size_t)job->seen[i].grey.camera.height;
+    float *found = sf_alloc(job->ctx, room, sizeof *found);
+    if (!found) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < job->n; i++) all += gather_depths(&job->seen[i], found + all);
+    sf_seen together = {.range = *widest};
+    if (all >= ENOUGH) narrow(&together, found, all, widest);
+    for (size_t i = 0; i < job->n; i++) {
+        sf_seen *seen = &job->seen[i];
+        size_t n = gather_depths(seen, found);
+        seen->range = together.range;
+        if (n >= ENOUGH)
+            narrow(seen, found, n, widest);
+        else if (all >= ENOUGH)
+            seen->distance = together.distance;
+        else
+            seen->range.last = seen->range.first; /* nothing to look for */
+    }
+    sf_free(job->ctx, found);
+    return SF_OK;
+}
+
+static void first_look(sweep_job *job, const sf_camera *const *cameras, double extent,
+                       const sf_match_range *widest) {
+    double focus[3];
+    sf_focus_point(cameras, job->n, focus);
+    for (size_t i = 0; i < job->n; i++) {
+        job->seen[i].distance = sf_look_distance(cameras[i], focus, extent);
+        job->seen[i].range = *widest;
+    }
+}
+
+static sf_status match_all(sweep_job *job, const sf_sweep_options *options) {
+    const sf_camera *cameras[MOST_VIEWS];
+    for (size_t i = 0; i < job->n; i++) cameras[i] = &job->seen[i].view->camera;
+    sf_match_range widest = {.first = FARTHEST / options->extent, .last = 1 / options->nearest};
+    sf_status status = make_pictures(job, COARSE_SIDE);
+    if (!status) {
+        first_look(job, cameras, options->extent, &widest);
+        choose_partners(job, cameras, COARSE_PLANES);
+        sf_pool_run(job->ctx->pool, job->n, match_task, job);
+        status = narrow_ranges(job, &widest);
+    }
+    free_pictures(job);
+    if (!status) status = make_pictures(job, FINE_SIDE);
+    if (!status) {
+        choose_partners(job, cameras, FINE_PLANES);
+        sf_pool_run(job->ctx->pool, job->n, match_task, job);
+    }
+    return status;
+}
+
+sf_status sf_sweep_points(sf_context *ctx, const sf_view *const *views, size_t n,
+                          const sf_sweep_options *options, sf_cloud *cloud) {
+    *cloud = (sf_cloud){0};
+    if (!(options->nearest > 0 && options->extent > 0 && options->wanted))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "sweep: wanted %zu, nearest %g or extent %g is not above 0",
+                       options->wanted, options->nearest, options->extent);
+    sweep_job job = {.ctx = ctx, .n = n < MOST_VIEWS ? n : MOST_VIEWS};
+    job.seen = sf_calloc(ctx, job.n, sizeof *job.seen);
+    sf_status status = job.seen ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; !status && i < job.n; i++) job.seen[i].view = views[i * n / job.n];
+    if (!status) status = match_all(&job, options);
+    if (!status) status = sf_fuse(ctx, job.seen, job.n, options->wanted, cloud);
+    if (job.seen) free_pictures(&job);
+    sf_free(ctx, job.seen);
+    return status;
+}

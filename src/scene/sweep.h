@@ -1,0 +1,33 @@
+/* sweep.h - points on what pictures show, found by matching them with each other: where structure from motion
+ * left none, and for keyframes of a camera that is still moving. */
+#ifndef SF_SCENE_SWEEP_H
+#define SF_SCENE_SWEEP_H
+
+#include "scene.h"
+
+/* Points and their colours. */
+typedef struct sf_cloud {
+    float *xyz;   /* [n][3], world units */
+    uint8_t *rgb; /* [n][3] */
+    size_t n;
+} sf_cloud;
+
+/* Room for n points; n itself stays 0. On failure none is left. */
+sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud);
+void sf_cloud_destroy(sf_context *ctx, sf_cloud *cloud);
+
+typedef struct sf_sweep_options {
+    size_t wanted;  /* at most so many points, > 0 */
+    double nearest; /* camera z from which on surfaces are looked for, world units, > 0 */
+    double extent;  /* of the scene, world units: how far cameras look whose axes do not meet */
+} sf_sweep_options;
+
+/* Points on the surfaces that at least two of the n views show; a point that a third view should show is
+ * there in it too. Masked pixels are not matched. Where there are many views, some are left out, evenly. The
+ * views are only read, and may belong to any scene or none. On success `cloud` is the caller's to destroy:
+ * 0..wanted points, the same bytes for any number of threads. No point is no failure: pictures without
+ * texture and a single view give none. SF_ERR_MEMORY: cloud is empty. Not from within a task of the pool. */
+sf_status sf_sweep_points(sf_context *ctx, const sf_view *const *views, size_t n,
+                          const sf_sweep_options *options, sf_cloud *cloud);
+
+#endif

@@ -1,0 +1,271 @@
+/* test_schedule.c - what is planned for a run, and the views that are kept out of the training to end it. */
+#include "testing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/fitter.h"
+
+static sf_context *ctx;
+static sf_scene *scene;
+
+static int load(void **state) {
+    (void)state;
+    ctx = test_context();
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=48&height=36&frames=18", NULL, &scene));
+    return 0;
+}
+
+static int unload(void **state) {
+    (void)state;
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+    return 0;
+}
+
+static sf_fit_options short_fit(int64_t steps) {
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = steps;
+    options.max_gaussians = 1000;
+    options.first = SF_FIRST_POINTS;
+    options.grow_every = 20;
+    options.sh_degree = 1;
+    return options;
+}
+
+static sf_fitter *start(const sf_fit_options *options) {
+    sf_fitter *fitter;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, options, &fitter));
+    return fitter;
+}
+
+/* By value: there is padding between the fields. */
+static void assert_same_options(const sf_fit_options *a, const sf_fit_options *b) {
+    sf_option_info info;
+    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
+        char of_a[64], of_b[64];
+        assert_ok(ctx, sf_fit_options_get(a, info.name, of_a, sizeof of_a));
+        assert_ok(ctx, sf_fit_options_get(b, info.name, of_b, sizeof of_b));
+        assert_string_equal(of_a, of_b);
+    }
+}
+
+/* The plan */
+
+static sf_fit_options planned(sf_fit_options options) {
+    sf_fitter *fitter = start(&options);
+    options = fitter->options;
+    sf_fitter_destroy(&fitter);
+    return options;
+}
+
+static void test_longer_runs_have_shorter_phases(void **state) {
+    (void)state;
+    sf_fit_options brief = planned(short_fit(100)), lengthy = planned(short_fit(20000));
+    assert_int_equal(brief.plan_steps, 100);
+    assert_int_equal(lengthy.plan_steps, 20000);
+    const double ends[][2] = {{brief.pyramid_end, lengthy.pyramid_end},
+                              {brief.pyramid_mix, lengthy.pyramid_mix},
+                              {brief.sh_end, lengthy.sh_end},
+                              {brief.grow_end, lengthy.grow_end}};
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        assert_true(ends[i][0] > 0.2 && ends[i][0] < 1);
+        assert_true(ends[i][1] > 0 && ends[i][1] < 0.1);
+        assert_true(ends[i][1] * 20000 > ends[i][0] * 100); /* in steps they are longer */
+    }
+}
+
+static void test_what_the_user_chose_stays(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(100);
+    options.pyramid_end = 0.31, options.grow_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
+    options.pyramid_mix = 0.34;
+    sf_fit_options got = planned(options);
+    assert_same_options(&got, &options);
+}
+
+static void test_time_is_planned_as_steps(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(0);
+    options.time_limit = 1000;
+    sf_fit_options lengthy = planned(options);
+    assert_true(lengthy.plan_steps > 1000);
+    options.plan_steps = 77;
+    assert_int_equal(planned(options).plan_steps, 77);
+}
+
+static void test_growth_is_bounded_by_the_plan(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(100);
+    options.max_gaussians = 100000;
+    options.grow_most = 2;
+    sf_fitter *fitter = start(&options);
+    size_t first = fitter->first_count;
+    assert_int_equal(sf_planned_count(fitter, 1), first + 200);
+    assert_int_equal(sf_planned_count(fitter, 0), first);
+    assert_true(sf_planned_count(fitter, fitter->options.grow_end / 2) > first);
+    sf_fitter_destroy(&fitter);
+    options.max_gaussians = (int64_t)first + 10;
+    fitter = start(&options);
+    assert_int_equal(sf_planned_count(fitter, 1), first + 10);
+    sf_fitter_destroy(&fitter);
+}
+
+static void test_resolution_and_rates_follow_the_plan(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(1000);
+    sf_fitter *f = start(&options);
+    const sf_fit_options *o = &f->options;
+    int halves = 0;
+    assert_int_equal(sf_scheduled_level(f, 0, 4096, 4096), 2);
+    assert_int_equal(sf_scheduled_level(f, o->pyramid_end - 1e-9, 4096, 4096), 1);
+    for (f->step = 0; f->step < 10; f->step++) halves += sf_scheduled_level(f, o->pyramid_end, 4096, 4096);
+    assert_int_equal(halves, 5);
+    for (f->step = 0; f->step < 10; f->step++)
+        assert_int_equal(sf_scheduled_level(f, o->pyramid_mix, 4096, 4096), 0);
+    assert_int_equal(sf_scheduled_level(f, 0, 40, 40), 0); /* never below 32 px */
+    double before = sf_scheduled_rate(f, o->lr_settle, SF_FIELD_sh0),
+           end = sf_scheduled_rate(f, 1, SF_FIELD_sh0);
+    assert_true(before == o->lr_sh0);
+    assert_true(fabs(end - o->lr_settled * o->lr_sh0) < 1e-12);
+    sf_fitter_destroy(&f);
+}
+
+static void test_presets_have_names(void **state) {
+    (void)state;
+    sf_fit_options draft, standard, high, kept;
+    sf_fit_options defaults = sf_fit_options_default();
+    assert_ok(ctx, sf_fit_options_preset(ctx, "draft", &draft));
+    assert_ok(ctx, sf_fit_options_preset(ctx, "standard", &standard));
+    assert_ok(ctx, sf_fit_options_preset(ctx, "high", &high));
+    assert_same_options(&standard, &defaults);
+    assert_true(draft.steps < standard.steps && standard.steps < high.steps);
+    assert_true(draft.max_gaussians < standard.max_gaussians && standard.max_gaussians < high.max_gaussians);
+    kept = draft;
+    assert_status(ctx, sf_fit_options_preset(ctx, "best", &kept), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "\"best\"");
+    assert_same_options(&kept, &draft);
+}
+
+/* Validation */
+
+/* The model's means after some steps. */
+static float *means_after(const sf_fit_options *options, int steps, size_t *n) {
+    sf_fitter *fitter = start(options);
+    for (int i = 0; i < steps; i++) assert_ok(ctx, sf_fitter_step(fitter));
+    sf_model *model;
+    assert_ok(ctx, sf_fitter_snapshot(fitter, &model));
+    *n = 3 * sf_model_count(model);
+    float *means = malloc(*n * sizeof *means);
+    assert_non_null(means);
+    sf_gaussians to = {.means = means};
+    assert_ok(ctx, sf_model_get(model, 0, sf_model_count(model), &to));
+    sf_model_destroy(&model);
+    sf_fitter_destroy(&fitter);
+    return means;
+}
+
+/* What stands in the views of validation has no influence on the steps. */
+static void test_validation_views_teach_nothing(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(60);
+    options.validate = 4;
+    options.patience = 0;
+    size_t n, same, spoilt = 0;
+    float *before = means_after(&options, 30, &n);
+    sf_fitter *fitter = start(&options);
+    for (size_t i = 0; i < scene->view_count; i++) {
+        sf_view *view = scene->views[i];
+        if (view->split != SF_SPLIT_TRAIN || !sf_validates(fitter, view->id)) continue;
+        memset(view->rgb, 77, 3 * (size_t)view->camera.width * (size_t)view->camera.height);
+        spoilt++;
+    }
+    sf_fitter_destroy(&fitter);
+    assert_true(spoilt >= 2);
+    float *after = means_after(&options, 30, &same);
+    assert_int_equal(n, same);
+    assert_memory_equal(before, after, n * sizeof *before);
+    free(before);
+    free(after);
+}
+
+static void keep_best(void *user, const sf_fit_progress *p) {
+    double *best = user;
+    if (p->validation_psnr > *best) *best = p->validation_psnr;
+}
+
+/* A run that spoils its model at the end gives the best one. */
+static void test_the_best_model_comes_back(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(200);
+    options.validate = 4;
+    options.patience = 0;
+    options.lr_mean = 0.05; /* far too much */
+    options.lr_mean_final = 1;
+    options.lr_settle = 1;
+    sf_fitter *fitter = start(&options);
+    double best = 0, psnr;
+    size_t views;
+    assert_ok(ctx, sf_fitter_run(fitter, keep_best, &best));
+    assert_ok(ctx, sf_validate(fitter, &psnr, &views));
+    assert_true(views >= 2);
+    assert_true(best > 5);
+    assert_true(psnr >= best - 0.011); /* gains below 0.01 dB are none */
+    sf_fit_progress p;
+    sf_fitter_get_progress(fitter, &p);
+    assert_true(fabs(p.validation_psnr - psnr) < 1e-9);
+    sf_fitter_destroy(&fitter);
+}
+
+static void test_a_target_ends_the_run(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(100000);
+    options.target_psnr = 14;
+    options.plan_steps = 200;
+    sf_fitter *fitter = start(&options);
+    fitter->options.steps = 400; /* far enough */
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    sf_fit_progress p;
+    sf_fitter_get_progress(fitter, &p);
+    assert_true(p.validation_psnr >= 14);
+    assert_true(p.step < 400);
+    assert_status(ctx, sf_fitter_step(fitter), SF_ERR_END);
+    sf_fitter_destroy(&fitter);
+}
+
+/* Where nothing is learned any more, the run settles at once. */
+static void test_patience_ends_the_run(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(400);
+    options.validate = 4;
+    options.patience = 0.1;
+    options.lr_mean = options.lr_sh0 = options.lr_sh_rest = options.lr_opacity = options.lr_scale = 0;
+    options.lr_quat = 0;
+    options.max_gaussians = 1;
+    options.grow_end = 0.01;
+    options.pyramid_levels = 0;
+    sf_fitter *fitter = start(&options);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    sf_fit_progress p;
+    sf_fitter_get_progress(fitter, &p);
+    assert_true(p.fraction < 0.5);
+    assert_true(p.fraction > options.patience + 1 - options.lr_settle - 0.01);
+    sf_fitter_destroy(&fitter);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_longer_runs_have_shorter_phases),
+        cmocka_unit_test(test_what_the_user_chose_stays),
+        cmocka_unit_test(test_time_is_planned_as_steps),
+        cmocka_unit_test(test_growth_is_bounded_by_the_plan),
+        cmocka_unit_test(test_resolution_and_rates_follow_the_plan),
+        cmocka_unit_test(test_presets_have_names),
+        cmocka_unit_test(test_the_best_model_comes_back),
+        cmocka_unit_test(test_a_target_ends_the_run),
+        cmocka_unit_test(test_patience_ends_the_run),
+        cmocka_unit_test(test_validation_views_teach_nothing), /* the last: it spoils the scene */
+    };
+    return cmocka_run_group_tests_name("schedule", tests, load, unload);
+}
