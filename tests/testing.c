@@ -35,6 +35,21 @@ sf_context *test_context_threads(int threads) {
 
 sf_context *test_context(void) { return test_context_threads(2); }
 
+void *test_count_alloc(void *allocations, size_t size) {
+    test_allocations *a = allocations;
+    if (atomic_fetch_add(&a->calls, 1) + 1 == a->fail_at) return NULL;
+    void *block = malloc(size ? size : 1);
+    if (block) atomic_fetch_add(&a->live, 1);
+    return block;
+}
+
+void test_count_free(void *allocations, void *block) {
+    test_allocations *a = allocations;
+    assert_non_null(block);
+    atomic_fetch_sub(&a->live, 1);
+    free(block);
+}
+
 void test_assert_status(const sf_context *ctx, sf_status got, sf_status expected, const char *call,
                         const char *file, int line) {
     if (got == expected) return;

@@ -8,6 +8,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,6 +23,14 @@ void test_log_clear(void);
 /* A context with 2 threads that logs to test_log; fails the test if it cannot be had. */
 sf_context *test_context(void);
 sf_context *test_context_threads(int threads);
+
+/* An allocator that counts, and whose fail_at-th call (from 1; 0: none) gives nothing. */
+typedef struct test_allocations {
+    atomic_long calls, live;
+    long fail_at;
+} test_allocations;
+void *test_count_alloc(void *allocations, size_t size);
+void test_count_free(void *allocations, void *block);
 
 /* Asserts status == expected and, where it is not, prints sf_last_error. */
 #define assert_status(ctx, call, expected) test_assert_status(ctx, call, expected, #call, __FILE__, __LINE__)

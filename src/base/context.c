@@ -62,6 +62,17 @@ sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t
     return SF_OK;
 }
 
+sf_status sf_grow_together(sf_context *ctx, const sf_array *arrays, size_t n, size_t *capacity, size_t need) {
+    size_t grown = *capacity;
+    for (size_t i = 0; i < n; i++) {
+        grown = *capacity;
+        sf_status status = sf_grow(ctx, arrays[i].block_pointer, &grown, 0, need, arrays[i].size);
+        if (status) return status;
+    }
+    *capacity = grown;
+    return SF_OK;
+}
+
 /* One line, whatever a file put into it. */
 static void write_line(char *line, size_t size, const char *format, va_list args) SF_PRINTF(3, 0);
 

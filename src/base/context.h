@@ -44,6 +44,15 @@ void sf_free(sf_context *ctx, void *block);
 sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t used, size_t need,
                   size_t size);
 
+/* Arrays of one capacity; what they held is lost. SF_ERR_MEMORY leaves *capacity as it was, each array with
+ * at least that. */
+typedef struct sf_array {
+    void *block_pointer;
+    size_t size; /* bytes of an item */
+} sf_array;
+
+sf_status sf_grow_together(sf_context *ctx, const sf_array *arrays, size_t n, size_t *capacity, size_t need);
+
 /* The allocator alone, before a context exists. */
 void *sf_allocator_take(const sf_allocator *allocator, size_t size);
 void sf_allocator_give(const sf_allocator *allocator, void *block);

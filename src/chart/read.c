@@ -96,18 +96,27 @@ static sf_status read_point(const place *p, chart_run *run) {
     return status;
 }
 
-static sf_status read_curve(const place *p, chart_run *run) {
-    const json_t *curve = json_object_get(p->object, "curve");
-    if (!curve) return wrong(p, "curve", "is missing: not the log of a fit");
-    if (!json_is_array(curve)) return wrong(p, "curve", "is not a list");
-    run->points = sf_calloc(p->ctx, json_array_size(curve) + 1, sizeof *run->points);
-    sf_status status = run->points ? SF_OK : SF_ERR_MEMORY;
-    for (size_t i = 0; i < json_array_size(curve) && !status; i++) {
+/* A list into an array with room for each of its objects. */
+static sf_status read_list(const place *p, const char *name, void *array_pointer, size_t size,
+                           sf_status (*read_item)(const place *, chart_run *), chart_run *run) {
+    const json_t *list = json_object_get(p->object, name);
+    if (!list) return SF_OK;
+    if (!json_is_array(list)) return wrong(p, name, "is not a list");
+    void *array = sf_calloc(p->ctx, json_array_size(list) + 1, size);
+    sf_status status = array ? SF_OK : SF_ERR_MEMORY;
+    memcpy(array_pointer, &array, sizeof array);
+    for (size_t i = 0; i < json_array_size(list) && !status; i++) {
         char where[48];
-        snprintf(where, sizeof where, "curve[%zu].", i);
-        place at = {p->ctx, p->path, json_array_get(curve, i), where};
-        status = read_point(&at, run);
+        snprintf(where, sizeof where, "%s[%zu].", name, i);
+        place at = {p->ctx, p->path, json_array_get(list, i), where};
+        status = read_item(&at, run);
     }
+    return status;
+}
+
+static sf_status read_curve(const place *p, chart_run *run) {
+    if (!json_object_get(p->object, "curve")) return wrong(p, "curve", "is missing: not the log of a fit");
+    sf_status status = read_list(p, "curve", &run->points, sizeof *run->points, read_point, run);
     if (!status && !run->count)
         status = wrong(p, "curve", "no point has psnr: fit with --eval-at or --eval-every");
     return status;
@@ -136,21 +145,6 @@ static sf_status read_snapshot(const place *p, chart_run *run) {
     if (!status) status = number(p, "seconds", 0, 1e9, &snapshot->seconds);
     if (!status && snapshot->second) status = number(p, "psnr", -1000, 1000, &snapshot->psnr);
     return status ? status : read_png(p, snapshot);
-}
-
-static sf_status read_snapshots(const place *p, chart_run *run) {
-    const json_t *list = json_object_get(p->object, "snapshots");
-    if (!list) return SF_OK;
-    if (!json_is_array(list)) return wrong(p, "snapshots", "is not a list");
-    run->snapshots = sf_calloc(p->ctx, json_array_size(list) + 1, sizeof *run->snapshots);
-    sf_status status = run->snapshots ? SF_OK : SF_ERR_MEMORY;
-    for (size_t i = 0; i < json_array_size(list) && !status; i++) {
-        char where[48];
-        snprintf(where, sizeof where, "snapshots[%zu].", i);
-        place at = {p->ctx, p->path, json_array_get(list, i), where};
-        status = read_snapshot(&at, run);
-    }
-    return status;
 }
 
 static sf_status read_label(const place *p, chart_run *run) {
@@ -205,7 +199,8 @@ static sf_status read_run(const place *p, chart_run *run) {
     if (!status) status = read_label(p, run);
     if (!status) status = number(p, "seed", 0, 1e19, &run->seed);
     if (!status) status = read_result(p, run);
-    return status ? status : read_snapshots(p, run);
+    return status ? status
+                  : read_list(p, "snapshots", &run->snapshots, sizeof *run->snapshots, read_snapshot, run);
 }
 
 static void free_run(sf_context *ctx, chart_run *run) {

@@ -227,25 +227,21 @@ static sf_status count_room(bin_job *job) {
 }
 
 static sf_status strip_room(sf_workspace *ws, size_t strips) {
-    size_t capacity = ws->strip_capacity;
-    sf_status status = sf_grow(ws->ctx, &ws->spans, &capacity, 0, strips, sizeof(sf_span));
-    capacity = ws->strip_capacity;
-    if (!status) status = sf_grow(ws->ctx, &ws->strips, &capacity, 0, strips, sizeof(sf_strip));
-    capacity = ws->strip_capacity;
-    if (!status) status = sf_grow(ws->ctx, &ws->strips_swap, &capacity, 0, strips, sizeof(sf_strip));
-    if (!status) ws->strip_capacity = capacity;
-    return status;
+    const sf_array arrays[] = {
+        {&ws->spans, sizeof *ws->spans},
+        {&ws->strips, sizeof *ws->strips},
+        {&ws->strips_swap, sizeof *ws->strips_swap},
+    };
+    return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->strip_capacity, strips);
 }
 
 static sf_status entry_room(sf_workspace *ws, size_t entries) {
-    size_t capacity = ws->entry_capacity;
-    sf_status status = sf_grow(ws->ctx, &ws->entries, &capacity, 0, entries, sizeof(uint32_t));
-    capacity = ws->entry_capacity;
-    if (!status) status = sf_grow(ws->ctx, &ws->entry_parts, &capacity, 0, entries, sizeof(uint64_t));
-    capacity = ws->entry_capacity;
-    if (!status) status = sf_grow(ws->ctx, &ws->entry_slots, &capacity, 0, entries, sizeof(uint32_t));
-    if (!status) ws->entry_capacity = capacity;
-    return status;
+    const sf_array arrays[] = {
+        {&ws->entries, sizeof *ws->entries},
+        {&ws->entry_parts, sizeof *ws->entry_parts},
+        {&ws->entry_slots, sizeof *ws->entry_slots},
+    };
+    return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->entry_capacity, entries);
 }
 
 sf_status sf_stage_bin(sf_workspace *ws) {

@@ -10,28 +10,13 @@ static size_t tasks_of(size_t count) {
 
 static sf_status room(sf_workspace *ws, size_t count) {
     size_t need = sf_blocks(count) * SF_LANES + 1;
-    if (need <= ws->gaussian_capacity) return SF_OK;
-    struct {
-        void *block;
-        size_t size;
-    } arrays[] = {
-        {&ws->splats, sizeof *ws->splats},
-        {&ws->state, sizeof *ws->state},
-        {&ws->first_row, sizeof *ws->first_row},
-        {&ws->rows, sizeof *ws->rows},
-        {&ws->span_offset, sizeof(uint32_t)},
-        {&ws->slot, sizeof(uint32_t)},
-        {&ws->screen, sizeof(float)},
-        {&ws->depth_of, sizeof(float)},
+    const sf_array arrays[] = {
+        {&ws->splats, sizeof *ws->splats},           {&ws->state, sizeof *ws->state},
+        {&ws->first_row, sizeof *ws->first_row},     {&ws->rows, sizeof *ws->rows},
+        {&ws->span_offset, sizeof *ws->span_offset}, {&ws->slot, sizeof *ws->slot},
+        {&ws->screen, sizeof *ws->screen},           {&ws->depth_of, sizeof *ws->depth_of},
     };
-    size_t capacity = 0;
-    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
-        capacity = ws->gaussian_capacity;
-        sf_status status = sf_grow(ws->ctx, arrays[i].block, &capacity, 0, need, arrays[i].size);
-        if (status) return status;
-    }
-    ws->gaussian_capacity = capacity;
-    return SF_OK;
+    return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->gaussian_capacity, need);
 }
 
 typedef struct project_job {

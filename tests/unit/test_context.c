@@ -4,7 +4,6 @@
 #include "testing.h"
 
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -215,32 +214,11 @@ static void statuses_have_texts(void **state) {
 /* ---- memory ---------------------------------------------------------------------------------------------
  */
 
-/* An allocator that counts, and whose fail_at-th call (from 1; 0: none) gives nothing. */
-typedef struct counting {
-    atomic_long calls, live;
-    long fail_at;
-} counting;
-
-static void *count_alloc(void *user, size_t size) {
-    counting *c = user;
-    if (atomic_fetch_add(&c->calls, 1) + 1 == c->fail_at) return NULL;
-    void *block = malloc(size ? size : 1);
-    if (block) atomic_fetch_add(&c->live, 1);
-    return block;
-}
-
-static void count_free(void *user, void *block) {
-    counting *c = user;
-    assert_non_null(block);
-    atomic_fetch_sub(&c->live, 1);
-    free(block);
-}
-
 static void allocator_is_whole_or_none(void **state) {
     (void)state;
-    counting c = {0};
-    const sf_allocator alloc_alone = {count_alloc, NULL, &c}, free_alone = {NULL, count_free, &c},
-                       whole = {count_alloc, count_free, &c};
+    test_allocations c = {0};
+    const sf_allocator alloc_alone = {test_count_alloc, NULL, &c}, free_alone = {NULL, test_count_free, &c},
+                       whole = {test_count_alloc, test_count_free, &c};
     assert_refused((sf_context_options){.allocator = &alloc_alone});
     assert_refused((sf_context_options){.allocator = &free_alone});
     assert_int_equal(c.calls, 0);
@@ -270,8 +248,8 @@ static void memory_is_aligned_and_checked(void **state) {
 
 static void growing_keeps_what_is_used(void **state) {
     (void)state;
-    counting c = {0};
-    const sf_allocator allocator = {count_alloc, count_free, &c};
+    test_allocations c = {0};
+    const sf_allocator allocator = {test_count_alloc, test_count_free, &c};
     sf_context_options options = {.allocator = &allocator, .threads = 1};
     sf_context *ctx;
     int *numbers = NULL;
@@ -423,15 +401,15 @@ static uint8_t *complete_run(sf_context *ctx, size_t *size) {
     return test_read(run_path(), size);
 }
 
-static sf_status create_counting(counting *c, sf_context **ctx) {
-    const sf_allocator allocator = {count_alloc, count_free, c};
+static sf_status create_counting(test_allocations *c, sf_context **ctx) {
+    const sf_allocator allocator = {test_count_alloc, test_count_free, c};
     sf_context_options options = {.allocator = &allocator, .threads = 2};
     return sf_context_create(ctx, &options);
 }
 
 /* Lets allocation `k` fail; 0 if the run has fewer. */
 static int run_with_failure(long k, const uint8_t *expected, size_t expected_size) {
-    counting c = {.fail_at = k};
+    test_allocations c = {.fail_at = k};
     sf_context *ctx;
     remove(run_path());
     remove(test_path("cameras.json"));
@@ -465,7 +443,7 @@ static int run_with_failure(long k, const uint8_t *expected, size_t expected_siz
 
 static void every_allocation_may_fail(void **state) {
     (void)state;
-    counting c = {0};
+    test_allocations c = {0};
     sf_context *ctx;
     size_t size;
     assert_int_equal(create_counting(&c, &ctx), SF_OK);

@@ -3,7 +3,6 @@
 #include "testing.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -332,30 +331,10 @@ static void test_same_bytes(void **state) {
     sf_context_destroy(&first_ctx);
 }
 
-/* An allocator that counts, and whose fail_at-th call (from 1; 0: none) gives nothing. */
-typedef struct counting {
-    atomic_long calls, live;
-    long fail_at;
-} counting;
-
-static void *count_alloc(void *user, size_t size) {
-    counting *c = user;
-    if (atomic_fetch_add(&c->calls, 1) + 1 == c->fail_at) return NULL;
-    void *block = malloc(size ? size : 1);
-    if (block) atomic_fetch_add(&c->live, 1);
-    return block;
-}
-
-static void count_free(void *user, void *block) {
-    counting *c = user;
-    atomic_fetch_sub(&c->live, 1);
-    free(block);
-}
-
 static void test_every_allocation_may_fail(void **state) {
     (void)state;
-    counting c = {0};
-    const sf_allocator allocator = {count_alloc, count_free, &c};
+    test_allocations c = {0};
+    const sf_allocator allocator = {test_count_alloc, test_count_free, &c};
     sf_context_options options = {.allocator = &allocator, .threads = 2};
     sf_context *ctx;
     assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
