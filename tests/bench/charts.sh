@@ -18,19 +18,21 @@ mkdir -p "$dir"
 # A fit a row: which set it belongs to, the scene and its project (DATA: SPLATFIT_DATA), seeds, levels (native: the
 # best one here; those that this machine lacks are left out), what the chart calls it, options.
 #
-# full: by the times of a step, about 16 min with the real scenes on two idle cores with AVX-512, 5 min without;
-# quick: seconds.
+# full: about 40 min with the real scenes on two idle cores; quick: seconds.
 rows() {
     cat <<'END'
-full  studio   sim:studio                              1,2,3,4,5 native           2,000 steps --steps 2000 --max-gaussians 40000
-full  studio   sim:studio                              1         avx2,sse4,scalar 2,000 steps --steps 2000 --max-gaussians 40000
+full  studio   sim:studio                              1,2,3,4,5 native           standard    --preset standard
+full  studio   sim:studio                              1,2,3,4,5 native           draft       --preset draft
+full  studio   sim:studio                              1         avx2,sse4,scalar draft       --preset draft
 full  studio   sim:studio                              1         native           5 s         --time-limit 5 --max-gaussians 20000
-full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           2,000 steps --steps 2000
-full  fox      DATA/fox-centred-270                    1         avx2,sse4,scalar 2,000 steps --steps 2000
+full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           standard    --preset standard
+full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           draft       --preset draft
+full  fox      DATA/fox-centred-270                    1         native           high        --preset high
+full  fox      DATA/fox-centred-270                    1         avx2,sse4,scalar draft       --preset draft
 full  fox      DATA/fox-centred-270                    1         native           5 s         --time-limit 5 --max-gaussians 30000
 full  fox      DATA/fox-centred-270                    1         native           60 s        --time-limit 60 --max-gaussians 80000
-full  tagboard DATA/rbt-tagboard                       1,2,3,4,5 native           2,000 steps --steps 2000
-full  tagboard DATA/rbt-tagboard                       1         avx2             2,000 steps --steps 2000
+full  tagboard DATA/rbt-tagboard                       1,2,3,4,5 native           standard    --preset standard
+full  tagboard DATA/rbt-tagboard                       1,2,3     native           draft       --preset draft
 quick studio   sim:studio?width=80&height=60&frames=20 1,2       native           60 steps    --steps 60 --max-gaussians 1000
 quick studio   sim:studio?width=80&height=60&frames=20 1         scalar           60 steps    --steps 60 --max-gaussians 1000
 END
@@ -77,4 +79,5 @@ while read -r _ scene project seeds levels rest; do
         done
     done
 done <"$list"
+"$(dirname "$0")/moves.sh" "$dir" "$kind"
 splatfit chart "$dir"/*.json --out "$dir"
