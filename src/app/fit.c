@@ -13,7 +13,7 @@ static const arg_option own_options[] = {
     {"from", 0, "MODEL", "go on from a model, of splatfit or others: full resolution from the first step"},
     {"cameras", 0, "FILE", "cameras.json to write, as refined; none for none (beside the model)"},
     {"preset", 0, "NAME",
-     "draft (seconds), standard (a minute) or high; other options go before it (standard)"},
+     "draft (seconds), standard (a minute) or high: what holds where no option says otherwise (standard)"},
     {"log", 0, "FILE", "write every hyperparameter, the curve and the result as JSON"},
     {"compare", 0, "FILE", "write a held-out picture and its render side by side, as PNG"},
     {"checkpoint", 0, "FILE", "write all that a fit is to FILE, now and then and at the end, to go on from"},
