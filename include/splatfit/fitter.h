@@ -25,6 +25,12 @@ typedef enum sf_first {
     SF_FIRST_RANDOM
 } sf_first;
 
+typedef enum sf_growth {
+    SF_GROWTH_GRADIENT, /* what has the largest mean screen gradient is cloned or split */
+    SF_GROWTH_ERROR,    /* what has a part in the error of several training views is */
+    SF_GROWTH_RELOCATE  /* faint ones move to live ones, and new ones join them (3DGS-MCMC) */
+} sf_growth;
+
 /* Every hyperparameter, once: kind, name, default, least, greatest, unit or values, meaning. The struct, its
  * defaults, the range checks, the command line, its help and the log are made from this list.
  *
@@ -89,15 +95,24 @@ typedef enum sf_first {
     REAL(pyramid_ratio, 0.25, 0.01, 1, "", "end of a coarser level, as a fraction of the next finer one's")  \
     REAL(sh_end, 0, 0, 1, "of the run",                                                                      \
          "the highest SH degree from here on, the others evenly before; 0: as plan_steps suggest")           \
+    ENUM(growth, 0, "gradient|error|relocate",                                                               \
+         "what grows: by mean screen gradient, by error seen in several views; or faint ones move to live "  \
+         "ones")                                                                                             \
+    INT(error_views, 8, 1, 1000, "", "growth error: training views that are looked at before each")          \
+    REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
+         "growth relocate: noise of faint means, in covariances (square extents) times the means' rate")     \
+    REAL(reg_opacity, 0, 0, 1e6, "", "weight in the loss of the mean opacity")                               \
+    REAL(reg_scale, 0, 0, 1e6, "1/extents", "weight in the loss of the mean scale")                          \
     REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
     REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
     REAL(grow_most, 13, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
     INT(grow_every, 100, 1, 100000000, "steps", "steps between growths")                                     \
-    REAL(grow_threshold, 0, 0, 1e9, "", "least mean screen gradient (device units) of what grows")           \
+    REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
+         "least mean screen gradient (device units) or error (px) of what grows")                            \
     REAL(grow_rate, 0.5, 0, 1, "", "largest growth at once, as a fraction of the Gaussians")                 \
     REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
-    REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed")                                    \
+    REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
     REAL(prune_scale, 1, 0, 1e9, "extents", "larger Gaussians are removed; 0: none")                         \
     REAL(max_aspect, 30, 0, 1e9, "", "longest axis limited to this multiple of the middle one; 0: no limit")
 

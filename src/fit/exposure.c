@@ -37,7 +37,7 @@ static expose_job make_job(sf_exposure *e, sf_workspace *ws, const sf_view_state
     return job;
 }
 
-static void swap_planes(sf_exposure *e, sf_workspace *ws) {
+void sf_expose_swap(sf_exposure *e, sf_workspace *ws) {
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         float *kept = ws->rgb[ch];
         ws->rgb[ch] = e->rgb[ch];
@@ -58,7 +58,7 @@ static void expose_row(void *job_pointer, size_t row, int thread) {
 void sf_expose(sf_exposure *e, sf_workspace *ws, const sf_view_state *view) {
     expose_job job = make_job(e, ws, view);
     sf_pool_run(ws->ctx->pool, (size_t)ws->eye.height, expose_row, &job);
-    swap_planes(e, ws);
+    sf_expose_swap(e, ws);
 }
 
 /* ws->partial of a row: sum of d_y x and of d_y, by channel; the loss has made room for six a row. */
@@ -84,7 +84,7 @@ static void expose_bwd_row(void *job_pointer, size_t row, int thread) {
 
 void sf_expose_bwd(sf_exposure *e, sf_workspace *ws, const sf_view_state *view, double *gradient) {
     expose_job job = make_job(e, ws, view);
-    swap_planes(e, ws);
+    sf_expose_swap(e, ws);
     sf_pool_run(ws->ctx->pool, (size_t)ws->eye.height, expose_bwd_row, &job);
     for (int k = 0; k < 2 * SF_CHANNELS; k++) gradient[k] = 0;
     for (size_t i = 0; i < 2 * SF_CHANNELS * (size_t)ws->eye.height; i++)

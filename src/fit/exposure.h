@@ -19,6 +19,9 @@ void sf_exposure_free(sf_exposure *exposure, sf_context *ctx);
 /* Puts y = exp(log_gain) x + bias, at most 1 as pictures are, in the place of the render x, for the loss. */
 void sf_expose(sf_exposure *exposure, sf_workspace *ws, const sf_view_state *view);
 
+/* The render in the place of y, or y in that of the render. */
+void sf_expose_swap(sf_exposure *exposure, sf_workspace *ws);
+
 /* Puts the render back, takes ws->d_rgb from dL/dy to dL/dx, and gives the gradient of the three log gains
  * and the three biases, [6]. */
 void sf_expose_bwd(sf_exposure *exposure, sf_workspace *ws, const sf_view_state *view, double *gradient);

@@ -146,10 +146,7 @@ typedef struct step_grads {
     double background[3], exposure[6], camera[SF_CAMERA_SUMS];
 } step_grads;
 
-/* Everything of a step up to what each pair of Gaussian and tile adds to the gradients. state: of the view,
- * NULL where nothing is learned of it. */
-static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state *state, sf_loss_value *loss,
-                               step_grads *d) {
+sf_status sf_draw_view(sf_fitter *f, const sf_view *view, const sf_view_state *state, double *weight_sum) {
     sf_workspace *ws = &f->workspace;
     sf_camera camera = view->camera;
     int exposed = state && f->options.exposure;
@@ -163,11 +160,23 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
     if (!status) status = sf_stage_bin(ws);
     if (!status && exposed) status = sf_exposure_room(&f->exposure, ws);
     if (status) return status;
-    if (state) sf_note_depth(state, ws, f->extent);
     sf_stage_blend(ws, f->step_background, 0);
-    double weight_sum = load_target(f, view, 1 << f->level);
-    if (!(weight_sum > 0)) return SF_ERR_EMPTY; /* masked altogether: nothing to learn from it */
+    *weight_sum = load_target(f, view, 1 << f->level);
+    if (!(*weight_sum > 0)) return SF_ERR_EMPTY; /* masked altogether: nothing to learn from it */
     if (exposed) sf_expose(&f->exposure, ws, state);
+    return SF_OK;
+}
+
+/* Everything of a step up to what each pair of Gaussian and tile adds to the gradients. state: of the view,
+ * NULL where nothing is learned of it. */
+static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state *state, sf_loss_value *loss,
+                               step_grads *d) {
+    sf_workspace *ws = &f->workspace;
+    int exposed = state && f->options.exposure;
+    double weight_sum;
+    sf_status status = sf_draw_view(f, view, state, &weight_sum);
+    if (status) return status;
+    if (state) sf_note_depth(state, ws, f->extent);
     sf_stage_loss(ws, f->options.lambda_dssim, weight_sum, 0, 1, loss);
     if (exposed) sf_expose_bwd(&f->exposure, ws, state, d->exposure);
     status = sf_stage_blend_bwd(ws);

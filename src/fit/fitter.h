@@ -26,8 +26,9 @@ struct sf_fitter {
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_params m, v;        /* Adam's moments, arrays of the model's capacity */
-    double *screen_sum;    /* [capacity] sum of the screen gradient's norm since the last growth */
+    sf_params m, v;     /* Adam's moments, arrays of the model's capacity */
+    double *screen_sum; /* [capacity] sum of the screen gradient's norm since the last growth; while growing
+                           by error the score, below 0 for what is to go */
     uint32_t *screen_seen; /* [capacity] views in which it was seen */
     size_t capacity;
     int growth_ended; /* memory ran out: said once, and N stays */
@@ -71,6 +72,12 @@ struct sf_fitter {
 sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_options *options,
                                  sf_fitter **fitter);
 
+/* fit.c: draws a training view at the level, degree and background of the moment, with the camera and the
+ * exposure learned of it (state; NULL: nothing is), beside what it is compared with, ready for the loss.
+ * *weight_sum: of its pixels. SF_ERR_EMPTY: it is masked altogether. */
+sf_status sf_draw_view(sf_fitter *fitter, const sf_view *view, const sf_view_state *state,
+                       double *weight_sum);
+
 /* memory.c */
 /* Forecasts what the fit takes with bands up to sh_degree, and lowers max_gaussians to what fits.
  * SF_ERR_MEMORY, with the figures: not even `least` Gaussians fit. */
@@ -90,6 +97,8 @@ sf_status sf_plan_check(sf_context *ctx, const uint32_t *ticks, size_t count);
 double sf_fraction(const sf_fitter *fitter);
 /* The fraction where `time` of the time limit has passed. */
 double sf_fraction_at(const sf_fitter *fitter, double time);
+/* `level`, or the most that leaves a picture of this size large enough. */
+int sf_level_within(int level, int width, int height);
 int sf_scheduled_level(const sf_fitter *fitter, double fraction, int width, int height);
 int sf_scheduled_degree(const sf_fitter *fitter, double fraction);
 /* How many steps there are in `seconds`, where one at full resolution takes `step` seconds now. */
@@ -123,10 +132,26 @@ sf_status sf_consider(sf_fitter *fitter, double fraction);
 
 /* grow.c */
 void sf_forget_moments(sf_fitter *fitter, size_t i);
+/* Gaussian `from` with its moments and statistics to place `to`. */
+void sf_copy_all(sf_fitter *fitter, size_t from, size_t to);
 /* Room for `count` Gaussians in the model and all arrays beside it. On failure all is as before. */
 sf_status sf_fitter_room(sf_fitter *fitter, size_t count);
-/* Removes what is faint or not finite, then clones and splits up to the plan. */
+/* Removes what is faint or not finite, then clones and splits up to the plan; or relocates. */
 void sf_grow_and_prune(sf_fitter *fitter, double fraction);
+
+/* error.c: puts in the place of the statistics each Gaussian's part in the error of several training views,
+ * and below 0 what none of them shows. On failure they stay as they are. */
+sf_status sf_score_errors(sf_fitter *fitter);
+
+/* relocate.c */
+/* What is faint or not finite moves to live Gaussians, and `more` join them, for which there is room: drawn
+ * by opacity, and corrected so that the picture stays. Nothing happens where none is live, or on failure. */
+sf_status sf_relocate(sf_fitter *fitter, size_t more);
+/* Opacity of each of n Gaussians in the place of one of `opacity`, 0 < opacity < 1; *shrink: what to multiply
+ * its scales by, so that a line through the middle has the same integral. */
+double sf_relocated(double opacity, uint32_t n, double *shrink);
+/* Moves the faint of blocks first .. end-1 at random; strength: world units, for a covariance of 1. */
+void sf_disturb(sf_fitter *fitter, double strength, size_t first, size_t end);
 
 /* options.c: SF_ERR_ARGUMENT with the option's name if one is out of range. */
 sf_status sf_fit_options_check(sf_context *ctx, const sf_fit_options *options);

@@ -1,8 +1,11 @@
 /* grow.c - pruning, cloning, splitting.
  *
- * The plan says how many Gaussians there may be; those with the largest mean screen gradient grow: a small
- * one gets a clone beside it, a large one is split along its longest axis. What is faint or not finite goes.
+ * The plan says how many Gaussians there may be; those with the largest mean screen gradient grow, or the
+ * largest error (error.c): a small one gets a clone beside it, a large one is split along its longest axis.
+ * What is faint or not finite goes, or is moved (relocate.c).
  */
+#include "grow.h"
+
 #include "fitter.h"
 
 #include <math.h>
@@ -18,17 +21,11 @@
 #define SPLIT_OTHERS  0.9f
 #define SPLIT_OPACITY 0.7f
 
-static float *at(const sf_params *params, int field, size_t i, int component) {
-    return &params->field[field][sf_at(i, sf_field_components(field), component)];
-}
-
-static float opacity_of(float logit) { return 1.0f / (1.0f + expf(-logit)); }
-static float logit_of(float opacity) { return logf(opacity / (1.0f - opacity)); }
-
 static int longest_axis(const sf_params *params, size_t i) {
     int longest = 0;
     for (int k = 1; k < 3; k++)
-        if (*at(params, SF_FIELD_log_scale, i, k) > *at(params, SF_FIELD_log_scale, i, longest)) longest = k;
+        if (*sf_value(params, SF_FIELD_log_scale, i, k) > *sf_value(params, SF_FIELD_log_scale, i, longest))
+            longest = k;
     return longest;
 }
 
@@ -69,7 +66,7 @@ sf_status sf_fitter_room(sf_fitter *f, size_t count) {
     return SF_OK;
 }
 
-static void copy_all(sf_fitter *f, size_t from, size_t to) {
+void sf_copy_all(sf_fitter *f, size_t from, size_t to) {
     sf_params_copy(&f->model->params, from, &f->model->params, to);
     sf_params_copy(&f->m, from, &f->m, to);
     sf_params_copy(&f->v, from, &f->v, to);
@@ -80,38 +77,42 @@ static void copy_all(sf_fitter *f, size_t from, size_t to) {
 void sf_forget_moments(sf_fitter *f, size_t i) {
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int c = 0; f->m.field[field] && c < sf_field_components(field); c++)
-            *at(&f->m, field, i, c) = *at(&f->v, field, i, c) = 0;
+            *sf_value(&f->m, field, i, c) = *sf_value(&f->v, field, i, c) = 0;
 }
 
-static int worth_keeping(const sf_fitter *f, size_t i, float least_logit, float most_log_scale) {
+sf_keep_limits sf_keep_limits_of(const sf_fitter *f) {
+    const sf_fit_options *o = &f->options;
+    return (sf_keep_limits){
+        .logit = o->prune_opacity > 0 ? sf_logit(fminf((float)o->prune_opacity, 0.999f)) : -INFINITY,
+        .log_scale = o->prune_scale > 0 ? (float)log(o->prune_scale * f->extent) : INFINITY};
+}
+
+int sf_worth_keeping(const sf_fitter *f, size_t i, const sf_keep_limits *limits) {
     const sf_params *p = &f->model->params;
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int c = 0; p->field[field] && c < sf_field_components(field); c++)
-            if (!isfinite(*at(p, field, i, c))) return 0;
+            if (!isfinite(*sf_value(p, field, i, c))) return 0;
     for (int k = 0; k < 3; k++)
-        if (*at(p, SF_FIELD_log_scale, i, k) > most_log_scale) return 0;
-    return p->field[SF_FIELD_logit_opacity][i] >= least_logit;
+        if (*sf_value(p, SF_FIELD_log_scale, i, k) > limits->log_scale) return 0;
+    return p->field[SF_FIELD_logit_opacity][i] >= limits->logit && !(f->screen_sum[i] < 0);
 }
 
 static void prune(sf_fitter *f) {
-    const sf_fit_options *o = &f->options;
-    float least_logit = o->prune_opacity > 0 ? logit_of(fminf((float)o->prune_opacity, 0.999f)) : -INFINITY;
-    float most_log_scale = o->prune_scale > 0 ? (float)log(o->prune_scale * f->extent) : INFINITY;
+    sf_keep_limits limits = sf_keep_limits_of(f);
     size_t kept = 0;
     for (size_t i = 0; i < f->model->count; i++) {
-        if (!worth_keeping(f, i, least_logit, most_log_scale)) continue;
-        if (kept != i) copy_all(f, i, kept);
+        if (!sf_worth_keeping(f, i, &limits)) continue;
+        if (kept != i) sf_copy_all(f, i, kept);
         kept++;
     }
     for (size_t i = kept; i < f->model->count; i++) sf_forget_moments(f, i);
     sf_model_resize(f->model, kept);
 }
 
-/* Column `axis` of the rotation of Gaussian i (M.1). */
-static void axis_of(const sf_params *params, size_t i, int axis, float *direction) {
+void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction) {
     float q[4], norm = 0;
     for (int k = 0; k < 4; k++) {
-        q[k] = *at(params, SF_FIELD_quat, i, k);
+        q[k] = *sf_value(params, SF_FIELD_quat, i, k);
         norm += q[k] * q[k];
     }
     norm = 1.0f / sqrtf(norm);
@@ -122,26 +123,22 @@ static void axis_of(const sf_params *params, size_t i, int axis, float *directio
     for (int k = 0; k < 3; k++) direction[k] = R[3 * k + axis];
 }
 
-static void set_opacity(const sf_params *p, size_t i, float opacity) {
-    p->field[SF_FIELD_logit_opacity][i] = logit_of(fminf(fmaxf(opacity, 0.006f), 0.995f));
-}
-
 /* Gaussian j, a copy of i, and i become the halves of what i was. */
 static void split(sf_fitter *f, size_t i, size_t j) {
     const sf_params *p = &f->model->params;
     int longest = longest_axis(p, i);
-    float direction[3], half = (float)SPLIT_SPREAD * expf(*at(p, SF_FIELD_log_scale, i, longest));
-    float opacity = SPLIT_OPACITY * opacity_of(p->field[SF_FIELD_logit_opacity][i]);
-    axis_of(p, i, longest, direction);
+    float direction[3], half = (float)SPLIT_SPREAD * expf(*sf_value(p, SF_FIELD_log_scale, i, longest));
+    float opacity = SPLIT_OPACITY * sf_opacity(p->field[SF_FIELD_logit_opacity][i]);
+    sf_axis_of(p, i, longest, direction);
     for (int k = 0; k < 3; k++) {
         float shrink = logf(k == longest ? SPLIT_LONG : SPLIT_OTHERS);
-        *at(p, SF_FIELD_mean, i, k) += half * direction[k];
-        *at(p, SF_FIELD_mean, j, k) -= half * direction[k];
-        *at(p, SF_FIELD_log_scale, i, k) += shrink;
-        *at(p, SF_FIELD_log_scale, j, k) += shrink;
+        *sf_value(p, SF_FIELD_mean, i, k) += half * direction[k];
+        *sf_value(p, SF_FIELD_mean, j, k) -= half * direction[k];
+        *sf_value(p, SF_FIELD_log_scale, i, k) += shrink;
+        *sf_value(p, SF_FIELD_log_scale, j, k) += shrink;
     }
-    set_opacity(p, i, opacity);
-    set_opacity(p, j, opacity);
+    sf_set_opacity(p, i, opacity);
+    sf_set_opacity(p, j, opacity);
     sf_forget_moments(f, i);
     sf_forget_moments(f, j);
 }
@@ -150,14 +147,14 @@ static void split(sf_fitter *f, size_t i, size_t j) {
 static void clone(sf_fitter *f, size_t i, size_t j) {
     const sf_params *p = &f->model->params;
     for (int axis = 0; axis < 3; axis++) {
-        float direction[3], scale = expf(*at(p, SF_FIELD_log_scale, j, axis));
+        float direction[3], scale = expf(*sf_value(p, SF_FIELD_log_scale, j, axis));
         float step = (float)(CLONE_SPREAD * sf_rng_normal(&f->rng)) * scale;
-        axis_of(p, j, axis, direction);
-        for (int k = 0; k < 3; k++) *at(p, SF_FIELD_mean, j, k) += step * direction[k];
+        sf_axis_of(p, j, axis, direction);
+        for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_mean, j, k) += step * direction[k];
     }
-    float opacity = 1.0f - sqrtf(1.0f - opacity_of(p->field[SF_FIELD_logit_opacity][i]));
-    set_opacity(p, i, opacity);
-    set_opacity(p, j, opacity);
+    float opacity = 1.0f - sqrtf(1.0f - sf_opacity(p->field[SF_FIELD_logit_opacity][i]));
+    sf_set_opacity(p, i, opacity);
+    sf_set_opacity(p, j, opacity);
     sf_forget_moments(f, j);
 }
 
@@ -197,9 +194,9 @@ static void grow(sf_fitter *f, size_t wanted) {
     sf_model_resize(f->model, count + n);
     for (size_t k = 0; k < n; k++) {
         size_t i = candidates[k].index, j = count + k;
-        copy_all(f, i, j);
+        sf_copy_all(f, i, j);
         int longest = longest_axis(&f->model->params, i);
-        if (*at(&f->model->params, SF_FIELD_log_scale, i, longest) > split_log_scale)
+        if (*sf_value(&f->model->params, SF_FIELD_log_scale, i, longest) > split_log_scale)
             split(f, i, j);
         else
             clone(f, i, j);
@@ -207,17 +204,28 @@ static void grow(sf_fitter *f, size_t wanted) {
     sf_free(f->ctx, candidates);
 }
 
-void sf_grow_and_prune(sf_fitter *f, double fraction) {
-    prune(f);
+/* How many more there should be, with room for them. */
+static size_t find_room(sf_fitter *f, double fraction) {
     size_t count = f->model->count, planned = sf_planned_count(f, fraction);
     size_t wanted = planned > count ? planned - count : 0;
     size_t most = (size_t)(f->options.grow_rate * (double)count);
     if (wanted > most) wanted = most;
-    if (wanted && !f->growth_ended) {
-        if (sf_fitter_room(f, count + wanted))
-            end_growth(f);
-        else
-            grow(f, wanted);
+    if (!wanted || f->growth_ended) return 0;
+    if (!sf_fitter_room(f, count + wanted)) return wanted;
+    end_growth(f);
+    return 0;
+}
+
+void sf_grow_and_prune(sf_fitter *f, double fraction) {
+    int kind = f->options.growth;
+    if (kind == SF_GROWTH_RELOCATE) {
+        if (sf_relocate(f, find_room(f, fraction)) && !f->growth_ended) end_growth(f);
+    } else {
+        if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
+            sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
+        prune(f);
+        size_t wanted = find_room(f, fraction);
+        if (wanted) grow(f, wanted);
     }
     memset(f->screen_sum, 0, f->capacity * sizeof *f->screen_sum);
     memset(f->screen_seen, 0, f->capacity * sizeof *f->screen_seen);

@@ -18,6 +18,9 @@ enum {
     SHOWN_PLANES = 7 /* and whoever evaluates it: the picture, its weight, the render */
 };
 
+/* Bytes of a Gaussian that growth takes while it goes on: relocation most. */
+enum { GROWING = 24 };
+
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5
 #define MEAN_STRIPS 2.5
@@ -75,7 +78,8 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
     double models = f->options.validate > 1 ? 4 : 3; /* itself, two moments, the best one so far */
-    return (bill_rates){.gaussians = models * values + sizeof *f->screen_sum + sizeof *f->screen_seen,
+    return (bill_rates){.gaussians =
+                            models * values + sizeof *f->screen_sum + sizeof *f->screen_seen + GROWING,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),

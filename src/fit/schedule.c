@@ -56,6 +56,11 @@ double sf_fraction_at(const sf_fitter *f, double time) {
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
+int sf_level_within(int level, int width, int height) {
+    while (level && (width >> level < LEAST_SIDE || height >> level < LEAST_SIDE)) level--;
+    return level;
+}
+
 int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
     int level = 0;
     if (f->gone_on) return 0;
@@ -66,8 +71,7 @@ int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int heigh
     }
     /* A step at half the resolution costs half, and teaches nearly as much. */
     if (!level && fraction < f->options.pyramid_mix && f->options.pyramid_levels) level = f->step & 1;
-    while (level && (width >> level < LEAST_SIDE || height >> level < LEAST_SIDE)) level--;
-    return level;
+    return sf_level_within(level, width, height);
 }
 
 int sf_scheduled_degree(const sf_fitter *f, double fraction) {
@@ -107,9 +111,11 @@ double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
     return full_rate(f, fraction, field) * pow(o->lr_settled, part);
 }
 
+/* Relocation goes on behind the last growth, until the rates fall. */
 int sf_growth_due(const sf_fitter *f, double fraction) {
-    return f->step % f->options.grow_every == 0 && fraction >= f->options.grow_start &&
-           fraction <= f->options.grow_end;
+    const sf_fit_options *o = &f->options;
+    double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->settle_from) : o->grow_end;
+    return f->step % o->grow_every == 0 && fraction >= o->grow_start && fraction <= end;
 }
 
 size_t sf_planned_count(const sf_fitter *f, double fraction) {

@@ -4,11 +4,14 @@
 #include <math.h>
 
 #include "adam.h"
+#include "grow.h"
 
 typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
-    float most_ratio; /* logarithm of the greatest aspect */
+    float most_ratio;         /* logarithm of the greatest aspect */
+    float d_opacity, d_scale; /* of the loss, by each opacity and scale */
+    double noise;             /* of relocate.c */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
@@ -37,9 +40,27 @@ static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
     }
 }
 
+/* What reg_opacity and reg_scale add to the gradients, of those alone that the picture shows: what few views
+ * see must not fade while others are looked at. */
+static void regularise(const update_job *job, const sf_params *grads, size_t first, size_t end) {
+    const sf_fitter *f = job->fitter;
+    const sf_params *p = &f->model->params;
+    size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
+    for (size_t i = first * SF_LANES; i < last; i++) {
+        size_t k = i - first * SF_LANES;
+        if (f->workspace.state[i] != SF_SEEN) continue;
+        float opacity = sf_opacity(p->field[SF_FIELD_logit_opacity][i]);
+        grads->field[SF_FIELD_logit_opacity][k] += job->d_opacity * opacity * (1 - opacity);
+        for (int axis = 0; axis < 3; axis++)
+            *sf_value(grads, SF_FIELD_log_scale, k, axis) +=
+                job->d_scale * expf(*sf_value(p, SF_FIELD_log_scale, i, axis));
+    }
+}
+
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     const update_job *job = job_pointer;
     sf_fitter *f = job->fitter;
+    if (job->d_opacity > 0 || job->d_scale > 0) regularise(job, grads, first, end);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!sf_field_stored(field, f->sh_degree)) continue; /* a band not in use has no gradient */
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
@@ -49,6 +70,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
         limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio);
+    if (job->noise > 0) sf_disturb(f, job->noise, first, end);
     size_t last = end * SF_LANES;
     gather_statistics(f, first * SF_LANES, last < f->model->count ? last : f->model->count);
 }
@@ -56,7 +78,14 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
 sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     const sf_fit_options *o = &f->options;
     double t = (double)f->step + 1;
-    update_job job = {.fitter = f, .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY};
+    double n = (double)f->model->count;
+    update_job job = {.fitter = f,
+                      .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY,
+                      .d_opacity = (float)(o->reg_opacity / n),
+                      .d_scale = (float)(o->reg_scale / (3 * n * f->extent))};
+    if (o->growth == SF_GROWTH_RELOCATE)
+        job.noise =
+            o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean) / (f->extent * f->extent);
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         job.step[field] = (sf_adam){
             .rate = (float)(sf_scheduled_rate(f, fraction, field) / (1 - pow(o->adam_beta1, t))),

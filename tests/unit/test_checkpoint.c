@@ -196,6 +196,20 @@ static void test_same_bytes_otherwise(void **state) {
     check_interrupted(&options);
 }
 
+/* Other ways to grow, with all that is learned of views. */
+static void test_same_bytes_however_grown(void **state) {
+    (void)state;
+    for (int growth = SF_GROWTH_ERROR; growth <= SF_GROWTH_RELOCATE; growth++) {
+        sf_fit_options options = short_fit(whole() / 2);
+        options.growth = growth;
+        options.grow_every = 3;
+        options.validate = 4;
+        options.exposure = options.refine_poses = options.refine_intrinsics = 1;
+        options.reg_opacity = options.reg_scale = 0.01;
+        check_interrupted(&options);
+    }
+}
+
 /* A checkpoint of a checkpoint is the same but for its time; saving changes nothing. */
 static void test_again_and_again(void **state) {
     (void)state;
@@ -762,6 +776,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_same_bytes_otherwise),
+        cmocka_unit_test(test_same_bytes_however_grown),
         cmocka_unit_test(test_again_and_again),
         cmocka_unit_test(test_gone_on_model),
         cmocka_unit_test(test_view_that_left),

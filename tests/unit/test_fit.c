@@ -1031,8 +1031,7 @@ static void ration_free(void *user, void *block) {
 
 /* Each allocation of a short fit fails in turn: no fitter, or a step that is not done and can be done later.
  */
-static void test_out_of_memory(void **state) {
-    (void)state;
+static void check_out_of_memory(int growth) {
     enum { STEPS = 6, PLENTY = 1 << 30 };
     ration r;
     atomic_init(&r.left, PLENTY);
@@ -1047,6 +1046,7 @@ static void test_out_of_memory(void **state) {
     sf_fit_options options = short_fit(STEPS);
     options.grow_every = 2;
     options.grow_start = 0;
+    options.growth = growth;
     int idle = atomic_load(&r.held), refused_fitters = 0, refused_steps = 0;
     for (int allowed = 0, done = 0; !done; allowed++) {
         sf_fitter *fitter;
@@ -1075,6 +1075,11 @@ static void test_out_of_memory(void **state) {
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
     assert_int_equal(atomic_load(&r.held), 0);
+}
+
+static void test_out_of_memory(void **state) {
+    (void)state;
+    for (int growth = SF_GROWTH_GRADIENT; growth <= SF_GROWTH_RELOCATE; growth++) check_out_of_memory(growth);
 }
 
 int main(void) {

@@ -1,0 +1,132 @@
+/* error.c - each Gaussian's part in the error of several training views.
+ *
+ * Blending's way back sums over the pixels of a Gaussian w d_rgb, with w its weight in the pixel: put the
+ * error in the place of d_rgb, and it is the Gaussian's share of the error; put 1, and it is its area.
+ */
+#include "fitter.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/pool.h"
+
+enum {
+    GATHER = 1024,  /* Gaussians a task */
+    LEAST_VIEWS = 2 /* in which a Gaussian must err, and must stay unseen */
+};
+
+/* Less weight than this in all views together, in pixels, is none. */
+#define LEAST_WEIGHT 0.05f
+
+/* Of each growth's views the first is this part of all views further on than the last time. */
+static const double golden = 0.6180339887498949;
+
+/* Of one Gaussian. */
+typedef struct share {
+    double logs;  /* sum over the views of the logarithm of its error, px */
+    float weight; /* sum over the views, px */
+    uint16_t erring, shown;
+} share;
+
+typedef struct gather_job {
+    const sf_workspace *ws;
+    share *shares;
+    float pixel; /* pixels of the full resolution in one of the picture */
+} gather_job;
+
+/* The mean absolute error of the channels to d_rgb[0], 1 to d_rgb[1]; 0 beyond the picture. */
+static void error_row(void *ws_pointer, size_t row, int thread) {
+    (void)thread;
+    const sf_workspace *ws = ws_pointer;
+    size_t from = row * ws->stride, width = row < (size_t)ws->eye.height ? (size_t)ws->eye.width : 0;
+    float *error = ws->d_rgb[0] + from, *one = ws->d_rgb[1] + from;
+    for (int ch = 0; ch < SF_CHANNELS; ch++) memset(ws->d_rgb[ch] + from, 0, ws->stride * sizeof(float));
+    for (size_t x = 0; x < width; x++) {
+        float weight = ws->has_weight ? ws->weight[from + x] : 1.0f, sum = 0;
+        for (int ch = 0; ch < SF_CHANNELS; ch++)
+            sum += fminf(fabsf(weight * ws->rgb[ch][from + x] - ws->target[ch][from + x]), 1.0f);
+        error[x] = sum / SF_CHANNELS;
+        one[x] = 1;
+    }
+}
+
+static void gather_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const gather_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    size_t first = task * GATHER, end = first + GATHER < ws->count ? first + GATHER : ws->count;
+    for (size_t i = first; i < end; i++) {
+        double error = 0, weight = 0;
+        if (ws->state[i] != SF_SEEN || ws->slot[i] == ws->slot[i + 1]) continue;
+        for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++) {
+            error += (double)ws->sums[(size_t)slot * SF_SUMS];
+            weight += (double)ws->sums[(size_t)slot * SF_SUMS + 1];
+        }
+        share *s = &job->shares[i];
+        float of_view = (float)error * job->pixel;
+        if (of_view > 0) s->logs += log((double)of_view);
+        s->erring += of_view > 0;
+        s->weight += (float)weight * job->pixel;
+        s->shown++;
+    }
+}
+
+/* *views: counts those that are not masked altogether. */
+static sf_status look_at(sf_fitter *f, const sf_view *view, share *shares, size_t *views) {
+    sf_workspace *ws = &f->workspace;
+    sf_view_state *state = sf_view_state_of(&f->views, view->id);
+    int level = f->level;
+    double weight_sum;
+    f->level = sf_level_within(level, view->camera.width, view->camera.height);
+    gather_job job = {ws, shares, (float)(1 << 2 * f->level)};
+    sf_status status = sf_draw_view(f, view, state, &weight_sum);
+    f->level = level;
+    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
+    ++*views;
+    sf_pool_run(f->ctx->pool, ws->plane_rows, error_row, ws);
+    if (state && f->options.exposure) sf_expose_swap(&f->exposure, ws);
+    status = sf_stage_blend_bwd(ws);
+    if (status) return status;
+    sf_pool_run(f->ctx->pool, (ws->count + GATHER - 1) / GATHER, gather_task, &job);
+    return SF_OK;
+}
+
+/* Training views, spread over all of them, others at each growth. */
+static sf_status look_at_some(sf_fitter *f, share *shares, size_t *views) {
+    uint32_t *ids;
+    size_t n, kept = 0, wanted = (size_t)f->options.error_views;
+    sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
+    if (status) return status;
+    for (size_t i = 0; i < n; i++)
+        if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
+    if (wanted > kept) wanted = kept;
+    double growth = (double)(f->step / f->options.grow_every), shift = fmod(golden * growth, 1);
+    for (size_t k = 0; k < wanted && !status; k++) {
+        size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
+        sf_view *view = sf_scene_retain_id(f->scene, ids[at < kept ? at : kept - 1]);
+        if (!view) continue; /* gone since */
+        status = look_at(f, view, shares, views);
+        sf_view_release(view);
+    }
+    sf_free(f->ctx, ids);
+    return status;
+}
+
+/* The geometric mean: where views disagree, what one alone shows counts for little. */
+static double score_of(const share *s, unsigned least) {
+    if (s->shown >= least && s->weight < LEAST_WEIGHT) return -1;
+    return s->erring < least ? 0 : exp((double)s->logs / s->erring);
+}
+
+sf_status sf_score_errors(sf_fitter *f) {
+    size_t count = f->model->count, views = 0;
+    share *shares = sf_calloc(f->ctx, count, sizeof *shares);
+    sf_status status = shares ? look_at_some(f, shares, &views) : SF_ERR_MEMORY;
+    unsigned least = views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
+    for (size_t i = 0; i < count && !status; i++) {
+        f->screen_sum[i] = score_of(&shares[i], least);
+        f->screen_seen[i] = f->screen_sum[i] > 0;
+    }
+    sf_free(f->ctx, shares);
+    return status;
+}

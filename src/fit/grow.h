@@ -1,0 +1,33 @@
+/* grow.h - what growth and relocation share. */
+#ifndef SF_FIT_GROW_H
+#define SF_FIT_GROW_H
+
+#include <math.h>
+
+#include "fitter.h"
+
+static inline float *sf_value(const sf_params *params, int field, size_t i, int component) {
+    return &params->field[field][sf_at(i, sf_field_components(field), component)];
+}
+
+static inline float sf_opacity(float logit) { return 1.0f / (1.0f + expf(-logit)); }
+static inline float sf_logit(float opacity) { return logf(opacity / (1.0f - opacity)); }
+
+/* Of what was made by growth: neither faint enough to go at once nor too opaque to learn. */
+static inline void sf_set_opacity(const sf_params *p, size_t i, float opacity) {
+    p->field[SF_FIELD_logit_opacity][i] = sf_logit(fminf(fmaxf(opacity, 0.006f), 0.995f));
+}
+
+/* Column `axis` of the rotation of Gaussian i (M.1), [3]. */
+void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction);
+
+/* Least logit-opacity and greatest log-scale of what is kept. */
+typedef struct sf_keep_limits {
+    float logit, log_scale;
+} sf_keep_limits;
+
+sf_keep_limits sf_keep_limits_of(const sf_fitter *fitter);
+/* Whether Gaussian i is finite, within the limits, and not scored to go. */
+int sf_worth_keeping(const sf_fitter *fitter, size_t i, const sf_keep_limits *limits);
+
+#endif
