@@ -9,6 +9,7 @@
 #include "../scene/gaussians.h"
 #include "../scene/scene.h"
 #include "exposure.h"
+#include "moments.h"
 #include "views.h"
 
 #include <splatfit/fitter.h>
@@ -26,7 +27,7 @@ struct sf_fitter {
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_params m, v;        /* Adam's moments, arrays of the model's capacity */
+    sf_moments moments;    /* Adam's, arrays of the model's capacity */
     double *screen_sum;    /* [capacity] sum of the screen gradient's norm since the last growth */
     uint32_t *screen_seen; /* [capacity] views in which it was seen */
     size_t capacity;
@@ -122,7 +123,6 @@ sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
 sf_status sf_consider(sf_fitter *fitter, double fraction);
 
 /* grow.c */
-void sf_forget_moments(sf_fitter *fitter, size_t i);
 /* Room for `count` Gaussians in the model and all arrays beside it. On failure all is as before. */
 sf_status sf_fitter_room(sf_fitter *fitter, size_t count);
 /* Removes what is faint or not finite, then clones and splits up to the plan. */

@@ -8,6 +8,7 @@
 typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
+    uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
     float most_ratio; /* logarithm of the greatest aspect */
 } update_job;
 
@@ -43,8 +44,9 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!sf_field_stored(field, f->sh_degree)) continue; /* a band not in use has no gradient */
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
-        f->ctx->kernels->adam(f->model->params.field[field] + at, grads->field[field], f->m.field[field] + at,
-                              f->v.field[field] + at, (end - first) * block, &job->step[field]);
+        sf_moments_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
+                        f->model->params.field[field] + at, grads->field[field], &job->step[field],
+                        job->key[field]);
     }
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
@@ -53,11 +55,21 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     gather_statistics(f, first * SF_LANES, last < f->model->count ? last : f->model->count);
 }
 
+/* What a field's moments are rounded by in this step: by the seed, the step and the field alone, so that
+ * nothing has to be kept. */
+static uint32_t rounding_key(const sf_fitter *f, int field) {
+    sf_rng rng;
+    sf_rng_seed(&rng, (uint64_t)f->options.seed);
+    sf_rng_seed(&rng, rng.s[0] + (uint64_t)f->step * SF_FIELD_COUNT + (uint64_t)field);
+    return (uint32_t)(rng.s[0] >> 32);
+}
+
 sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     const sf_fit_options *o = &f->options;
     double t = (double)f->step + 1;
     update_job job = {.fitter = f, .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY};
-    for (int field = 0; field < SF_FIELD_COUNT; field++)
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        job.key[field] = rounding_key(f, field);
         job.step[field] = (sf_adam){
             .rate = (float)(sf_scheduled_rate(f, fraction, field) / (1 - pow(o->adam_beta1, t))),
             .beta1 = (float)o->adam_beta1,
@@ -65,6 +77,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
             .v_scale = (float)(1 / (1 - pow(o->adam_beta2, t))),
             .epsilon = (float)o->adam_epsilon,
         };
+    }
     return sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
 }
 

@@ -181,6 +181,20 @@ typedef struct sf_adam {
     float epsilon;
 } sf_adam;
 
+/* Both moments of a parameter in one word of 32 bits, each with float32's own exponent: the upper half is the
+ * upper half of m (sign, 8 bits of exponent, 7 of fraction), the lower half is bits 15 to 30 of v (8 and 8).
+ * A word of 0 is 0 and 0. */
+#define SF_MOMENT_MOST 0x1p50f /* greater gradients count as this: no square overflows */
+
+/* 32 random bits for rounding number i: one to one, so that they are uniform where i is. */
+#define SF_NOISE_STRIDE 0x9e3779b9u
+#define SF_NOISE_FACTOR 0x2c1b3c6du
+static inline uint32_t sf_noise(uint32_t i) {
+    uint32_t x = i * SF_NOISE_STRIDE;
+    x = (x ^ x >> 15) * SF_NOISE_FACTOR;
+    return x ^ x >> 16;
+}
+
 /* The kernels, in the order of a step. */
 #define SF_KERNELS(X)                                                                                        \
     X(project)                                                                                               \
@@ -190,7 +204,8 @@ typedef struct sf_adam {
     X(loss)                                                                                                  \
     X(blend_bwd)                                                                                             \
     X(project_bwd)                                                                                           \
-    X(adam)
+    X(adam)                                                                                                  \
+    X(adam_half)
 
 #define SF_KERNEL_ENUM(name) SF_KERNEL_##name,
 enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
@@ -231,6 +246,13 @@ typedef struct sf_kernels {
 
     /* One step of Adam (Kingma and Ba 2015, algorithm 1) on n parameters, n a multiple of SF_LANES. */
     void (*adam)(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
+
+    /* The same step with the moments in words (above): the step is made with the new moments, which are then
+     * rounded, up or down by chance, so that their mean is what they were: v changes by less than a last bit
+     * a step. Parameter i takes noise = sf_noise(number + i): m is cut off after its bits and noise >> 16 are
+     * added, v after its bits and noise % 2^15. Gradients are finite. */
+    void (*adam_half)(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
+                      uint32_t number);
 } sf_kernels;
 
 /* Enters the kernel `name` of a level into a table. */
