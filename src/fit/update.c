@@ -9,7 +9,7 @@ typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
     uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
-    float most_ratio; /* logarithm of the greatest aspect */
+    float most_ratio;             /* logarithm of the greatest aspect */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
