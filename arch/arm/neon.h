@@ -87,10 +87,8 @@ VEC vu vu_pairs(vf a, vf b) { return vorrq_u32(vcvtq_u32_f32(a), vshlq_n_u32(vcv
 VEC vu vu_set(uint32_t x) { return vdupq_n_u32(x); }
 VEC vu vu_load(const uint32_t *p) { return vld1q_u32(p); }
 VEC vu vu_add(vu a, vu b) { return vaddq_u32(a, b); }
-VEC vu vu_mul(vu a, vu b) { return vmulq_u32(a, b); }
 VEC vu vu_and(vu a, vu b) { return vandq_u32(a, b); }
 VEC vu vu_or(vu a, vu b) { return vorrq_u32(a, b); }
-VEC vu vu_xor(vu a, vu b) { return veorq_u32(a, b); }
 #define vu_left(a, n)  vshlq_n_u32(a, n)
 #define vu_right(a, n) vshrq_n_u32(a, n)
 VEC vu vf_bits(vf a) { return vreinterpretq_u32_f32(a); }

@@ -39,7 +39,7 @@ void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, 
         p[i] -= step->rate * m / (sqrtf(v * step->v_scale) + step->epsilon);
         /* 3. rounding */
         uint32_t noise = sf_noise(number + (uint32_t)i);
-        uint32_t high = bits_of(m) + (noise >> 16), low = bits_of(v) + (noise & 0x7fffu);
+        uint32_t high = bits_of(m) + (noise >> 16), low = bits_of(v) + (noise >> 17);
         moments[i] = (high & 0xffff0000u) | low >> 15;
     }
 }

@@ -58,10 +58,8 @@ VEC vu vu_pairs(vf a, vf b) {
 VEC vu vu_set(uint32_t x) { return _mm256_set1_epi32((int)x); }
 VEC vu vu_load(const uint32_t *p) { return _mm256_load_si256((const __m256i *)p); }
 VEC vu vu_add(vu a, vu b) { return _mm256_add_epi32(a, b); }
-VEC vu vu_mul(vu a, vu b) { return _mm256_mullo_epi32(a, b); }
 VEC vu vu_and(vu a, vu b) { return _mm256_and_si256(a, b); }
 VEC vu vu_or(vu a, vu b) { return _mm256_or_si256(a, b); }
-VEC vu vu_xor(vu a, vu b) { return _mm256_xor_si256(a, b); }
 #define vu_left(a, n)  _mm256_slli_epi32(a, n)
 #define vu_right(a, n) _mm256_srli_epi32(a, n)
 VEC vu vf_bits(vf a) { return _mm256_castps_si256(a); }

@@ -84,10 +84,8 @@ VEC vu vu_pairs(vf a, vf b) {
 VEC vu vu_set(uint32_t x) { return _mm512_set1_epi32((int)x); }
 VEC vu vu_load(const uint32_t *p) { return _mm512_load_si512(p); }
 VEC vu vu_add(vu a, vu b) { return _mm512_add_epi32(a, b); }
-VEC vu vu_mul(vu a, vu b) { return _mm512_mullo_epi32(a, b); }
 VEC vu vu_and(vu a, vu b) { return _mm512_and_si512(a, b); }
 VEC vu vu_or(vu a, vu b) { return _mm512_or_si512(a, b); }
-VEC vu vu_xor(vu a, vu b) { return _mm512_xor_si512(a, b); }
 #define vu_left(a, n)  _mm512_slli_epi32(a, n)
 #define vu_right(a, n) _mm512_srli_epi32(a, n)
 VEC vu vf_bits(vf a) { return _mm512_castps_si512(a); }

@@ -54,10 +54,8 @@ VEC vu vu_pairs(vf a, vf b) {
 VEC vu vu_set(uint32_t x) { return _mm_set1_epi32((int)x); }
 VEC vu vu_load(const uint32_t *p) { return _mm_load_si128((const __m128i *)p); }
 VEC vu vu_add(vu a, vu b) { return _mm_add_epi32(a, b); }
-VEC vu vu_mul(vu a, vu b) { return _mm_mullo_epi32(a, b); }
 VEC vu vu_and(vu a, vu b) { return _mm_and_si128(a, b); }
 VEC vu vu_or(vu a, vu b) { return _mm_or_si128(a, b); }
-VEC vu vu_xor(vu a, vu b) { return _mm_xor_si128(a, b); }
 #define vu_left(a, n)  _mm_slli_epi32(a, n)
 #define vu_right(a, n) _mm_srli_epi32(a, n)
 VEC vu vf_bits(vf a) { return _mm_castps_si128(a); }

@@ -186,14 +186,10 @@ typedef struct sf_adam {
  * A word of 0 is 0 and 0. */
 #define SF_MOMENT_MOST 0x1p50f /* greater gradients count as this: no square overflows */
 
-/* 32 random bits for rounding number i: one to one, so that they are uniform where i is. */
+/* What rounding number i goes by: uniform where i is, which the caller draws anew for each step. Neighbours
+ * need not be independent: they go by the golden ratio, so that their errors even out. */
 #define SF_NOISE_STRIDE 0x9e3779b9u
-#define SF_NOISE_FACTOR 0x2c1b3c6du
-static inline uint32_t sf_noise(uint32_t i) {
-    uint32_t x = i * SF_NOISE_STRIDE;
-    x = (x ^ x >> 15) * SF_NOISE_FACTOR;
-    return x ^ x >> 16;
-}
+static inline uint32_t sf_noise(uint32_t i) { return i * SF_NOISE_STRIDE; }
 
 /* The kernels, in the order of a step. */
 #define SF_KERNELS(X)                                                                                        \
@@ -249,8 +245,8 @@ typedef struct sf_kernels {
 
     /* The same step with the moments in words (above): the step is made with the new moments, which are then
      * rounded, up or down by chance, so that their mean is what they were: v changes by less than a last bit
-     * a step. Parameter i takes noise = sf_noise(number + i): m is cut off after its bits and noise >> 16 are
-     * added, v after its bits and noise % 2^15. Gradients are finite. */
+     * a step. Parameter i takes noise = sf_noise(number + i): m is cut off after noise >> 16 is added to its
+     * bits, v after noise >> 17 is. Gradients are finite. */
     void (*adam_half)(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
                       uint32_t number);
 } sf_kernels;
