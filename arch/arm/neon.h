@@ -84,6 +84,15 @@ VEC vf vf_select(vm m, vf a, vf b) { return vbslq_f32(m, a, b); }
 VEC vu vu_zero(void) { return vdupq_n_u32(0); }
 VEC vu vu_or_where(vu a, vm m, uint32_t bits) { return vorrq_u32(a, vandq_u32(m, vdupq_n_u32(bits))); }
 VEC vu vu_pairs(vf a, vf b) { return vorrq_u32(vcvtq_u32_f32(a), vshlq_n_u32(vcvtq_u32_f32(b), 16)); }
+VEC vu vu_set(uint32_t x) { return vdupq_n_u32(x); }
+VEC vu vu_load(const uint32_t *p) { return vld1q_u32(p); }
+VEC vu vu_add(vu a, vu b) { return vaddq_u32(a, b); }
+VEC vu vu_and(vu a, vu b) { return vandq_u32(a, b); }
+VEC vu vu_or(vu a, vu b) { return vorrq_u32(a, b); }
+#define vu_left(a, n)  vshlq_n_u32(a, n)
+#define vu_right(a, n) vshrq_n_u32(a, n)
+VEC vu vf_bits(vf a) { return vreinterpretq_u32_f32(a); }
+VEC vf vf_of_bits(vu a) { return vreinterpretq_f32_u32(a); }
 VEC void vu_store(uint32_t *p, vu a) { vst1q_u32(p, a); }
 
 VEC vf vf_nearest(vf x) {

@@ -19,3 +19,30 @@ void SF_AT_LEVEL(sf_adam)(float *p, const float *g, float *m, float *v, size_t n
         vf_store(p + i, vf_sub(vf_load(p + i), vf_div(vf_mul(rate, first), down)));
     }
 }
+
+void SF_AT_LEVEL(sf_adam_half)(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
+                               uint32_t number) {
+    vf beta1 = vf_set(step->beta1), rest1 = vf_set(1.0f - step->beta1);
+    vf beta2 = vf_set(step->beta2), rest2 = vf_set(1.0f - step->beta2);
+    vf rate = vf_set(step->rate), v_scale = vf_set(step->v_scale), epsilon = vf_set(step->epsilon);
+    vf least = vf_set(-SF_MOMENT_MOST), most = vf_set(SF_MOMENT_MOST);
+    vu high = vu_set(0xffff0000u);
+    _Alignas(64) uint32_t first_noise[VW];
+    for (uint32_t i = 0; i < VW; i++) first_noise[i] = sf_noise(number + i);
+    vu noise = vu_load(first_noise), stride = vu_set(sf_noise(VW));
+    for (size_t i = 0; i < n; i += VW, noise = vu_add(noise, stride)) {
+        vu word = vu_load(moments + i);
+        vf gradient = vf_min(vf_max(vf_load(g + i), least), most);
+        vf m = vf_of_bits(vu_and(word, high)), v = vf_of_bits(vu_right(vu_left(word, 16), 1));
+        /* 1. moments */
+        m = vf_fma(beta1, m, vf_mul(rest1, gradient));
+        v = vf_fma(beta2, v, vf_mul(rest2, vf_mul(gradient, gradient)));
+        /* 2. the step */
+        vf down = vf_add(vf_sqrt(vf_mul(v, v_scale)), epsilon);
+        vf_store(p + i, vf_sub(vf_load(p + i), vf_div(vf_mul(rate, m), down)));
+        /* 3. rounding */
+        vu above = vu_and(vu_add(vf_bits(m), vu_right(noise, 16)), high);
+        vu below = vu_right(vu_add(vf_bits(v), vu_right(noise, 17)), 15);
+        vu_store(moments + i, vu_or(above, below));
+    }
+}

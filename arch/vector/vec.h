@@ -20,6 +20,8 @@
  *   vm_list_bits(b,f,p) the same of the lowest VM_BITS bits of an integer
  *   vu_pairs(a,b)       a + 65536 b of whole numbers below 65536
  *   vu_or_where(a,m,b)  a | b where m, else a
+ *   vu_add, vu_and ...  one operation each, modulo 2^32; vu_left(a,n), vu_right(a,n): by a constant
+ *   vf_bits, vf_of_bits floats as their bits, and back
  *   block               VB_COLUMNS x VB_ROWS = VW pixels, row by row; vf_load_block, vf_store_block
  *   vd1, vdm1           VD1 doubles and a mask of them; vd, vdm: two vectors of them, VD doubles
  *   vd_widen, vd_narrow from and to VD floats, aligned to the size of one vector of them

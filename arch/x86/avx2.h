@@ -55,6 +55,15 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 VEC vu vu_pairs(vf a, vf b) {
     return _mm256_or_si256(_mm256_cvtps_epi32(a), _mm256_slli_epi32(_mm256_cvtps_epi32(b), 16));
 }
+VEC vu vu_set(uint32_t x) { return _mm256_set1_epi32((int)x); }
+VEC vu vu_load(const uint32_t *p) { return _mm256_load_si256((const __m256i *)p); }
+VEC vu vu_add(vu a, vu b) { return _mm256_add_epi32(a, b); }
+VEC vu vu_and(vu a, vu b) { return _mm256_and_si256(a, b); }
+VEC vu vu_or(vu a, vu b) { return _mm256_or_si256(a, b); }
+#define vu_left(a, n)  _mm256_slli_epi32(a, n)
+#define vu_right(a, n) _mm256_srli_epi32(a, n)
+VEC vu vf_bits(vf a) { return _mm256_castps_si256(a); }
+VEC vf vf_of_bits(vu a) { return _mm256_castsi256_ps(a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm256_store_si256((__m256i *)p, a); }
 
 VEC vf vf_floor(vf x) { return _mm256_floor_ps(x); }

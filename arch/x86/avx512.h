@@ -81,6 +81,15 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 VEC vu vu_pairs(vf a, vf b) {
     return _mm512_or_si512(_mm512_cvtps_epi32(a), _mm512_slli_epi32(_mm512_cvtps_epi32(b), 16));
 }
+VEC vu vu_set(uint32_t x) { return _mm512_set1_epi32((int)x); }
+VEC vu vu_load(const uint32_t *p) { return _mm512_load_si512(p); }
+VEC vu vu_add(vu a, vu b) { return _mm512_add_epi32(a, b); }
+VEC vu vu_and(vu a, vu b) { return _mm512_and_si512(a, b); }
+VEC vu vu_or(vu a, vu b) { return _mm512_or_si512(a, b); }
+#define vu_left(a, n)  _mm512_slli_epi32(a, n)
+#define vu_right(a, n) _mm512_srli_epi32(a, n)
+VEC vu vf_bits(vf a) { return _mm512_castps_si512(a); }
+VEC vf vf_of_bits(vu a) { return _mm512_castsi512_ps(a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm512_store_si512(p, a); }
 
 VEC vf vf_floor(vf x) { return _mm512_roundscale_ps(x, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }

@@ -51,6 +51,15 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) {
 VEC vu vu_pairs(vf a, vf b) {
     return _mm_or_si128(_mm_cvtps_epi32(a), _mm_slli_epi32(_mm_cvtps_epi32(b), 16));
 }
+VEC vu vu_set(uint32_t x) { return _mm_set1_epi32((int)x); }
+VEC vu vu_load(const uint32_t *p) { return _mm_load_si128((const __m128i *)p); }
+VEC vu vu_add(vu a, vu b) { return _mm_add_epi32(a, b); }
+VEC vu vu_and(vu a, vu b) { return _mm_and_si128(a, b); }
+VEC vu vu_or(vu a, vu b) { return _mm_or_si128(a, b); }
+#define vu_left(a, n)  _mm_slli_epi32(a, n)
+#define vu_right(a, n) _mm_srli_epi32(a, n)
+VEC vu vf_bits(vf a) { return _mm_castps_si128(a); }
+VEC vf vf_of_bits(vu a) { return _mm_castsi128_ps(a); }
 VEC void vu_store(uint32_t *p, vu a) { _mm_store_si128((__m128i *)p, a); }
 
 VEC vf vf_floor(vf x) { return _mm_floor_ps(x); }

@@ -31,6 +31,8 @@ typedef enum sf_growth {
     SF_GROWTH_RELOCATE  /* faint ones move to live ones, and new ones join them (3DGS-MCMC) */
 } sf_growth;
 
+typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_format;
+
 /* Every hyperparameter, once: kind, name, default, least, greatest, unit or values, meaning. The struct, its
  * defaults, the range checks, the command line, its help and the log are made from this list.
  *
@@ -83,6 +85,7 @@ typedef enum sf_growth {
     REAL(adam_beta1, 0.7, 0, 0.9999, "", "decay of Adam's first moment")                                     \
     REAL(adam_beta2, 0.999, 0, 0.999999, "", "decay of Adam's second moment")                                \
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
+    ENUM(moments, 0, "float|half", "Adam's moments take 8 bytes a parameter, or 4, rounded at random")       \
     ENUM(first, 0, "auto|points|sweep|random",                                                               \
          "first Gaussians: the scene's points, found by matching its views, or at random")                   \
     REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the first Gaussians")                               \

@@ -20,6 +20,7 @@ typedef struct bench_lab {
     uint32_t *tiles;
     /* Adam's four arrays of `near` parameters, which fit a core's own cache, and of `far`, which fit none */
     float *adam[4];
+    uint32_t *adam_words; /* adam_half's, beside the first two */
     size_t near_count, far_count;
 } bench_lab;
 
@@ -69,6 +70,11 @@ static void adam_over(bench_lab *lab, size_t n) {
     lab->level->kernels.adam(a[0], a[1], a[2], a[3], n, &step);
 }
 
+static void adam_half_over(bench_lab *lab, size_t n) {
+    static const sf_adam step = {.beta1 = 0.9f, .beta2 = 0.999f, .v_scale = 1, .epsilon = 1e-15f};
+    lab->level->kernels.adam_half(lab->adam[0], lab->adam[1], lab->adam_words, n, &step, BENCH_SEED);
+}
+
 static void run_adam(void *lab_pointer, size_t task, int thread) {
     (void)task, (void)thread;
     bench_lab *lab = lab_pointer;
@@ -79,6 +85,18 @@ static void run_adam_far(void *lab_pointer, size_t task, int thread) {
     (void)task, (void)thread;
     bench_lab *lab = lab_pointer;
     adam_over(lab, lab->far_count);
+}
+
+static void run_adam_half(void *lab_pointer, size_t task, int thread) {
+    (void)task, (void)thread;
+    bench_lab *lab = lab_pointer;
+    for (int i = 0; i < ADAM_REPEATS; i++) adam_half_over(lab, lab->near_count);
+}
+
+static void run_adam_half_far(void *lab_pointer, size_t task, int thread) {
+    (void)task, (void)thread;
+    bench_lab *lab = lab_pointer;
+    adam_half_over(lab, lab->far_count);
 }
 
 /* The others through their stages, which hand each tile, band and block to the kernel. */
@@ -136,6 +154,8 @@ static const struct {
     {"project_bwd", SF_KERNEL_project_bwd, UNIT_GAUSSIAN, NULL, run_project_bwd, 0, 1},
     {"adam, in cache", SF_KERNEL_adam, UNIT_NEAR, run_adam, NULL, 0, 1},
     {"adam, in memory", SF_KERNEL_adam, UNIT_FAR, run_adam_far, NULL, 0, 5},
+    {"adam_half, in cache", SF_KERNEL_adam_half, UNIT_NEAR, run_adam_half, NULL, 0, 1},
+    {"adam_half, in memory", SF_KERNEL_adam_half, UNIT_FAR, run_adam_half_far, NULL, 0, 5},
 };
 enum { ITEMS = sizeof items / sizeof *items, PAIRS_ALONE = ITEMS };
 
@@ -161,6 +181,8 @@ static sf_status lab_room(bench_lab *lab, double far_bytes) {
         for (size_t k = 0; lab->adam[i] && k < parameters; k++) lab->adam[i][k] = 1e-3f;
         failed |= !lab->adam[i];
     }
+    lab->adam_words = sf_calloc(lab->ctx, parameters, sizeof *lab->adam_words);
+    failed |= !lab->adam_words;
     return failed ? SF_ERR_MEMORY : SF_OK;
 }
 
@@ -187,8 +209,8 @@ static sf_status open_lab(sf_context *ctx, const bench_level *level, int quick, 
 
 static void close_lab(bench_lab *lab) {
     if (!lab->ctx) return;
-    void *blocks[] = {lab->splats,  lab->state,   lab->first_row, lab->rows,   lab->tiles,
-                      lab->adam[0], lab->adam[1], lab->adam[2],   lab->adam[3]};
+    void *blocks[] = {lab->splats,  lab->state,   lab->first_row, lab->rows,    lab->tiles,
+                      lab->adam[0], lab->adam[1], lab->adam[2],   lab->adam[3], lab->adam_words};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(lab->ctx, blocks[i]);
     sf_workspace_free(&lab->ws);
     bench_scene_destroy(&lab->scene);
@@ -215,7 +237,8 @@ static double units_of(const bench_lab *lab, int item) {
 static double bytes_of(const bench_lab *lab, int item, double units) {
     double parameters = 4 * bench_parameters(lab->scene.model->sh_degree), record = sizeof(sf_splat);
     double slots = lab->ws.slot[lab->ws.count] / (double)lab->ws.count;
-    if (items[item].unit == UNIT_FAR) return units * 28; /* p, m, v in and out, g in */
+    if (items[item].direct == run_adam_far) return units * 28;      /* p, m, v in and out, g in */
+    if (items[item].direct == run_adam_half_far) return units * 20; /* p and the words in and out, g in */
     switch (items[item].kernel) {
     case SF_KERNEL_project: /* parameters in, records out */
         return units * (parameters + record);

@@ -209,7 +209,8 @@ static void take_instructions(bench_report *report, const char *level, const cha
     for (int i = 0; i < report->levels; i++)
         for (int row = 0; row < report->kernels && !strcmp(report->level[i].name, level); row++) {
             bench_kernel *k = &report->kernel[i][row];
-            if (!strcmp(k->name, kernel) || (!strcmp(kernel, "adam") && !strcmp(k->name, "adam, in cache")))
+            size_t n = strlen(kernel); /* the row of that name, or of what was counted of two */
+            if (!strncmp(k->name, kernel, n) && (!k->name[n] || !strcmp(k->name + n, ", in cache")))
                 k->instructions = count;
         }
 }

@@ -83,6 +83,24 @@ static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_pa
     return status;
 }
 
+static void put_moments(sf_sections_out *out, const sf_moments *moments, size_t count) {
+    for (int part = 0; part < SF_MOMENT_PARTS; part++)
+        for (int i = 0; i < SF_FIELD_COUNT; i++)
+            if (moments->part[part][i])
+                sf_sections_put(out, name_of(sf_moment_part(moments->format, part), i).text,
+                                moments->part[part][i], field_size(count, i), SF_MOMENT_VALUE);
+}
+
+static sf_status take_moments(sf_sections_in *in, const sf_moments *moments, size_t count) {
+    sf_status status = SF_OK;
+    for (int part = 0; part < SF_MOMENT_PARTS; part++)
+        for (int i = 0; i < SF_FIELD_COUNT && !status; i++)
+            if (moments->part[part][i])
+                status = sf_sections_take(in, name_of(sf_moment_part(moments->format, part), i).text,
+                                          moments->part[part][i], field_size(count, i), SF_MOMENT_VALUE);
+    return status;
+}
+
 static sf_status bad(const sf_sections_in *in, const char *section, const char *what) {
     return sf_fail(in->ctx, SF_ERR_FORMAT, "%s: section %s: %s", in->path, section, what);
 }
@@ -513,8 +531,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     sf_sections_put(out, "plan", f->plan, f->plan_count, sizeof *f->plan);
     sf_sections_put(out, "model", model, 3, sizeof *model);
     put_params(out, "model", &m->params, m->count);
-    put_params(out, "m", &f->m, m->count);
-    put_params(out, "v", &f->v, m->count);
+    put_moments(out, &f->moments, m->count);
     sf_sections_put(out, "screen.sum", f->screen_sum, m->count, sizeof *f->screen_sum);
     sf_sections_put(out, "screen.seen", f->screen_seen, m->count, sizeof *f->screen_seen);
     const int64_t best = f->best ? (int64_t)f->best->count : -1;
@@ -582,8 +599,7 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     if (status) return status;
     f->model->count = count;
     status = take_params(in, "model", &f->model->params, count);
-    if (!status) status = take_params(in, "m", &f->m, count);
-    if (!status) status = take_params(in, "v", &f->v, count);
+    if (!status) status = take_moments(in, &f->moments, count);
     if (!status) status = sf_sections_take(in, "screen.sum", f->screen_sum, count, sizeof *f->screen_sum);
     if (!status) status = sf_sections_take(in, "screen.seen", f->screen_seen, count, sizeof *f->screen_seen);
     return status;

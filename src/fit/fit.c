@@ -283,8 +283,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     if (!f) return;
     sf_model_destroy(&f->model);
     sf_model_destroy(&f->best);
-    sf_params_destroy(f->ctx, &f->m);
-    sf_params_destroy(f->ctx, &f->v);
+    sf_moments_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->screen_sum);
     sf_free(f->ctx, f->screen_seen);
     sf_free(f->ctx, f->order);

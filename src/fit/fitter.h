@@ -9,6 +9,7 @@
 #include "../scene/gaussians.h"
 #include "../scene/scene.h"
 #include "exposure.h"
+#include "moments.h"
 #include "views.h"
 
 #include <splatfit/fitter.h>
@@ -26,7 +27,7 @@ struct sf_fitter {
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_params m, v;     /* Adam's moments, arrays of the model's capacity */
+    sf_moments moments; /* Adam's, arrays of the model's capacity */
     double *screen_sum; /* [capacity] sum of the screen gradient's norm since the last growth; while growing
                            by error the score, below 0 for what is to go */
     uint32_t *screen_seen; /* [capacity] views in which it was seen */
@@ -131,7 +132,6 @@ sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
 sf_status sf_consider(sf_fitter *fitter, double fraction);
 
 /* grow.c */
-void sf_forget_moments(sf_fitter *fitter, size_t i);
 /* Gaussian `from` with its moments and statistics to place `to`. */
 void sf_copy_all(sf_fitter *fitter, size_t from, size_t to);
 /* Room for `count` Gaussians in the model and all arrays beside it. On failure all is as before. */

@@ -35,32 +35,28 @@ sf_status sf_fitter_room(sf_fitter *f, size_t count) {
     if (room > most) room = count > most ? count : most;
     int degree = f->model->sh_degree;
     sf_model *model = NULL;
-    sf_params m = {{0}}, v = {{0}};
+    sf_moments moments = {0};
     double *sum = sf_calloc(f->ctx, room, sizeof *sum);
     uint32_t *seen = sf_calloc(f->ctx, room, sizeof *seen);
     sf_status status = sum && seen ? sf_model_copy(f->model, room, degree, &model) : SF_ERR_MEMORY;
-    if (!status) status = sf_params_create(f->ctx, room, degree, &m);
-    if (!status) status = sf_params_create(f->ctx, room, degree, &v);
+    if (!status) status = sf_moments_create(f->ctx, f->options.moments, room, degree, &moments);
     if (status) {
         sf_free(f->ctx, sum);
         sf_free(f->ctx, seen);
-        sf_params_destroy(f->ctx, &m);
-        sf_params_destroy(f->ctx, &v);
+        sf_moments_destroy(f->ctx, &moments);
         sf_model_destroy(&model);
         return status;
     }
     for (size_t i = 0; f->capacity && i < f->model->count; i++) {
-        sf_params_copy(&f->m, i, &m, i);
-        sf_params_copy(&f->v, i, &v, i);
+        sf_moments_copy(&f->moments, i, &moments, i);
         sum[i] = f->screen_sum[i];
         seen[i] = f->screen_seen[i];
     }
     sf_free(f->ctx, f->screen_sum);
     sf_free(f->ctx, f->screen_seen);
-    sf_params_destroy(f->ctx, &f->m);
-    sf_params_destroy(f->ctx, &f->v);
+    sf_moments_destroy(f->ctx, &f->moments);
     sf_model_destroy(&f->model);
-    f->model = model, f->m = m, f->v = v;
+    f->model = model, f->moments = moments;
     f->screen_sum = sum, f->screen_seen = seen;
     f->capacity = room;
     return SF_OK;
@@ -68,16 +64,9 @@ sf_status sf_fitter_room(sf_fitter *f, size_t count) {
 
 void sf_copy_all(sf_fitter *f, size_t from, size_t to) {
     sf_params_copy(&f->model->params, from, &f->model->params, to);
-    sf_params_copy(&f->m, from, &f->m, to);
-    sf_params_copy(&f->v, from, &f->v, to);
+    sf_moments_copy(&f->moments, from, &f->moments, to);
     f->screen_sum[to] = f->screen_sum[from];
     f->screen_seen[to] = f->screen_seen[from];
-}
-
-void sf_forget_moments(sf_fitter *f, size_t i) {
-    for (int field = 0; field < SF_FIELD_COUNT; field++)
-        for (int c = 0; f->m.field[field] && c < sf_field_components(field); c++)
-            *sf_value(&f->m, field, i, c) = *sf_value(&f->v, field, i, c) = 0;
 }
 
 sf_keep_limits sf_keep_limits_of(const sf_fitter *f) {
@@ -105,7 +94,7 @@ static void prune(sf_fitter *f) {
         if (kept != i) sf_copy_all(f, i, kept);
         kept++;
     }
-    for (size_t i = kept; i < f->model->count; i++) sf_forget_moments(f, i);
+    for (size_t i = kept; i < f->model->count; i++) sf_moments_forget(&f->moments, i);
     sf_model_resize(f->model, kept);
 }
 
@@ -139,8 +128,8 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     }
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_forget_moments(f, i);
-    sf_forget_moments(f, j);
+    sf_moments_forget(&f->moments, i);
+    sf_moments_forget(&f->moments, j);
 }
 
 /* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
@@ -155,7 +144,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
     float opacity = 1.0f - sqrtf(1.0f - sf_opacity(p->field[SF_FIELD_logit_opacity][i]));
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_forget_moments(f, j);
+    sf_moments_forget(&f->moments, j);
 }
 
 typedef struct candidate {

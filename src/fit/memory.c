@@ -77,7 +77,8 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double layers = TILE_LAYERS * pixels / SF_TILE_PIXELS;
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
-    double models = f->options.validate > 1 ? 4 : 3; /* itself, two moments, the best one so far */
+    double models = f->options.validate > 1 ? 2 : 1; /* itself, the best one so far */
+    models += (double)sf_moment_bytes(f->options.moments) / sizeof(float);
     return (bill_rates){.gaussians =
                             models * values + sizeof *f->screen_sum + sizeof *f->screen_seen + GROWING,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,

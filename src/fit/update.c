@@ -9,9 +9,10 @@
 typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
-    float most_ratio;         /* logarithm of the greatest aspect */
-    float d_opacity, d_scale; /* of the loss, by each opacity and scale */
-    double noise;             /* of relocate.c */
+    uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
+    float most_ratio;             /* logarithm of the greatest aspect */
+    float d_opacity, d_scale;     /* of the loss, by each opacity and scale */
+    double noise;                 /* of relocate.c */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
@@ -64,8 +65,9 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!sf_field_stored(field, f->sh_degree)) continue; /* a band not in use has no gradient */
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
-        f->ctx->kernels->adam(f->model->params.field[field] + at, grads->field[field], f->m.field[field] + at,
-                              f->v.field[field] + at, (end - first) * block, &job->step[field]);
+        sf_moments_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
+                        f->model->params.field[field] + at, grads->field[field], &job->step[field],
+                        job->key[field]);
     }
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
@@ -73,6 +75,15 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     if (job->noise > 0) sf_disturb(f, job->noise, first, end);
     size_t last = end * SF_LANES;
     gather_statistics(f, first * SF_LANES, last < f->model->count ? last : f->model->count);
+}
+
+/* What a field's moments are rounded by in this step: by the seed, the step and the field alone, so that
+ * nothing has to be kept. */
+static uint32_t rounding_key(const sf_fitter *f, int field) {
+    sf_rng rng;
+    sf_rng_seed(&rng, (uint64_t)f->options.seed);
+    sf_rng_seed(&rng, rng.s[0] + (uint64_t)f->step * SF_FIELD_COUNT + (uint64_t)field);
+    return (uint32_t)(rng.s[0] >> 32);
 }
 
 sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
@@ -86,7 +97,8 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     if (o->growth == SF_GROWTH_RELOCATE)
         job.noise =
             o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean) / (f->extent * f->extent);
-    for (int field = 0; field < SF_FIELD_COUNT; field++)
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        job.key[field] = rounding_key(f, field);
         job.step[field] = (sf_adam){
             .rate = (float)(sf_scheduled_rate(f, fraction, field) / (1 - pow(o->adam_beta1, t))),
             .beta1 = (float)o->adam_beta1,
@@ -94,6 +106,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
             .v_scale = (float)(1 / (1 - pow(o->adam_beta2, t))),
             .epsilon = (float)o->adam_epsilon,
         };
+    }
     return sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
 }
 

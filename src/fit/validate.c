@@ -85,7 +85,7 @@ static void bring_back(sf_fitter *f) {
     sf_model_resize(f->model, f->best->count);
     for (size_t i = 0; i < f->best->count; i++) {
         sf_params_copy(&f->best->params, i, &f->model->params, i);
-        sf_forget_moments(f, i);
+        sf_moments_forget(&f->moments, i);
     }
 }
 

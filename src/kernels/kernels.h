@@ -181,6 +181,16 @@ typedef struct sf_adam {
     float epsilon;
 } sf_adam;
 
+/* Both moments of a parameter in one word of 32 bits, each with float32's own exponent: the upper half is the
+ * upper half of m (sign, 8 bits of exponent, 7 of fraction), the lower half is bits 15 to 30 of v (8 and 8).
+ * A word of 0 is 0 and 0. */
+#define SF_MOMENT_MOST 0x1p50f /* greater gradients count as this: no square overflows */
+
+/* What rounding number i goes by: uniform where i is, which the caller draws anew for each step. Neighbours
+ * need not be independent: they go by the golden ratio, so that their errors even out. */
+#define SF_NOISE_STRIDE 0x9e3779b9u
+static inline uint32_t sf_noise(uint32_t i) { return i * SF_NOISE_STRIDE; }
+
 /* The kernels, in the order of a step. */
 #define SF_KERNELS(X)                                                                                        \
     X(project)                                                                                               \
@@ -190,7 +200,8 @@ typedef struct sf_adam {
     X(loss)                                                                                                  \
     X(blend_bwd)                                                                                             \
     X(project_bwd)                                                                                           \
-    X(adam)
+    X(adam)                                                                                                  \
+    X(adam_half)
 
 #define SF_KERNEL_ENUM(name) SF_KERNEL_##name,
 enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
@@ -231,6 +242,13 @@ typedef struct sf_kernels {
 
     /* One step of Adam (Kingma and Ba 2015, algorithm 1) on n parameters, n a multiple of SF_LANES. */
     void (*adam)(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
+
+    /* The same step with the moments in words (above): the step is made with the new moments, which are then
+     * rounded, up or down by chance, so that their mean is what they were: v changes by less than a last bit
+     * a step. Parameter i takes noise = sf_noise(number + i): m is cut off after noise >> 16 is added to its
+     * bits, v after noise >> 17 is. Gradients are finite. */
+    void (*adam_half)(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
+                      uint32_t number);
 } sf_kernels;
 
 /* Enters the kernel `name` of a level into a table. */

@@ -1,4 +1,4 @@
-/* test_adam.c - a step of Adam at every level against float64. */
+/* test_adam.c - a step of Adam, with either form of its moments, at every level against float64. */
 #include "check.h"
 
 #include <string.h>
@@ -79,7 +79,112 @@ static void adam_agrees_with_float64(void **state) {
     check_kernels(&kernel, 1, 2 * LENGTHS * STEPS, adam_case);
 }
 
+/* ---- adam_half: the same step, its moments rounded by chance into words ---------------------------------
+ */
+
+typedef struct words {
+    float *p, *g;
+    uint32_t *moments;
+    size_t n, cut; /* made in two calls, where 0 < cut < n */
+    const sf_adam *step;
+    uint32_t number;
+} words;
+
+static void call_adam_half(const sf_kernels *kernels, void *args) {
+    words *a = args;
+    if (a->cut) kernels->adam_half(a->p, a->g, a->moments, a->cut, a->step, a->number);
+    kernels->adam_half(a->p + a->cut, a->g + a->cut, a->moments + a->cut, a->n - a->cut, a->step,
+                       a->number + (uint32_t)a->cut);
+}
+
+static float float_of(uint32_t bits) {
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static int64_t bits_of(float x) {
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+/* What is left of x above `dropped` bits when `chance` was added to them, counted from 0 upward, and
+ * downward below it. */
+static int64_t rounded(double x, int dropped, uint32_t chance) {
+    int64_t size = (bits_of(fabsf((float)x)) + (int64_t)chance) >> dropped;
+    return x < 0 ? -size : size;
+}
+
+/* The contract's, in 64 bits. */
+static uint32_t noise_of(uint32_t number) {
+    return (uint32_t)((uint64_t)number * 0x9e3779b9u % 0x100000000u);
+}
+
+/* `got` lies between what the ends of the bound of `want` are rounded to: nearly always one number. */
+static void check_rounded(check *c, const char *what, size_t i, int64_t got, bounded want, int dropped,
+                          uint32_t chance) {
+    double by = CHECK_SLACK * want.e + FLOAT_UNIT * fabs(want.v);
+    int64_t least = rounded(want.v - by, dropped, chance), most = rounded(want.v + by, dropped, chance);
+    check_that(c, least <= got && got <= most, what, i);
+    check_cliffs(c, least != most);
+}
+
+static void compare_half(check *c, const words *a, const words *before, size_t i) {
+    const double limit = (double)SF_MOMENT_MOST;
+    uint32_t was = before->moments[i], is = a->moments[i], noise = noise_of(a->number + (uint32_t)i);
+    bounded one = b_of(1), beta1 = b_of((double)a->step->beta1), beta2 = b_of((double)a->step->beta2);
+    bounded g = b_of(fmin(fmax((double)before->g[i], -limit), limit)), rate = b_of((double)a->step->rate);
+    bounded m0 = b_of((double)float_of(was & 0xffff0000u)),
+            v0 = b_of((double)float_of((was & 0xffffu) << 15));
+    bounded m = b_fma(beta1, m0, b_mul(b_sub(one, beta1), g));
+    bounded v = b_fma(beta2, v0, b_mul(b_sub(one, beta2), b_square(g)));
+    bounded root = b_sqrt(b_scale((double)a->step->v_scale, v));
+    bounded step = b_div(b_mul(rate, m), b_add(root, b_of((double)a->step->epsilon)));
+    check_near(c, "p", i, (double)a->p[i], b_sub(b_of((double)before->p[i]), step));
+    int64_t size = is >> 16 & 0x7fff;
+    check_rounded(c, "m", i, is >> 31 ? -size : size, m, 16, noise >> 16);
+    check_rounded(c, "v", i, is & 0xffff, v, 15, noise >> 17);
+}
+
+static void adam_half_case(check *c) {
+    static const float huge[] = {1e14f, -1e14f, 1e16f, -1e30f, FLT_MAX, -FLT_MAX};
+    size_t n = lengths[c->seed / 2 % LENGTHS];
+    words a = {.p = check_floats_out(c, "p", n),
+               .g = check_floats_in(c, "g", n),
+               .moments = check_output(c, "moments", n, sizeof *a.moments, 64),
+               .n = n,
+               .cut = n ? check_pick(c, n / SF_LANES) * SF_LANES : 0,
+               .step = &steps[c->seed / 2 / LENGTHS % STEPS],
+               .number = (uint32_t)sf_rng_next(&c->rng)};
+    words before = a;
+    before.p = check_floats_in(c, "p before", n);
+    before.moments = check_input(c, "moments before", n, sizeof *a.moments, 64);
+    for (size_t i = 0; i < n; i++) {
+        float m = any(c), v = fabsf(any(c));
+        if (fabsf(m) < FLT_MIN) m = 0;
+        if (v < FLT_MIN) v = 0;
+        before.p[i] = any(c);
+        a.g[i] = check_pick(c, 40) ? any(c) : huge[check_pick(c, sizeof huge / sizeof *huge)];
+        before.moments[i] = ((uint32_t)bits_of(m) & 0xffff0000u) | (uint32_t)bits_of(v) >> 15;
+    }
+    for (size_t l = 0; l < c->level_count; l++) {
+        check_at(c, l);
+        memcpy(a.p, before.p, n * sizeof *a.p);
+        memcpy(a.moments, before.moments, n * sizeof *a.moments);
+        if (!check_call(c, 0, call_adam_half, &a)) continue;
+        for (size_t i = 0; i < n; i++) compare_half(c, &a, &before, i);
+    }
+}
+
+static void adam_half_agrees_with_float64(void **state) {
+    (void)state;
+    static const check_kernel kernel = {"adam_half", SF_KERNEL_adam_half};
+    check_kernels(&kernel, 1, 2 * LENGTHS * STEPS, adam_half_case);
+}
+
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(adam_agrees_with_float64)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(adam_agrees_with_float64),
+                                       cmocka_unit_test(adam_half_agrees_with_float64)};
     return cmocka_run_group_tests_name("check adam", tests, NULL, NULL);
 }

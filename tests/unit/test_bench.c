@@ -234,9 +234,19 @@ static json_t *report_only(const char *sections) {
 
 static void test_kernels_alone_have_their_figures(void **state) {
     (void)state;
-    static const char *const names[] = {"project",        "spans",       "blend",
-                                        "unpack",         "loss",        "blend_bwd",
-                                        "adam, in cache", "project_bwd", "adam, in memory"};
+    static const char *const names[] = {
+        "project",
+        "spans",
+        "blend",
+        "unpack",
+        "loss",
+        "blend_bwd",
+        "project_bwd",
+        "adam, in cache",
+        "adam, in memory",
+        "adam_half, in cache",
+        "adam_half, in memory",
+    };
     static const char *const parts[] = {"kernels", "scene", "stages", "update_beyond_caches"};
     json_t *report = report_only("kernels");
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)

@@ -210,6 +210,14 @@ static void test_same_bytes_however_grown(void **state) {
     }
 }
 
+static void test_same_bytes_with_half_moments(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(whole() / 2);
+    options.moments = SF_MOMENTS_HALF;
+    options.grow_every = 3;
+    check_interrupted(&options);
+}
+
 /* A checkpoint of a checkpoint is the same but for its time; saving changes nothing. */
 static void test_again_and_again(void **state) {
     (void)state;
@@ -683,6 +691,13 @@ static void test_memory_budget(void **state) {
     assert_true(bill.total == bill.before + bill.gaussians + bill.lists + bill.planes + bill.results);
     assert_true(bill.gaussians >= (uint64_t)100000 * (3 * 59 * 4 + 12));
     end(&r);
+    options.moments = SF_MOMENTS_HALF;
+    begin(&r, &options);
+    sf_fitter_get_memory(r.fitter, &less);
+    assert_true(bill.gaussians - less.gaussians >= (uint64_t)100000 * 59 * 4);
+    assert_true(less.gaussians >= (uint64_t)100000 * (2 * 59 * 4 + 12));
+    options.moments = SF_MOMENTS_FLOAT;
+    end(&r);
 
     options.max_gaussians = 1; /* what is resident by now: a sanitizer keeps what was freed */
     begin(&r, &options);
@@ -777,6 +792,7 @@ int main(void) {
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_same_bytes_otherwise),
         cmocka_unit_test(test_same_bytes_however_grown),
+        cmocka_unit_test(test_same_bytes_with_half_moments),
         cmocka_unit_test(test_again_and_again),
         cmocka_unit_test(test_gone_on_model),
         cmocka_unit_test(test_view_that_left),

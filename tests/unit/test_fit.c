@@ -335,6 +335,43 @@ static void test_same_bytes(void **state) {
     free(other.values);
 }
 
+/* So it is with moments of 16 bits; they are not the floats. */
+static void test_same_bytes_with_half_moments(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 12 : 40);
+    content floats = fitted_by(1, &options);
+    options.moments = SF_MOMENTS_HALF;
+    content first = fitted_by(1, &options);
+    assert_same(&first, fitted_by(2, &options));
+    assert_same(&first, fitted_by(4, &options));
+    assert_false(is_same(&first, &floats));
+    free(first.values);
+    free(floats.values);
+}
+
+/* They reach what floats reach, to 0.3 dB. */
+static void test_half_moments_are_as_good(void **state) {
+    (void)state;
+    skip_if_quick();
+    double psnr[2];
+    for (int half = 0; half < 2; half++) {
+        sf_context *ctx = test_context();
+        sf_scene *scene = small_scene(ctx);
+        sf_fit_options options = short_fit(300);
+        options.first = SF_FIRST_POINTS;
+        options.moments = half ? SF_MOMENTS_HALF : SF_MOMENTS_FLOAT;
+        sf_fitter *fitter = start(ctx, scene, &options);
+        assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+        psnr[half] = psnr_of(ctx, scene, fitter);
+        assert_sound(ctx, fitter);
+        sf_fitter_destroy(&fitter);
+        sf_scene_destroy(&scene);
+        sf_context_destroy(&ctx);
+    }
+    print_message("moments as floats: %.2f dB, of 16 bits: %.2f dB\n", psnr[0], psnr[1]);
+    assert_true(psnr[1] >= psnr[0] - 0.3);
+}
+
 /* A model gone on from keeps what it had: after 20 steps no more than 0.5 dB are lost. */
 static void test_going_on(void **state) {
     (void)state;
@@ -1088,6 +1125,8 @@ int main(void) {
         cmocka_unit_test(test_from_a_disturbed_model),
         cmocka_unit_test(test_from_nothing),
         cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_same_bytes_with_half_moments),
+        cmocka_unit_test(test_half_moments_are_as_good),
         cmocka_unit_test(test_going_on),
         cmocka_unit_test(test_degree_gone_on_with),
         cmocka_unit_test(test_cap_holds),

@@ -244,7 +244,7 @@ static void test_picture_stays(void **state) {
     sf_scene *scene = scene_of(ctx, balls, 4, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, 4, &options);
     f->model->params.field[SF_FIELD_mean][sf_at(3, 3, 0)] = NAN; /* dead too */
-    f->m.field[SF_FIELD_mean][sf_at(2, 3, 1)] = 1;
+    ((float *)f->moments.part[0][SF_FIELD_mean])[sf_at(2, 3, 1)] = 1;
     assert_ok(ctx, sf_fitter_room(f, 6));
     draw(ctx, f->model, 0, before);
     assert_ok(ctx, sf_relocate(f, 2));
@@ -255,7 +255,7 @@ static void test_picture_stays(void **state) {
         assert_true(fabs(opacity_of(f, i) - each) < 1e-5);
         for (int k = 0; k < 3; k++) {
             assert_true(means_of(f)[sf_at(i, 3, k)] == 0);
-            assert_true(f->m.field[SF_FIELD_mean][sf_at(i, 3, k)] == 0);
+            assert_true(((float *)f->moments.part[0][SF_FIELD_mean])[sf_at(i, 3, k)] == 0);
         }
     }
     for (int x = 0; x < WIDTH; x++) {

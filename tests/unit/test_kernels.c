@@ -1,7 +1,8 @@
-/* test_kernels.c - what tests/check leaves to say of the small scalar kernels: exp2, Adam's first step, black
- * and white, where the tiles end. */
+/* test_kernels.c - what tests/check leaves to say of the small scalar kernels: exp2, Adam's first step, the
+ * rounding of its moments, black and white, where the tiles end. */
 #include "testing.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -119,6 +120,105 @@ static void first_step_of_adam_is_the_rate(void **state) {
     sf_context_destroy(&ctx);
 }
 
+enum { HALVES = 1 << 16 };
+
+static double m_of(uint32_t word) { return (double)float_of(word & 0xffff0000u); }
+static double v_of(uint32_t word) { return (double)float_of((word & 0xffffu) << 15); }
+
+/* Both moments of HALVES words against what they stand for: each within a last bit, the mean far closer. */
+static void check_mean(const uint32_t *words, double m, double v) {
+    double m_sum = 0, v_sum = 0, m_bit = fabs(m) * 0x1p-7, v_bit = v * 0x1p-8;
+    for (int i = 0; i < HALVES; i++) {
+        m_sum += m_of(words[i]) - m;
+        v_sum += v_of(words[i]) - v;
+        assert_true(fabs(m_of(words[i]) - m) <= m_bit && fabs(v_of(words[i]) - v) <= v_bit);
+    }
+    /* a deviation of at most half a bit each: five of the mean's */
+    assert_true(fabs(m_sum / HALVES) <= 5 * m_bit / 2 / sqrt(HALVES));
+    assert_true(fabs(v_sum / HALVES) <= 5 * v_bit / 2 / sqrt(HALVES));
+}
+
+/* One step from nothing, of many parameters with one gradient: each word is off by less than a bit, their
+ * mean by nothing; the next step's numbers give other words with the same mean. What has no gradient keeps
+ * its word of 0. */
+static void half_moments_are_right_on_average(void **state) {
+    (void)state;
+    sf_context *ctx = scalar_context();
+    const sf_adam step = {0.01f, 0.7f, 0.999f, 1, 1e-15f};
+    static float p[HALVES], g[HALVES];
+    static uint32_t words[HALVES], others[HALVES];
+    double same = 0, all = 0;
+    for (int e = -14; e <= 8; e++)
+        for (int sign = -1; sign <= 1; sign += 2) {
+            double gradient = sign * 1.2345 * pow(10, e);
+            for (int i = 0; i < HALVES; i++) g[i] = (float)gradient;
+            memset(words, 0, sizeof words);
+            memset(others, 0, sizeof others);
+            ctx->kernels->adam_half(p, g, words, HALVES, &step, 77u + (uint32_t)e);
+            ctx->kernels->adam_half(p, g, others, HALVES, &step, 77u + 0x80000000u + (uint32_t)e);
+            check_mean(words, (double)(1 - step.beta1) * gradient,
+                       (double)(1 - step.beta2) * gradient * gradient);
+            check_mean(others, (double)(1 - step.beta1) * gradient,
+                       (double)(1 - step.beta2) * gradient * gradient);
+            for (int i = 0; i < HALVES; i++, all++) same += words[i] == others[i];
+        }
+    assert_true(same < 0.75 * all);
+    memset(g, 0, sizeof g);
+    memset(words, 0, sizeof words);
+    ctx->kernels->adam_half(p, g, words, HALVES, &step, 1);
+    for (int i = 0; i < HALVES; i++) assert_int_equal(words[i], 0);
+    sf_context_destroy(&ctx);
+}
+
+/* A second moment that decays by less than its last bit a step reaches what floats reach; rounded to the
+ * nearest it would stand still. */
+static void half_moments_decay_as_they_must(void **state) {
+    (void)state;
+    enum { N = 1024, STEPS = 2000 };
+    sf_context *ctx = scalar_context();
+    const sf_adam step = {0, 0.7f, 0.999f, 1, 1e-15f};
+    static float p[N], g[N];
+    static uint32_t words[N];
+    sf_rng rng;
+    sf_rng_seed(&rng, 5);
+    for (int i = 0; i < N; i++) g[i] = 1e-5f;
+    for (int t = 0; t < STEPS; t++) {
+        ctx->kernels->adam_half(p, g, words, N, &step, (uint32_t)sf_rng_next(&rng));
+        if (t == 0) memset(g, 0, sizeof g);
+    }
+    double sum = 0, expected = 0.001 * 1e-10 * pow((double)step.beta2, STEPS - 1);
+    for (int i = 0; i < N; i++) sum += v_of(words[i]);
+    assert_true(fabs(sum / N / expected - 1) < 0.02);
+    sf_context_destroy(&ctx);
+}
+
+/* Steps of the greatest and the least gradients leave finite numbers everywhere, at every level. */
+static void half_moments_hold_extremes(void **state) {
+    (void)state;
+    static const float extremes[] = {FLT_MAX, -FLT_MAX, 1e20f,   -1e20f,   1e15f, 1e2f,  1e-10f, 1e-19f,
+                                     1e-20f,  -1e-30f,  FLT_MIN, -FLT_MIN, 0,     -0.0f, 1,      -1};
+    static const sf_adam steps[] = {{0.01f / (1 - 0.7f), 0.7f, 0.999f, 1 / (1 - 0.999f), 1e-15f},
+                                    {0.01f, 0.9999f, 0.999999f, 1e6f, 1e-30f},
+                                    {0.01f, 0, 0, 1, 1e-30f}};
+    sf_isa_info info;
+    for (size_t level = 0; !sf_isa_describe(level, &info); level++) {
+        unsigned mask;
+        sf_kernels kernels;
+        if (sf_cpu_choose(info.name, &mask)) continue;
+        sf_kernels_init(&kernels, mask);
+        for (size_t s = 0; s < sizeof steps / sizeof *steps; s++) {
+            _Alignas(64) float p[SF_LANES] = {0}, g[SF_LANES];
+            _Alignas(64) uint32_t words[SF_LANES] = {0};
+            for (uint32_t t = 0; t < 200; t++) {
+                for (uint32_t i = 0; i < SF_LANES; i++) g[i] = extremes[t / 50 % 2 ? i : (i + t) % SF_LANES];
+                kernels.adam_half(p, g, words, SF_LANES, &steps[s], t);
+                for (int i = 0; i < SF_LANES; i++)
+                    assert_true(isfinite(p[i]) && isfinite(m_of(words[i])) && isfinite(v_of(words[i])));
+            }
+        }
+    }
+}
+
 /* ---- unpacking ------------------------------------------------------------------------------------------
  */
 
@@ -233,8 +333,13 @@ static void tiles_end_with_the_picture(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(exp2_is_within_its_bound),       cmocka_unit_test(exp2_holds_over_its_whole_range),
-        cmocka_unit_test(first_step_of_adam_is_the_rate), cmocka_unit_test(unpack_keeps_black_and_white),
+        cmocka_unit_test(exp2_is_within_its_bound),
+        cmocka_unit_test(exp2_holds_over_its_whole_range),
+        cmocka_unit_test(first_step_of_adam_is_the_rate),
+        cmocka_unit_test(half_moments_are_right_on_average),
+        cmocka_unit_test(half_moments_decay_as_they_must),
+        cmocka_unit_test(half_moments_hold_extremes),
+        cmocka_unit_test(unpack_keeps_black_and_white),
         cmocka_unit_test(tiles_end_with_the_picture),
     };
     return cmocka_run_group_tests_name("kernels", tests, NULL, NULL);

@@ -1,0 +1,36 @@
+/* moments.h - Adam's two moments of every parameter, as floats or in 16 bits each. */
+#ifndef SF_FIT_MOMENTS_H
+#define SF_FIT_MOMENTS_H
+
+#include "../scene/gaussians.h"
+
+#include <splatfit/fitter.h>
+
+enum { SF_MOMENT_PARTS = 2, SF_MOMENT_VALUE = 4 /* bytes */ };
+
+/* The parts' arrays are blocked as those of the fields, a value of 4 bytes a parameter: m and v as floats, or
+ * words with both (src/kernels/kernels.h), which are one part alone. NULL for what is not stored. */
+typedef struct sf_moments {
+    int format; /* sf_moment_format */
+    void *part[SF_MOMENT_PARTS][SF_FIELD_COUNT];
+} sf_moments;
+
+/* Name of a part; NULL: the format has no such part. */
+const char *sf_moment_part(int format, int part);
+/* Bytes that both moments of a parameter take. */
+size_t sf_moment_bytes(int format);
+
+/* Zeros for `capacity` Gaussians (rounded up to SF_LANES). On failure none is left. */
+sf_status sf_moments_create(sf_context *ctx, int format, size_t capacity, int sh_degree, sf_moments *moments);
+void sf_moments_destroy(sf_context *ctx, sf_moments *moments);
+
+/* Those of Gaussian `from` of `source` to Gaussian `to` of `moments`, of one format; and back to 0. */
+void sf_moments_copy(const sf_moments *source, size_t from, const sf_moments *moments, size_t to);
+void sf_moments_forget(const sf_moments *moments, size_t i);
+
+/* One step of Adam for parameters at .. at+n-1 of an array of a field, p and g their first; both are
+ * multiples of SF_LANES. key: of the random rounding, another one each step and field. */
+void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
+                     float *p, const float *g, const sf_adam *step, uint32_t key);
+
+#endif
