@@ -144,7 +144,8 @@ static int jpeg_orientation(const uint8_t *data, size_t size) {
 }
 
 static sf_status jpeg_header(tjhandle jpeg, const uint8_t *data, size_t size, sf_picture *p) {
-    int width = 0, height = 0, sampling, space;
+    /* What holds tables alone has a header without these, and no error. */
+    int width = 0, height = 0, sampling = -1, space = -1;
     if (tjDecompressHeader3(jpeg, data, (unsigned long)size, &width, &height, &sampling, &space))
         return fault(p, SF_ERR_FORMAT, "JPEG: %s", tjGetErrorStr2(jpeg));
     if (space == TJCS_CMYK || space == TJCS_YCCK)
