@@ -2,7 +2,6 @@
 #include "scalar.h"
 
 #include <math.h>
-#include <string.h>
 
 void sf_adam_scalar(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step) {
     for (size_t i = 0; i < n; i++) {
@@ -14,24 +13,12 @@ void sf_adam_scalar(float *p, const float *g, float *m, float *v, size_t n, cons
     }
 }
 
-static float float_of(uint32_t bits) {
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
-static uint32_t bits_of(float x) {
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
-}
-
 void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
                          uint32_t number) {
     for (size_t i = 0; i < n; i++) {
         float gradient = g[i] < -SF_MOMENT_MOST ? -SF_MOMENT_MOST : g[i];
         gradient = gradient > SF_MOMENT_MOST ? SF_MOMENT_MOST : gradient;
-        float m = float_of(moments[i] & 0xffff0000u), v = float_of((moments[i] & 0xffffu) << 15);
+        float m = sf_float_of(moments[i] & 0xffff0000u), v = sf_float_of((moments[i] & 0xffffu) << 15);
         /* 1. moments */
         m = step->beta1 * m + (1.0f - step->beta1) * gradient;
         v = step->beta2 * v + (1.0f - step->beta2) * (gradient * gradient);
@@ -39,7 +26,7 @@ void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, 
         p[i] -= step->rate * m / (sqrtf(v * step->v_scale) + step->epsilon);
         /* 3. rounding */
         uint32_t noise = sf_noise(number + (uint32_t)i);
-        uint32_t high = bits_of(m) + (noise >> 16), low = bits_of(v) + (noise >> 17);
+        uint32_t high = sf_bits_of(m) + (noise >> 16), low = sf_bits_of(v) + (noise >> 17);
         moments[i] = (high & 0xffff0000u) | low >> 15;
     }
 }

@@ -15,6 +15,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <splatfit/status.h>
 
@@ -185,6 +186,18 @@ typedef struct sf_adam {
  * upper half of m (sign, 8 bits of exponent, 7 of fraction), the lower half is bits 15 to 30 of v (8 and 8).
  * A word of 0 is 0 and 0. */
 #define SF_MOMENT_MOST 0x1p50f /* greater gradients count as this: no square overflows */
+
+static inline float sf_float_of(uint32_t bits) {
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static inline uint32_t sf_bits_of(float x) {
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
 
 /* What rounding number i goes by: uniform where i is, which the caller draws anew for each step. Neighbours
  * need not be independent: they go by the golden ratio, so that their errors even out. */

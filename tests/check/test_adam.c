@@ -97,22 +97,10 @@ static void call_adam_half(const sf_kernels *kernels, void *args) {
                        a->number + (uint32_t)a->cut);
 }
 
-static float float_of(uint32_t bits) {
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
-static int64_t bits_of(float x) {
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
-}
-
 /* What is left of x above `dropped` bits when `chance` was added to them, counted from 0 upward, and
  * downward below it. */
 static int64_t rounded(double x, int dropped, uint32_t chance) {
-    int64_t size = (bits_of(fabsf((float)x)) + (int64_t)chance) >> dropped;
+    int64_t size = (sf_bits_of(fabsf((float)x)) + (int64_t)chance) >> dropped;
     return x < 0 ? -size : size;
 }
 
@@ -135,8 +123,8 @@ static void compare_half(check *c, const words *a, const words *before, size_t i
     uint32_t was = before->moments[i], is = a->moments[i], noise = noise_of(a->number + (uint32_t)i);
     bounded one = b_of(1), beta1 = b_of((double)a->step->beta1), beta2 = b_of((double)a->step->beta2);
     bounded g = b_of(fmin(fmax((double)before->g[i], -limit), limit)), rate = b_of((double)a->step->rate);
-    bounded m0 = b_of((double)float_of(was & 0xffff0000u)),
-            v0 = b_of((double)float_of((was & 0xffffu) << 15));
+    bounded m0 = b_of((double)sf_float_of(was & 0xffff0000u)),
+            v0 = b_of((double)sf_float_of((was & 0xffffu) << 15));
     bounded m = b_fma(beta1, m0, b_mul(b_sub(one, beta1), g));
     bounded v = b_fma(beta2, v0, b_mul(b_sub(one, beta2), b_square(g)));
     bounded root = b_sqrt(b_scale((double)a->step->v_scale, v));
@@ -166,7 +154,7 @@ static void adam_half_case(check *c) {
         if (v < FLT_MIN) v = 0;
         before.p[i] = any(c);
         a.g[i] = check_pick(c, 40) ? any(c) : huge[check_pick(c, sizeof huge / sizeof *huge)];
-        before.moments[i] = ((uint32_t)bits_of(m) & 0xffff0000u) | (uint32_t)bits_of(v) >> 15;
+        before.moments[i] = (sf_bits_of(m) & 0xffff0000u) | sf_bits_of(v) >> 15;
     }
     for (size_t l = 0; l < c->level_count; l++) {
         check_at(c, l);

@@ -25,18 +25,6 @@ static sf_context *scalar_context(void) {
     return ctx;
 }
 
-static float float_of(uint32_t bits) {
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
-static uint32_t bits_of(float value) {
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits;
-}
-
 /* ---- exp2 -----------------------------------------------------------------------------------------------
  */
 
@@ -59,7 +47,7 @@ static void sweep_task(void *sweep_pointer, size_t part, int thread) {
              first = s->first + (uint32_t)part * length;
     double worst = 0;
     for (uint32_t bits = first; bits - first < length && bits < s->end; bits += s->step) {
-        double error = exp2_error(float_of(bits | s->sign));
+        double error = exp2_error(sf_float_of(bits | s->sign));
         worst = error > worst ? error : worst;
     }
     s->worst[part] = worst;
@@ -69,7 +57,7 @@ static void sweep_task(void *sweep_pointer, size_t part, int thread) {
 static double worst_exp2(sf_context *ctx, float least, float most, uint32_t sign, uint32_t step) {
     enum { PARTS = 64 };
     double parts[PARTS], worst = 0;
-    sweep s = {bits_of(least), bits_of(most) + 1, sign, step, PARTS, parts};
+    sweep s = {sf_bits_of(least), sf_bits_of(most) + 1, sign, step, PARTS, parts};
     sf_pool_run(ctx->pool, PARTS, sweep_task, &s);
     for (int i = 0; i < PARTS; i++) worst = fmax(worst, parts[i]);
     return worst;
@@ -82,9 +70,9 @@ static void exp2_is_within_its_bound(void **state) {
     const uint32_t minus = 0x80000000u, step = is_quick() ? 64 : 1;
     sf_context *ctx = scalar_context();
     double worst = fmax(worst_exp2(ctx, 0x1p-26f, 9, minus, step), worst_exp2(ctx, 0x1p-26f, 1, 0, step));
-    for (uint32_t bits = 0; bits <= bits_of(0x1p-26f); bits += 1021) {
-        worst = fmax(worst, exp2_error(float_of(bits)));
-        worst = fmax(worst, exp2_error(float_of(bits | minus)));
+    for (uint32_t bits = 0; bits <= sf_bits_of(0x1p-26f); bits += 1021) {
+        worst = fmax(worst, exp2_error(sf_float_of(bits)));
+        worst = fmax(worst, exp2_error(sf_float_of(bits | minus)));
     }
     print_message("exp2 on [-9, 1]: relative error %.4g\n", worst);
     assert_true(worst < 2.4e-7); /* as exp2.h says */
@@ -122,8 +110,8 @@ static void first_step_of_adam_is_the_rate(void **state) {
 
 enum { HALVES = 1 << 16 };
 
-static double m_of(uint32_t word) { return (double)float_of(word & 0xffff0000u); }
-static double v_of(uint32_t word) { return (double)float_of((word & 0xffffu) << 15); }
+static double m_of(uint32_t word) { return (double)sf_float_of(word & 0xffff0000u); }
+static double v_of(uint32_t word) { return (double)sf_float_of((word & 0xffffu) << 15); }
 
 /* Both moments of HALVES words against what they stand for: each within a last bit, the mean far closer. */
 static void check_mean(const uint32_t *words, double m, double v) {
