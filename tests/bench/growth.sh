@@ -11,6 +11,7 @@ set -euo pipefail
 dir=$1
 kind=${2:-full}
 program=${PROGRAM:-build/splatfit}
+here=$(dirname "$0")
 mkdir -p "$dir"
 
 # A fit: scene, length, way to grow.
@@ -35,13 +36,6 @@ run() { # LOG PROJECT OPTION...
     mv "$log.time" "$log.cpu"
 }
 
-# The numbers of a log's result: psnr, ssim, gaussians, steps, needles in percent; then the seconds.
-numbers() { # LOG
-    awk -F '[:,]' '/^ "result"/ { on = 1 } /^  "(psnr|ssim|gaussians|steps|needles)"/ && on { gsub(/[" ]/, "", $1); v[$1] = $2 }
-        END { printf "%s %s %s %s %s ", v["psnr"], v["ssim"], v["gaussians"], v["steps"], 100 * v["needles"] }' "$1"
-    cat "$1.cpu"
-}
-
 {
     echo "| scene, length, growth | PSNR by seed, dB | SSIM | Gaussians | ms of one thread a step | needles |"
     echo "| --- | --- | --- | --- | --- | --- |"
@@ -59,9 +53,9 @@ numbers() { # LOG
                     log=${log// /-}
                     # shellcheck disable=SC2086
                     run "$log" "$project" --seed "$seed" ${length#*|} ${way#*|}
-                    numbers "$log"
+                    echo "$(awk -v fields="psnr ssim gaussians steps needles" -f "$here/result.awk" "$log") $(cat "$log.cpu")"
                 done | awk -v name="$name" '
-                    { psnr = psnr (NR > 1 ? ", " : "") sprintf("%.2f", $1); ssim += $2; n += $3; ms += 1000 * $6 / $4; needles += $5 }
+                    { psnr = psnr (NR > 1 ? ", " : "") sprintf("%.2f", $1); ssim += $2; n += $3; ms += 1000 * $6 / $4; needles += 100 * $5 }
                     END { printf "| %s | %s | %.4f | %d | %.1f | %.2f %% |\n", name, psnr, ssim / NR, n / NR, ms / NR, needles / NR }'
             done
         done

@@ -12,6 +12,7 @@ set -euo pipefail
 dir=$1
 kind=${2:-full}
 program=${PROGRAM:-build/splatfit}
+here=$(dirname "$0")
 mkdir -p "$dir"
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -50,9 +51,7 @@ fit() { # PROJECT STEPS OPTION...
         # shellcheck disable=SC2086
         ${RUN:-} "$program" fit "$project" -o /dev/null --seed "$seed" --steps "$steps" $most --log "$scratch/log.json" \
             --progress none -q "$@" </dev/null
-        # Of the result, not of its views.
-        awk -F '[:,]' '/^ "result"/ { on = 1 } /^  "(psnr|fit_seconds|ssim)"/ && on { gsub(/[" ]/, "", $1); v[$1] = $2 }
-            END { print v["psnr"], v["fit_seconds"], v["ssim"] }' "$scratch/log.json"
+        awk -v fields="psnr fit_seconds ssim" -f "$here/result.awk" "$scratch/log.json"
     done | awk '{ p += $1; s += $2; q += $3 } END { printf "%.4f %.4f %.4f\n", p / NR, s / NR, q / NR }'
 }
 
