@@ -121,6 +121,11 @@ BASE_LDFLAGS += $(SANITIZE)
 endif
 
 MODULES      := libturbojpeg spng jansson zlib
+# Left out, with what it is for, where it is missing; Debian has no static one.
+OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag)
+FOUND        := $(foreach m,$(OPTIONAL),$(shell $(PKG_CONFIG) --exists $(m) 2>/dev/null && echo $(m)))
+MODULES      += $(FOUND)
+BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG)
 MODULE_FLAGS :=
 SPNG         :=
 FETCH        :=

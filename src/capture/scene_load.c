@@ -42,7 +42,7 @@ static void fill_planes(const sf_frame *frame, size_t factor, sf_view *view) {
         uint32_t sum = area / 2;
         for (size_t v = y * factor; v < (y + 1) * factor; v++)
             for (size_t u = x * factor; u < (x + 1) * factor; u++)
-                sum += frame->data[v * frame->stride + 3 * u + channel];
+                sum += frame->plane[0][v * frame->stride[0] + 3 * u + channel];
         view->rgb[i] = (uint8_t)(sum / area);
     }
 }

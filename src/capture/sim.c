@@ -122,15 +122,15 @@ static void sim_describe(const void *self, sf_source_info *info) {
     snprintf(info->name, sizeof info->name, "simulated studio, %dx%d", (int)s->sim.width, (int)s->sim.height);
 }
 
-static sf_status sim_next(void *self, int timeout_ms, sf_frame *frame) {
+static sf_status sim_next(void *self, int timeout_ms, int newest, sf_frame *frame, sf_source_counts *counts) {
     sim_source *s = self;
-    (void)timeout_ms; /* there is nothing to wait for */
+    (void)timeout_ms, (void)newest, (void)counts; /* there is nothing to wait for, and nothing is lost */
     if (s->next == s->sim.frames)
         return sf_fail(s->ctx, SF_ERR_END, "sim:studio: no more frames after %llu",
                        (unsigned long long)s->next);
     int slot = s->taken[0] ? 1 : 0;
-    frame->data = s->frames[slot];
-    frame->stride = 3 * (size_t)s->sim.width;
+    frame->plane[0] = s->frames[slot];
+    frame->stride[0] = 3 * (size_t)s->sim.width;
     frame->width = s->sim.width;
     frame->height = s->sim.height;
     frame->format = SF_PIXEL_RGB24;
@@ -140,7 +140,7 @@ static sf_status sim_next(void *self, int timeout_ms, sf_frame *frame) {
     frame->lease = &s->taken[slot];
     sf_sim_camera(&s->sim, s->next, &frame->camera);
     sf_studio_draw(&s->sim.studio, s->ctx->pool, &frame->camera, s->linear, NULL);
-    exposure e = {s->linear, s->frames[slot], frame->stride};
+    exposure e = {s->linear, s->frames[slot], frame->stride[0]};
     sf_pool_run(s->ctx->pool, (size_t)s->sim.height, expose_row, &e);
     s->taken[slot] = 1;
     s->next++;

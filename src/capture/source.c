@@ -35,6 +35,16 @@ sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) 
     return SF_OK;
 }
 
+static const char *const format_names[SF_PIXEL_FORMATS] = {
+    [SF_PIXEL_RGB24] = "RGB24", [SF_PIXEL_BGR24] = "BGR24", [SF_PIXEL_GREY] = "GREY",
+    [SF_PIXEL_YUYV] = "YUYV",   [SF_PIXEL_UYVY] = "UYVY",   [SF_PIXEL_NV12] = "NV12",
+    [SF_PIXEL_YU12] = "YU12",   [SF_PIXEL_422P] = "422P",   [SF_PIXEL_444P] = "444P",
+    [SF_PIXEL_MJPEG] = "MJPEG"};
+
+const char *sf_pixel_format_name(sf_pixel_format format) {
+    return (unsigned)format < SF_PIXEL_FORMATS ? format_names[format] : NULL;
+}
+
 void sf_source_close(sf_source **source) {
     sf_source *s = *source;
     if (!s) return;
@@ -42,6 +52,8 @@ void sf_source_close(sf_source **source) {
     sf_free(s->ctx, s);
     *source = NULL;
 }
+
+void sf_source_count(const sf_source *source, sf_source_counts *counts) { *counts = source->counts; }
 
 void sf_source_describe(const sf_source *source, sf_source_info *info) {
     memset(info, 0, sizeof *info);
@@ -54,17 +66,29 @@ static const void **slot_of(sf_source *source, const void *lease) {
     return NULL;
 }
 
-sf_status sf_source_next(sf_source *source, int timeout_ms, sf_frame *frame) {
+static sf_status take(sf_source *source, int timeout_ms, int newest, sf_frame *frame) {
     memset(frame, 0, sizeof *frame);
+    frame->dmabuf = -1;
     if (timeout_ms < -1)
         return sf_fail(source->ctx, SF_ERR_ARGUMENT, "source: timeout_ms: %d is less than -1", timeout_ms);
     const void **slot = slot_of(source, NULL);
     if (!slot)
         return sf_fail(source->ctx, SF_ERR_ARGUMENT, "source: %d frames are out: release one before the next",
                        SF_SOURCE_MAX_LEASES);
-    sf_status status = source->ops->next(source->self, timeout_ms, frame);
-    if (status == SF_OK) *slot = frame->lease;
-    return status;
+    if (timeout_ms < 0 || timeout_ms > SF_SOURCE_LONGEST_WAIT_MS) timeout_ms = SF_SOURCE_LONGEST_WAIT_MS;
+    sf_status status = source->ops->next(source->self, timeout_ms, newest, frame, &source->counts);
+    if (status != SF_OK) return status;
+    *slot = frame->lease;
+    source->counts.given++;
+    return SF_OK;
+}
+
+sf_status sf_source_next(sf_source *source, int timeout_ms, sf_frame *frame) {
+    return take(source, timeout_ms, 0, frame);
+}
+
+sf_status sf_source_newest(sf_source *source, int timeout_ms, sf_frame *frame) {
+    return take(source, timeout_ms, 1, frame);
 }
 
 void sf_source_release(sf_source *source, sf_frame *frame) {
@@ -99,6 +123,17 @@ static int in_range(const sf_source_option *option, double value) {
            !(option->whole && value != (double)(int64_t)value);
 }
 
+static sf_status take_text(sf_context *ctx, const char *source_name, const char *value, const char *end,
+                           sf_source_option *option) {
+    size_t length = (size_t)(end - value);
+    if (length == 0 || length >= option->text_size)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%.*s\" is not a text of 1 to %zu letters",
+                       source_name, option->name, (int)length, value, option->text_size - 1);
+    memcpy(option->text, value, length);
+    option->text[length] = 0;
+    return SF_OK;
+}
+
 /* Reads one "name=value" that ends at `end`. */
 static sf_status parse_option(sf_context *ctx, const char *source_name, const char *text, const char *end,
                               sf_source_option *options, size_t count) {
@@ -107,6 +142,7 @@ static sf_status parse_option(sf_context *ctx, const char *source_name, const ch
     if (!option)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown option \"%.*s\"", source_name, (int)length, text);
     const char *value = text + length + (text[length] == '=');
+    if (option->text) return take_text(ctx, source_name, value, end, option);
     double number;
     if (!parse_number(value, end, &number))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%.*s\" is not a number", source_name, option->name,

@@ -8,13 +8,18 @@
 
 enum { SF_SOURCE_MAX_LEASES = 2 };
 
+/* No wait is longer, whatever was asked for. */
+enum { SF_SOURCE_LONGEST_WAIT_MS = 10000 };
+
 /* What a scheme does for a source that it opened; `self` is its own. source.c checks arguments and counts
- * leases: next is called with fewer than SF_SOURCE_MAX_LEASES out, release once for each frame that next
- * gave, close when all are back or forgotten. next fills in a cleared frame. */
+ * leases and frames given: next is called with fewer than SF_SOURCE_MAX_LEASES out and a timeout_ms that is
+ * not negative, release once for each frame that next gave, close when all are back or forgotten. next fills
+ * in a cleared frame (dmabuf -1) with a lease that is not NULL; `newest` as sf_source_newest asks. It adds
+ * what it lost to `counts`, but for given. */
 typedef struct sf_source_ops {
     void (*close)(void *self);
     void (*describe)(const void *self, sf_source_info *info);
-    sf_status (*next)(void *self, int timeout_ms, sf_frame *frame);
+    sf_status (*next)(void *self, int timeout_ms, int newest, sf_frame *frame, sf_source_counts *counts);
     void (*release)(void *self, sf_frame *frame);
 } sf_source_ops;
 
@@ -23,18 +28,21 @@ struct sf_source {
     const sf_source_ops *ops;
     void *self;
     const void *out[SF_SOURCE_MAX_LEASES]; /* leases of the frames that are out, NULL where none */
+    sf_source_counts counts;
 };
 
-/* A number among the options of a source's name, "...?name=value&...". */
+/* An option of a source's name, "...?name=value&...": a number, or where `text` is set a text. */
 typedef struct sf_source_option {
     const char *name;
     double value; /* the default, then what was asked for */
     double least, most;
-    int whole; /* no fraction */
+    int whole;  /* no fraction */
+    char *text; /* text_size bytes: the default, then what was asked for */
+    size_t text_size;
 } sf_source_option;
 
 /* Reads the options of `source_name` into the table; of an option named twice, the last counts.
- * SF_ERR_ARGUMENT: an option that is not in the table, not a number, out of range. */
+ * SF_ERR_ARGUMENT: an option that is not in the table, not a number, out of range, too long a text. */
 sf_status sf_source_parse_options(sf_context *ctx, const char *source_name, sf_source_option *options,
                                   size_t count);
 

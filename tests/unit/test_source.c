@@ -62,7 +62,7 @@ static void test_frames(void **state) {
         assert_int_equal(frame.width, 32);
         assert_int_equal(frame.height, 24);
         assert_int_equal(frame.format, SF_PIXEL_RGB24);
-        assert_true(frame.stride >= 3 * 32);
+        assert_true(frame.stride[0] >= 3 * 32);
         assert_true(frame.has_camera);
         assert_memory_equal(frame.camera.R_cw, camera.R_cw, sizeof camera.R_cw);
         assert_memory_equal(frame.camera.t_cw, camera.t_cw, sizeof camera.t_cw);
@@ -73,7 +73,7 @@ static void test_frames(void **state) {
         sf_source_release(source, &frame);
     }
     for (int i = 0; i < 2; i++) assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_END);
-    assert_null(frame.data);
+    assert_null(frame.plane[0]);
     sf_source_close(&source);
     sf_context_destroy(&ctx);
 }
@@ -113,7 +113,7 @@ static uint8_t *first_frame(int threads, const char *name) {
     uint8_t *copy = malloc(3 * 32 * 24);
     assert_non_null(copy);
     assert_ok(ctx, sf_source_next(source, -1, &frame));
-    for (size_t y = 0; y < 24; y++) memcpy(copy + y * 96, frame.data + y * frame.stride, 96);
+    for (size_t y = 0; y < 24; y++) memcpy(copy + y * 96, frame.plane[0] + y * frame.stride[0], 96);
     sf_source_release(source, &frame);
     sf_source_close(&source);
     sf_context_destroy(&ctx);
@@ -137,25 +137,25 @@ static void test_leases(void **state) {
     sf_frame a, b, c, nothing = {0};
     uint8_t row[96];
     assert_ok(ctx, sf_source_next(source, -1, &a));
-    memcpy(row, a.data + 12 * a.stride, sizeof row);
+    memcpy(row, a.plane[0] + 12 * a.stride[0], sizeof row);
     assert_ok(ctx, sf_source_next(source, -1, &b));
-    assert_ptr_not_equal(a.data, b.data);
-    assert_memory_equal(row, a.data + 12 * a.stride, sizeof row);
+    assert_ptr_not_equal(a.plane[0], b.plane[0]);
+    assert_memory_equal(row, a.plane[0] + 12 * a.stride[0], sizeof row);
     assert_status(ctx, sf_source_next(source, -1, &c), SF_ERR_ARGUMENT);
     assert_error_names(ctx, "2 frames are out");
-    assert_null(c.data);
+    assert_null(c.plane[0]);
 
     sf_source_release(source, &c);
     sf_source_release(source, &nothing);
     assert_status(ctx, sf_source_next(source, -1, &c), SF_ERR_ARGUMENT);
 
-    memcpy(row, b.data + 12 * b.stride, sizeof row);
+    memcpy(row, b.plane[0] + 12 * b.stride[0], sizeof row);
     sf_source_release(source, &a);
-    assert_null(a.data);
+    assert_null(a.plane[0]);
     sf_source_release(source, &a); /* a second time does nothing */
     assert_ok(ctx, sf_source_next(source, -1, &c));
     assert_int_equal(c.sequence, 2); /* the refused calls cost no frame */
-    assert_memory_equal(row, b.data + 12 * b.stride, sizeof row);
+    assert_memory_equal(row, b.plane[0] + 12 * b.stride[0], sizeof row);
     sf_source_release(source, &b);
     assert_status(ctx, sf_source_next(source, -2, &b), SF_ERR_ARGUMENT);
     assert_error_names(ctx, "timeout_ms: -2");
@@ -254,7 +254,7 @@ static void test_scene(void **state) {
         assert_memory_equal(view.camera.t_cw, frame.camera.t_cw, sizeof view.camera.t_cw);
         assert_false(view.has_mask);
         for (size_t k = 0; k < 3 * 32 * 24; k++)
-            assert_int_equal(lrintf(255 * rgb[k]), frame.data[k / 96 * frame.stride + k % 96]);
+            assert_int_equal(lrintf(255 * rgb[k]), frame.plane[0][k / 96 * frame.stride[0] + k % 96]);
         sf_source_release(source, &frame);
     }
     sf_source_close(&source);

@@ -297,7 +297,7 @@ static uint8_t *copy_frame(sf_context *ctx, sf_source *source) {
     uint8_t *copy = malloc(row * (size_t)frame.height);
     assert_non_null(copy);
     for (size_t y = 0; y < (size_t)frame.height; y++)
-        memcpy(copy + y * row, frame.data + y * frame.stride, row);
+        memcpy(copy + y * row, frame.plane[0] + y * frame.stride[0], row);
     sf_source_release(source, &frame);
     return copy;
 }
