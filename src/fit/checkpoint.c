@@ -375,7 +375,7 @@ static sf_status take_scene(sf_sections_in *in, sf_fitter *f) {
 #define LEARNED_OF_LENS(F) F(fx) F(fy) F(cx) F(cy) F(log_focal) F(focal.m) F(focal.v)
 enum { VIEW_INTEGERS = 4, LENS_INTEGERS = 3 };
 #define ROW_OF(name)      +sizeof(((const sf_view_state *)NULL)->name) / sizeof(double)
-#define ROW_OF_LENS(name) +sizeof(((const sf_lens *)NULL)->name) / sizeof(double)
+#define ROW_OF_LENS(name) +sizeof(((const sf_view_lens *)NULL)->name) / sizeof(double)
 enum {
     VIEW_ROW = VIEW_INTEGERS LEARNED_OF_VIEW(ROW_OF),
     LENS_ROW = LENS_INTEGERS LEARNED_OF_LENS(ROW_OF_LENS)
@@ -400,14 +400,14 @@ static void unpack_view(const double *row, sf_view_state *s) {
     LEARNED_OF_VIEW(UNPACK)
 }
 
-static void pack_lens(const sf_lens *s, double *row) {
+static void pack_lens(const sf_view_lens *s, double *row) {
     const double integers[LENS_INTEGERS] = {s->width, s->height, (double)s->focal.steps};
     memcpy(row, integers, sizeof integers);
     row += LENS_INTEGERS;
     LEARNED_OF_LENS(PACK)
 }
 
-static void unpack_lens(const double *row, sf_lens *s) {
+static void unpack_lens(const double *row, sf_view_lens *s) {
     s->width = (int32_t)row[0], s->height = (int32_t)row[1], s->focal.steps = (int64_t)row[2];
     row += LENS_INTEGERS;
     LEARNED_OF_LENS(UNPACK)
@@ -473,7 +473,7 @@ static sf_status take_lenses(sf_sections_in *in, sf_fitter *f) {
     if (!status && n % LENS_ROW) status = bad(in, "learned.lenses", "has another length");
     if (!status) status = sf_grow(f->ctx, &v->lenses, &v->lens_capacity, 0, n / LENS_ROW, sizeof *v->lenses);
     for (size_t i = 0; i < n / LENS_ROW && !status; i++) {
-        v->lenses[v->lens_count] = (sf_lens){0};
+        v->lenses[v->lens_count] = (sf_view_lens){0};
         unpack_lens(rows + LENS_ROW * i, &v->lenses[v->lens_count++]);
     }
     sf_free(f->ctx, rows);

@@ -53,7 +53,7 @@ static void pose_in_use(const sf_view_state *view, sf_camera *camera) {
 
 void sf_refine_camera(const sf_view_states *views, uint32_t id, sf_camera *camera) {
     const sf_view_state *view = sf_view_state_of(views, id);
-    const sf_lens *lens = view ? &views->lenses[view->lens] : sf_lens_of(views, camera);
+    const sf_view_lens *lens = view ? &views->lenses[view->lens] : sf_view_lens_of(views, camera);
     if (view) pose_in_use(view, camera);
     if (lens) {
         camera->fx *= exp(lens->log_focal[0]);
@@ -145,7 +145,7 @@ void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_op
 
 void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, const double *gradient,
                      const sf_fit_options *options, double rate) {
-    sf_lens *lens = &views->lenses[view->lens];
+    sf_view_lens *lens = &views->lenses[view->lens];
     double step[2];
     sf_adam_small(options, rate, ++lens->focal.steps, 2, gradient, lens->focal.m, lens->focal.v, step);
     for (int k = 0; k < 2; k++) lens->log_focal[k] -= step[k];

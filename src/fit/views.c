@@ -15,9 +15,9 @@ sf_view_state *sf_view_state_of(const sf_view_states *views, uint32_t id) {
     return first < views->count && views->states[first].id == id ? &views->states[first] : NULL;
 }
 
-const sf_lens *sf_lens_of(const sf_view_states *views, const sf_camera *c) {
+const sf_view_lens *sf_view_lens_of(const sf_view_states *views, const sf_camera *c) {
     for (size_t i = 0; i < views->lens_count; i++) {
-        const sf_lens *l = &views->lenses[i];
+        const sf_view_lens *l = &views->lenses[i];
         if (l->width == c->width && l->height == c->height && l->fx == c->fx && l->fy == c->fy &&
             l->cx == c->cx && l->cy == c->cy)
             return l;
@@ -26,7 +26,7 @@ const sf_lens *sf_lens_of(const sf_view_states *views, const sf_camera *c) {
 }
 
 static sf_status find_lens(sf_view_states *views, sf_context *ctx, const sf_camera *c, size_t *index) {
-    const sf_lens *found = sf_lens_of(views, c);
+    const sf_view_lens *found = sf_view_lens_of(views, c);
     if (found) {
         *index = (size_t)(found - views->lenses);
         return SF_OK;
@@ -35,8 +35,8 @@ static sf_status find_lens(sf_view_states *views, sf_context *ctx, const sf_came
                                views->lens_count + 1, sizeof *views->lenses);
     if (status) return status;
     *index = views->lens_count++;
-    views->lenses[*index] =
-        (sf_lens){.width = c->width, .height = c->height, .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
+    views->lenses[*index] = (sf_view_lens){
+        .width = c->width, .height = c->height, .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
     return SF_OK;
 }
 

@@ -29,18 +29,18 @@ typedef struct sf_view_state {
 } sf_view_state;
 
 /* The intrinsics that views share. */
-typedef struct sf_lens {
+typedef struct sf_view_lens {
     int32_t width, height;
     double fx, fy, cx, cy; /* as given, px */
     double log_focal[2];   /* logarithm of what to multiply fx and fy by */
     SF_MOMENTS(2) focal;
-} sf_lens;
+} sf_view_lens;
 
 /* Plain arrays: a copy of them is a copy of all that was learned. */
 typedef struct sf_view_states {
     sf_view_state *states; /* ascending by id */
     size_t count, capacity;
-    sf_lens *lenses;
+    sf_view_lens *lenses;
     size_t lens_count, lens_capacity;
     double *scratch; /* [count] for medians */
     size_t scratch_capacity;
@@ -54,6 +54,6 @@ void sf_view_states_free(sf_view_states *views, sf_context *ctx);
 /* The state of view `id`, NULL if there is none. */
 sf_view_state *sf_view_state_of(const sf_view_states *views, uint32_t id);
 /* The lens of a camera as given, NULL if no training view has it. */
-const sf_lens *sf_lens_of(const sf_view_states *views, const sf_camera *given);
+const sf_view_lens *sf_view_lens_of(const sf_view_states *views, const sf_camera *given);
 
 #endif
