@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "libcamera.h"
 #include "sim.h"
 #include "v4l2.h"
 
@@ -12,7 +13,8 @@ typedef struct scheme {
     sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
 } scheme;
 
-static const scheme schemes[] = {{"sim:", sf_sim_open}, {"v4l2:", sf_v4l2_open}};
+static const scheme schemes[] = {
+    {"sim:", sf_sim_open}, {"v4l2:", sf_v4l2_open}, {"libcamera:", sf_libcamera_open}};
 
 static const scheme *scheme_of(const char *name) {
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++)
@@ -23,7 +25,8 @@ static const scheme *scheme_of(const char *name) {
 sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) {
     *source = NULL;
     const scheme *known = scheme_of(name);
-    if (!known) return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known: sim:, v4l2:", name);
+    if (!known)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known: sim:, v4l2:, libcamera:", name);
     sf_source *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;

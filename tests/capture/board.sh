@@ -44,7 +44,7 @@ pack() { # FOLDER OUT
     local files=$scratch/files program
     rm -rf "$files"
     mkdir -p "$files/bin"
-    cp "$here/init.sh" "$files/init"
+    install -m 755 "$here/init.sh" "$files/init"
     for program in tests/capture/guest tests/capture/uvcsim splatfit; do
         aarch64-linux-gnu-strip -o "$files/bin/$(basename $program)" "$1/$program" || return
     done

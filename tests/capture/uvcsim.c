@@ -63,9 +63,9 @@ static void begin_frame(simulation *s) {
         pattern_mark_jpeg(s->jpeg, s->jpeg_bytes, s->id);
         s->bytes = s->jpeg_bytes;
     } else {
-        pattern_plane plane = {.data = s->yuyv, .stride = 2 * (size_t)s->camera.width};
-        pattern_planes(SF_PIXEL_YUYV, s->camera.width, s->camera.height, &plane);
-        pattern_fill(&plane, 1, s->id);
+        pattern_plane planes[SF_FRAME_PLANES] = {{.data = s->yuyv, .stride = 2 * (size_t)s->camera.width}};
+        pattern_planes(SF_PIXEL_YUYV, s->camera.width, s->camera.height, planes);
+        pattern_fill(planes, 1, s->id);
         s->bytes = s->capacity;
     }
     if (happens(s->faults.cut, s->id)) s->bytes /= 2;
