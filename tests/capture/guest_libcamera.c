@@ -162,8 +162,8 @@ static void newest(void) {
     webcam_unplug(&camera);
 }
 
-/* Where udev tells libcamera, that is an error; without udev, as here, frames just stay away. What is out stays
- * readable, and closing does not hang. */
+/* Where udev tells libcamera, that is an error; without udev, as here, frames just stay away. What is out
+ * stays readable, and closing does not hang. */
 static void unplugged(void) {
     webcam camera;
     plug(&camera, "");
