@@ -5,13 +5,14 @@
 #include <string.h>
 
 #include "sim.h"
+#include "v4l2.h"
 
 typedef struct scheme {
     const char *prefix;
     sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
 } scheme;
 
-static const scheme schemes[] = {{"sim:", sf_sim_open}};
+static const scheme schemes[] = {{"sim:", sf_sim_open}, {"v4l2:", sf_v4l2_open}};
 
 static const scheme *scheme_of(const char *name) {
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++)
@@ -22,7 +23,7 @@ static const scheme *scheme_of(const char *name) {
 sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) {
     *source = NULL;
     const scheme *known = scheme_of(name);
-    if (!known) return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known: sim:", name);
+    if (!known) return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known: sim:, v4l2:", name);
     sf_source *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
@@ -99,10 +100,17 @@ void sf_source_release(sf_source *source, sf_frame *frame) {
     memset(frame, 0, sizeof *frame);
 }
 
+/* "ctrl." stands for ctrl.ANYTHING, which the scheme reads by itself. */
+static int is_family(const sf_source_option *option) { return option->name[strlen(option->name) - 1] == '.'; }
+
 static sf_source_option *find_option(sf_source_option *options, size_t count, const char *name,
                                      size_t length) {
     for (size_t i = 0; i < count; i++)
         if (strlen(options[i].name) == length && memcmp(options[i].name, name, length) == 0)
+            return &options[i];
+    for (size_t i = 0; i < count; i++)
+        if (is_family(&options[i]) && strlen(options[i].name) < length &&
+            memcmp(options[i].name, name, strlen(options[i].name)) == 0)
             return &options[i];
     return NULL;
 }
@@ -142,6 +150,7 @@ static sf_status parse_option(sf_context *ctx, const char *source_name, const ch
     if (!option)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown option \"%.*s\"", source_name, (int)length, text);
     const char *value = text + length + (text[length] == '=');
+    if (is_family(option)) return SF_OK;
     if (option->text) return take_text(ctx, source_name, value, end, option);
     double number;
     if (!parse_number(value, end, &number))
