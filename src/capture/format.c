@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "convert.h"
+
 static const char *const names[SF_PIXEL_FORMATS] = {
     [SF_PIXEL_RGB24] = "RGB24", [SF_PIXEL_BGR24] = "BGR24", [SF_PIXEL_GREY] = "GREY",
     [SF_PIXEL_YUYV] = "YUYV",   [SF_PIXEL_UYVY] = "UYVY",   [SF_PIXEL_NV12] = "NV12",
@@ -20,31 +22,12 @@ sf_pixel_format sf_pixel_format_find(const char *name) {
     return (sf_pixel_format)format;
 }
 
-/* `bytes` stand for `across` x `down` pixels. */
-typedef struct sample {
-    uint8_t bytes, across, down;
-} sample;
-
-static const sample samples[SF_PIXEL_FORMATS][SF_FRAME_PLANES] = {
-    [SF_PIXEL_RGB24] = {{3, 1, 1}},
-    [SF_PIXEL_BGR24] = {{3, 1, 1}},
-    [SF_PIXEL_GREY] = {{1, 1, 1}},
-    [SF_PIXEL_YUYV] = {{4, 2, 1}},
-    [SF_PIXEL_UYVY] = {{4, 2, 1}},
-    [SF_PIXEL_NV12] = {{1, 1, 1}, {2, 2, 2}},
-    [SF_PIXEL_YU12] = {{1, 1, 1}, {1, 2, 2}, {1, 2, 2}},
-    [SF_PIXEL_422P] = {{1, 1, 1}, {1, 2, 1}, {1, 2, 1}},
-    [SF_PIXEL_444P] = {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}},
-};
-
 void sf_pixel_plane(sf_pixel_format format, int32_t width, int32_t height, int plane, size_t *bytes,
                     size_t *rows) {
     *bytes = *rows = 0;
-    if ((unsigned)format >= SF_PIXEL_FORMATS || (unsigned)plane >= SF_FRAME_PLANES) return;
-    const sample *s = &samples[format][plane];
-    if (!s->bytes || width < 1 || height < 1) return;
-    *bytes = s->bytes * (((size_t)width + s->across - 1) / s->across);
-    *rows = ((size_t)height + s->down - 1) / s->down;
+    if (plane < 0 || plane >= sf_format_planes(format) || width < 1 || height < 1) return;
+    *bytes = sf_plane_row_bytes(format, plane, width);
+    *rows = (size_t)sf_plane_rows(format, plane, height);
 }
 
 size_t sf_pixel_bytes(sf_pixel_format format, int32_t width, int32_t height) {
