@@ -14,7 +14,7 @@
 
 #include "v4l2_stream.h"
 
-enum { MOST_RESTARTS = 3, RESTART_PAUSE_MS = 50, LOOK_PAUSE_MS = 100, SIGNAL_PAUSE_MS = 1000 };
+enum { MOST_RESTARTS = 4, RESTART_PAUSE_MS = 100, LOOK_PAUSE_MS = 100, SIGNAL_PAUSE_MS = 1000 };
 
 typedef struct v4l2_source {
     sf_context *ctx;

@@ -182,9 +182,7 @@ sf_status sf_v4l2_stream_start(sf_v4l2_stream *s) {
 void sf_v4l2_stream_give_back(sf_v4l2_buffer *b) {
     sf_v4l2_stream *s = b->stream;
     b->state = SF_V4L2_IDLE;
-    if (s->device.fd < 0)
-        unmap_buffer(b);
-    else if (!s->broken)
+    if (s->device.fd >= 0 && !s->broken)
         sf_v4l2_stream_queue(s, 0); /* what fails now is tried again before the next wait */
 }
 

@@ -48,7 +48,7 @@ sf_status sf_v4l2_stream_start(sf_v4l2_stream *stream);
 
 /* Gives idle buffers to the driver, patiently or not; sets `broken` where a patient try fails. */
 void sf_v4l2_stream_queue(sf_v4l2_stream *stream, int patient);
-/* Takes a buffer back from the caller; of a closed stream it is unmapped. */
+/* Takes a buffer back from the caller. */
 void sf_v4l2_stream_give_back(sf_v4l2_buffer *buffer);
 
 /* Waits for an event: 1, or 0 after timeout_ms or an interruption. */
