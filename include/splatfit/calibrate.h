@@ -155,8 +155,8 @@ typedef struct sf_calibration {
 
 /* Least squares over the lens and the poses of all views, robust; views and corners that do not fit are
  * rejected. Views that cannot tell the lens are refused by name, with what to do: SF_ERR_EMPTY: fewer than 3
- * views fit, all face the camera, all have one tilt. A focal length known to less than 0.5 % is logged as a
- * warning. SF_ERR_ARGUMENT: radial not in 0..2. */
+ * views fit, all face the camera, all have one tilt. Views that are alike, and a focal length known to less
+ * than 0.5 %, are logged as warnings. SF_ERR_ARGUMENT: radial not in 0..2. */
 SF_API sf_status sf_calibrate(sf_sightings *sightings, const sf_calibrate_options *options,
                               sf_calibration *calibration);
 

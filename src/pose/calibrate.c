@@ -204,7 +204,7 @@ static double place_views(sf_sightings *s, const sf_lens *lens) {
 
 /* The closed form, or a usual focal length where one explains the views better. */
 static void start(problem *p) {
-    double focals[] = {closed_form(p->s), 0.6, 0.8, 1, 1.4, 2, 3}, best = INFINITY, focal = 1;
+    double focals[] = {closed_form(p->s), 0.7, 1, 1.5, 2.5}, best = INFINITY, focal = 1;
     for (size_t v = 0; v < p->s->count; v++)
         memset(p->s->views[v].list.rejected, 0, p->s->views[v].list.count);
     for (size_t i = 0; i < sizeof focals / sizeof *focals; i++) {
@@ -351,7 +351,13 @@ static sf_status judge(const problem *p, int known, const sf_calibration *c) {
             "calibration: views: %zu, tilted by at most %.0f degrees, leave the lens open: tilt the "
             "board to every side and fill the picture with it, or estimate less",
             c->views, c->tilt_most);
-    if (sigma > LOOSE)
+    if (c->tilt_spread < WEAK_TURN)
+        sf_log(ctx, SF_LOG_WARNING,
+               "calibration: the tilts of the views differ by %.0f degrees at most: the lens is only as good "
+               "as the "
+               "board is flat; tilt it by 20 to 45 degrees, to every side",
+               c->tilt_spread);
+    else if (sigma > LOOSE)
         sf_log(ctx, SF_LOG_WARNING,
                "calibration: the focal length is known to +-%.1f %% only: tilt the board by 20 to 45 "
                "degrees, to "
@@ -398,7 +404,7 @@ sf_status sf_sightings_get(const sf_sightings *s, size_t index, sf_sighting_info
     const sf_sighting *view = &s->views[index];
     info->rejected = view->rejected;
     info->corners = view->list.count;
-    info->corners_rejected = view->list.count - view->sums.count;
+    info->corners_rejected = view->rejected ? 0 : view->list.count - view->sums.count;
     if (!view->rejected && view->sums.count) info->rms = sqrt(view->sums.squares / (double)view->sums.count);
     memcpy(info->R_cb, view->pose.R, sizeof info->R_cb);
     memcpy(info->t_cb, view->pose.t, sizeof info->t_cb);

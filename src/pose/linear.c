@@ -62,11 +62,18 @@ static void jacobi_turn(int n, double *A, double *V, int p, int q) {
     }
 }
 
+/* Whether what is off the diagonal no longer matters. */
+static int is_diagonal(int n, const double *A) {
+    double off = 0, on = 0;
+    for (int i = 0; i < n * n; i++) *(i / n == i % n ? &on : &off) += A[i] * A[i];
+    return off <= 1e-32 * on;
+}
+
 void sf_least_eigenvector(int n, double *A, double *x) {
     enum { SWEEPS = 16 }; /* quadratic: six or so do */
     double V[SF_EIGEN_MOST * SF_EIGEN_MOST];
     for (int i = 0; i < n * n; i++) V[i] = i / n == i % n;
-    for (int sweep = 0; sweep < SWEEPS; sweep++)
+    for (int sweep = 0; sweep < SWEEPS && !is_diagonal(n, A); sweep++)
         for (int p = 0; p < n; p++)
             for (int q = p + 1; q < n; q++) jacobi_turn(n, A, V, p, q);
     int least = 0;

@@ -1,6 +1,7 @@
 /* tags.c - see tags.h. */
 #include "tags.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static const struct {
@@ -32,6 +33,8 @@ struct sf_tags {
     apriltag_detector_t *detector;
     sf_tag_seen *seen;
     size_t capacity;
+    uint8_t *grey; /* the picture: the detector's pictures are not const */
+    size_t grey_capacity;
 };
 
 static apriltag_family_t *create_family(const char *name) {
@@ -81,6 +84,7 @@ void sf_tags_destroy(sf_tags **tags) {
     if (t->detector) apriltag_detector_destroy(t->detector);
     if (t->family) destroy_family(t->name, t->family);
     sf_free(t->ctx, t->seen);
+    sf_free(t->ctx, t->grey);
     sf_free(t->ctx, t);
     *tags = NULL;
 }
@@ -114,18 +118,24 @@ static sf_status take_all(sf_tags *t, const zarray_t *found) {
 sf_status sf_tags_find(sf_tags *t, const uint8_t *grey, size_t stride, int width, int height,
                        const sf_tag_seen **seen, size_t *count) {
     *count = 0;
-    image_u8_t *image = image_u8_create((unsigned)width, (unsigned)height);
-    if (!image || !image->buf) return sf_fail(t->ctx, SF_ERR_MEMORY, "tags: no memory for a picture");
+    sf_status status = sf_grow(t->ctx, &t->grey, &t->grey_capacity, 0, (size_t)width * (size_t)height, 1);
+    if (status) return status;
     for (size_t y = 0; y < (size_t)height; y++)
-        memcpy(image->buf + y * (size_t)image->stride, grey + y * stride, (size_t)width);
-    zarray_t *found = apriltag_detector_detect(t->detector, image);
-    image_u8_destroy(image);
+        memcpy(t->grey + y * (size_t)width, grey + y * stride, (size_t)width);
+    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = t->grey};
+    zarray_t *found = apriltag_detector_detect(t->detector, &image);
     if (!found) return sf_fail(t->ctx, SF_ERR_MEMORY, "tags: no memory to look for tags");
-    sf_status status = take_all(t, found);
+    status = take_all(t, found);
     if (!status) *count = (size_t)zarray_size(found);
     apriltag_detections_destroy(found);
     *seen = t->seen;
     return status;
+}
+
+/* What image_u8_destroy does: Debian keeps that in another library. */
+static void free_image(image_u8_t *image) {
+    free(image->buf);
+    free(image);
 }
 
 /* The picture is that of the square with a white border around it. */
@@ -145,7 +155,7 @@ sf_status sf_tags_cells(sf_context *ctx, const char *name, int id, int *side,
     if (image) {
         *side = family->width_at_border;
         take_cells(family, image, cells);
-        image_u8_destroy(image);
+        free_image(image);
     }
     if (family) destroy_family(name, family);
     return image ? SF_OK : sf_fail(ctx, SF_ERR_ARGUMENT, "tags: %s has no tag %d", name, id);
