@@ -14,6 +14,7 @@ static const double REJECT = 4.5;        /* standard deviations beyond which a c
 static const double REJECT_PX = 0.25;    /* and px that it must be off at least */
 static const double LEAST_SPREAD = 0.01; /* px: exact corners have none */
 static const double LEAST_TILT = 8, LEAST_TURN = 5; /* degrees, of views that cannot tell a lens */
+static const double WEAK_TURN = 15;                 /* degrees, of views that hardly can */
 static const double LOOSE = 0.005, HOPELESS = 0.1;  /* standard deviations of the focal length */
 static const double DEGREES = 180 / 3.141592653589793;
 
