@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "folder.h"
+#include "libcamera.h"
 #include "pipe.h"
 #include "sim.h"
 #include "v4l2.h"
@@ -15,8 +16,11 @@ typedef struct scheme {
     sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
 } scheme;
 
-static const scheme schemes[] = {
-    {"folder:", sf_folder_open}, {"pipe:", sf_pipe_open}, {"sim:", sf_sim_open}, {"v4l2:", sf_v4l2_open}};
+static const scheme schemes[] = {{"v4l2:", sf_v4l2_open},
+                                 {"libcamera:", sf_libcamera_open},
+                                 {"folder:", sf_folder_open},
+                                 {"pipe:", sf_pipe_open},
+                                 {"sim:", sf_sim_open}};
 enum { SCHEMES = sizeof schemes / sizeof *schemes };
 
 static const scheme *scheme_of(const char *name) {
