@@ -34,6 +34,7 @@ static void survive_once(const char *control, int streaming) {
     if (!streaming) vivid_set(VIVID_CAPTURE, control, 1);
     sf_source *source = open_source(WEBCAM);
     take(source, 5);
+    check(streaming || was_logged("tried again"), "no call failed");
     if (streaming) vivid_set(VIVID_CAPTURE, control, 1);
     take(source, 10);
     check(counts_of(source).given == 15, "given %d", (int)counts_of(source).given);
@@ -102,7 +103,9 @@ static void stream_breaks(void) {
     take(source, 5);
     vivid_set(VIVID_CAPTURE, "Inject Fatal Streaming Error", 1);
     take(source, 15);
-    check(counts_of(source).given == 20, "given %d", (int)counts_of(source).given);
+    check(was_logged(VIVID_CAPTURE ": the stream failed"), "the stream did not break");
+    check(counts_of(source).given == 20 && counts_of(source).reopened == 0, "given %d, reopened %d",
+          (int)counts_of(source).given, (int)counts_of(source).reopened);
     sf_source_close(&source);
 }
 

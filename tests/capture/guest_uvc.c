@@ -65,8 +65,8 @@ static void survive(const char *options, const char *format, int counted_as_dama
     webcam camera;
     char node[32];
     webcam_plug(&camera, options, node);
-    sf_source *source = open_source("v4l2:%s?size=640x480&format=%s", node, format);
-    take_exact(source, 40);
+    sf_source *source = open_source("v4l2:%s?format=%s", node, format);
+    take_exact(source, 30);
     sf_source_counts counts = counts_of(source);
     check(counted_as_damaged ? counts.damaged > 0 : counts.damaged + counts.dropped > 0,
           "%s, %s: damaged %d, dropped %d", options, format, (int)counts.damaged, (int)counts.dropped);
@@ -74,12 +74,12 @@ static void survive(const char *options, const char *format, int counted_as_dama
     webcam_unplug(&camera);
 }
 
-static void marked_yuyv(void) { survive("-e 5", "YUYV", 0); }
-static void marked_mjpeg(void) { survive("-e 5", "MJPEG", 0); }
-static void short_yuyv(void) { survive("-d 5", "YUYV", 0); }
-static void cut_yuyv(void) { survive("-t 5", "YUYV", 0); }
+static void marked_yuyv(void) { survive("-s 320x240 -e 5", "YUYV", 0); }
+static void marked_mjpeg(void) { survive("-s 320x240 -e 5", "MJPEG", 0); }
+static void short_yuyv(void) { survive("-s 320x240 -d 5", "YUYV", 0); }
+static void cut_yuyv(void) { survive("-s 320x240 -t 5", "YUYV", 0); }
 /* The driver hands a cut JPEG over as if it were whole. */
-static void cut_mjpeg(void) { survive("-t 5", "MJPEG", 1); }
+static void cut_mjpeg(void) { survive("-s 320x240 -t 5", "MJPEG", 1); }
 
 static void devices(void) {
     webcam camera;
@@ -130,8 +130,8 @@ static void expect_away(sf_source *source, int looks) {
 static void replugged(const char *format) {
     webcam camera;
     char node[32];
-    webcam_plug(&camera, "-u 20 -p 1500", node);
-    sf_source *source = open_source("v4l2:%s?size=640x480&format=%s", node, format);
+    webcam_plug(&camera, "-s 320x240 -u 20 -p 1500", node);
+    sf_source *source = open_source("v4l2:%s?size=320x240&format=%s", node, format);
     take_exact(source, 50);
     sf_source_counts counts = counts_of(source);
     check(counts.reopened == 1, "reopened %d times", (int)counts.reopened);
@@ -147,16 +147,16 @@ static void replugged_mjpeg(void) { replugged("MJPEG"); }
 static void another_camera(void) {
     webcam camera;
     char node[32];
-    webcam_plug(&camera, "-n ONE", node);
+    webcam_plug(&camera, "-s 320x240 -n ONE", node);
     sf_source *source = open_source("v4l2:%s?format=YUYV", node);
     take_exact(source, 5);
     webcam_unplug(&camera);
     expect_away(source, 2);
-    webcam_plug(&camera, "-n TWO", node);
+    webcam_plug(&camera, "-s 320x240 -n TWO", node);
     expect_away(source, 5);
     check(counts_of(source).reopened == 0, "another camera was taken for it");
     webcam_unplug(&camera);
-    webcam_plug(&camera, "-n ONE", node);
+    webcam_plug(&camera, "-s 320x240 -n ONE", node);
     take_exact(source, 5);
     check(counts_of(source).reopened == 1, "reopened %d times", (int)counts_of(source).reopened);
     sf_source_close(&source);

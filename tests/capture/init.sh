@@ -22,7 +22,8 @@ make_root() {
     for name in usr dev proc; do
         case $name in usr) mount --bind /mnt/usr /tmp/usr ;; *) mount --bind /$name /tmp/$name ;; esac
     done
-    cp /bin/* /tmp/bin
+    cp /bin/busybox /bin/guest /bin/uvcsim /bin/splatfit /tmp/bin
+    busybox --install -s /tmp/bin
     # libcamera names a webcam by the firmware's node of a device above it: the virtual controller has none, so one
     # is made up at the top of its /sys.
     mount -t tmpfs sys /tmp/sys

@@ -40,24 +40,25 @@ static uint32_t plane_crc(const pattern_plane *plane) {
     return (uint32_t)crc;
 }
 
-static uint32_t xorshift(uint32_t *state) {
+static uint64_t xorshift(uint64_t *state) {
     *state ^= *state << 13;
-    *state ^= *state >> 17;
-    *state ^= *state << 5;
+    *state ^= *state >> 7;
+    *state ^= *state << 17;
     return *state;
 }
 
-static void fill_noise(uint8_t *to, size_t bytes, uint32_t *state) {
-    for (size_t i = 0; i < bytes; i += 4) {
-        uint32_t noise = xorshift(state);
-        memcpy(to + i, &noise, bytes - i < 4 ? bytes - i : 4);
+static void fill_noise(uint8_t *to, size_t bytes, uint64_t *state) {
+    for (size_t i = 0; i < bytes; i += 8) {
+        uint64_t noise = xorshift(state);
+        memcpy(to + i, &noise, bytes - i < 8 ? bytes - i : 8);
     }
 }
 
 void pattern_fill(const pattern_plane *planes, int count, uint32_t id) {
     for (int i = 0; i < count; i++) {
         const pattern_plane *p = &planes[i];
-        uint32_t name = id * SF_FRAME_PLANES + (uint32_t)i, state = name * 2654435761U + 1;
+        uint32_t name = id * SF_FRAME_PLANES + (uint32_t)i;
+        uint64_t state = (name + 1) * UINT64_C(0x9E3779B97F4A7C15);
         for (size_t y = 0; y < p->rows; y++) fill_noise(p->data + y * p->stride, p->width, &state);
         put32(p->data, name);
         put32(p->data + 4, plane_crc(p));
