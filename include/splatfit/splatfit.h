@@ -2,6 +2,7 @@
 #ifndef SPLATFIT_H
 #define SPLATFIT_H
 
+#include "calibrate.h"
 #include "camera.h"
 #include "context.h"
 #include "file.h"
