@@ -153,10 +153,11 @@ typedef struct sf_calibration {
     size_t corners, corners_rejected; /* of the views that were used */
 } sf_calibration;
 
-/* Least squares over the lens and the poses of all views, robust; views and corners that do not fit are
- * rejected. Views that cannot tell the lens are refused by name, with what to do: SF_ERR_EMPTY: fewer than 3
- * views fit, all face the camera, all have one tilt. Views that are alike, and a focal length known to less
- * than 0.5 %, are logged as warnings. SF_ERR_ARGUMENT: radial not in 0..2. */
+/* Least squares over the lens and the poses of all views, robust; corners that do not fit are rejected, and
+ * views of which fewer than 6 corners or not half of them fit. Views that cannot tell the lens are refused by
+ * name, with what to do: SF_ERR_EMPTY: fewer than 3 views fit, all face the camera, all have one tilt, the
+ * focal length is known to less than 3 %. Tilts that differ by less than 15 degrees, and a focal length known
+ * to less than 0.5 %, are logged as warnings. SF_ERR_ARGUMENT: radial not in 0..2. */
 SF_API sf_status sf_calibrate(sf_sightings *sightings, const sf_calibrate_options *options,
                               sf_calibration *calibration);
 

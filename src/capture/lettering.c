@@ -48,8 +48,8 @@ const char *sf_letter_strokes(char letter) {
         "0110304145361605041343",           /* 9 */
     };
     static const char signs[] = ".,:;-/%";
-    static const char *const sign_strokes[] = {"2021", "2110", "2122 2425",     "2110 2425",
-                                               "1333", "0046", "0046 0515 3141"};
+    static const char *const sign_strokes[] = {
+        "2021", "2110", "2122 2425", "2110 2425", "1333", "0046", "0046 0506161505 3031414030"};
     if (letter >= 'A' && letter <= 'Z') return letters[letter - 'A'];
     if (letter && strchr(signs, letter)) return sign_strokes[strchr(signs, letter) - signs];
     return letter >= '0' && letter <= '9' ? digits[letter - '0'] : "";

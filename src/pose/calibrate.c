@@ -15,7 +15,7 @@ static const double REJECT_PX = 0.25;    /* and px that it must be off at least 
 static const double LEAST_SPREAD = 0.01; /* px: exact corners have none */
 static const double LEAST_TILT = 8, LEAST_TURN = 5; /* degrees, of views that cannot tell a lens */
 static const double WEAK_TURN = 15;                 /* degrees, of views that hardly can */
-static const double LOOSE = 0.005, HOPELESS = 0.1;  /* standard deviations of the focal length */
+static const double LOOSE = 0.005, HOPELESS = 0.03; /* standard deviations of the focal length */
 static const double DEGREES = 180 / 3.141592653589793;
 
 sf_calibrate_options sf_calibrate_options_default(void) {
@@ -341,29 +341,33 @@ static sf_status refuse_alike(sf_context *ctx, const sf_calibration *c) {
                    c->views, ceil(c->tilt_spread));
 }
 
+/* Views that tell little put the principal point anywhere. */
+static int center_is_out(const sf_calibration *c) {
+    return !(c->lens.cx > 0 && c->lens.cy > 0 && c->lens.cx < c->width && c->lens.cy < c->height);
+}
+
 static sf_status judge(const problem *p, int known, const sf_calibration *c) {
     sf_context *ctx = p->s->ctx;
     double sigma = fmax(c->sigma.fx / c->lens.fx, c->sigma.fy / c->lens.fy);
     if (c->tilt_most < LEAST_TILT) return refuse_frontal(ctx, c);
     if (c->tilt_spread < LEAST_TURN) return refuse_alike(ctx, c);
-    if (!known || sigma > HOPELESS)
+    if (!known || sigma > HOPELESS || center_is_out(c))
         return sf_fail(
             ctx, SF_ERR_EMPTY,
-            "calibration: views: %zu, tilted by at most %.0f degrees, leave the lens open: tilt the "
-            "board to every side and fill the picture with it, or estimate less",
-            c->views, c->tilt_most);
+            "calibration: views: %zu, whose tilts differ by %.0f degrees, leave the lens open: tilt "
+            "the board by 20 to 45 degrees, to every side, or fix the aspect, the centre, the distortion",
+            c->views, c->tilt_spread);
     if (c->tilt_spread < WEAK_TURN)
         sf_log(ctx, SF_LOG_WARNING,
                "calibration: the tilts of the views differ by %.0f degrees at most: the lens is only as good "
-               "as the "
-               "board is flat; tilt it by 20 to 45 degrees, to every side",
+               "as the board is flat; tilt it by 20 to 45 degrees, to every side",
                c->tilt_spread);
     else if (sigma > LOOSE)
-        sf_log(ctx, SF_LOG_WARNING,
-               "calibration: the focal length is known to +-%.1f %% only: tilt the board by 20 to 45 "
-               "degrees, to "
-               "every side",
-               100 * sigma);
+        sf_log(
+            ctx, SF_LOG_WARNING,
+            "calibration: the focal length is known to +-%.1f %% only: tilt the board by 20 to 45 degrees, "
+            "to every side",
+            100 * sigma);
     return SF_OK;
 }
 

@@ -7,7 +7,7 @@
 enum { LEAST_SIDE = 16, MOST_SIDE = 65535, LEAST_CORNERS = 4, LEAST_OFFERED = 8, MOST_VIEWS = 2000 };
 
 /* Two views closer than this tell the same twice (widths of the picture, logarithm, sine). */
-static const double NOVEL = 0.25;
+static const double NOVEL = 0.15;
 
 sf_status sf_sightings_create(sf_context *ctx, int32_t width, int32_t height, sf_sightings **sightings) {
     *sightings = NULL;

@@ -2,7 +2,6 @@
  * outliers, views that cannot tell, files of calibrations, photographs. */
 #include "testing.h"
 
-#include <dirent.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -154,7 +153,7 @@ static void test_exact_corners(void **state) {
  * its standard deviations; over several seeds these are neither too small nor too large. */
 static void test_standard_deviations(void **state) {
     (void)state;
-    enum { SEEDS = 8 };
+    enum { SEEDS = 6 };
     double squares = 0, n = 0;
     for (uint64_t seed = 0; seed < (quick() ? 2 : SEEDS); seed++) {
         fixture f;
@@ -650,25 +649,36 @@ static double shade(const studio *s, double x, double y) {
 /* Gauss' blur along one axis, for a standard deviation of `sigma` px. */
 static void blur_along(float *picture, size_t count, size_t length, size_t step, size_t line_step,
                        double sigma) {
-    enum { REACH = 4 };
-    double weights[2 * REACH + 1], sum = 0, line[WIDTH];
-    for (int i = -REACH; i <= REACH; i++) sum += weights[i + REACH] = exp(-i * i / (2 * sigma * sigma));
+    enum { REACH = 3 };
+    float weights[REACH + 1], sum = 0, line[WIDTH + 2 * REACH];
+    for (int i = 0; i <= REACH; i++) {
+        weights[i] = (float)exp(-i * i / (2 * sigma * sigma));
+        sum += (i ? 2 : 1) * weights[i];
+    }
     for (size_t l = 0; l < count; l++) {
-        for (size_t i = 0; i < length; i++) line[i] = picture[l * line_step + i * step];
+        float *at = picture + l * line_step;
+        for (size_t i = 0; i < length + 2 * REACH; i++) {
+            size_t from = i < REACH ? 0 : i - REACH;
+            line[i] = at[(from < length ? from : length - 1) * step];
+        }
         for (size_t i = 0; i < length; i++) {
-            double mean = 0;
-            for (int k = -REACH; k <= REACH; k++) {
-                long at = (long)i + k;
-                at = at < 0 ? 0 : at >= (long)length ? (long)length - 1 : at;
-                mean += weights[k + REACH] / sum * line[at];
-            }
-            picture[l * line_step + i * step] = (float)mean;
+            const float *m = line + i + REACH;
+            float mean = weights[0] * m[0];
+            for (int k = 1; k <= REACH; k++) mean += weights[k] * (m[k] + m[-k]);
+            at[i * step] = mean / sum;
         }
     }
 }
 
+/* A table of the sensor's noise, read from another place in each row: normal numbers are slow. */
+enum { NOISE = 1 << 14 };
+
+static void make_noise(float table[NOISE], double sigma, sf_rng *rng) {
+    for (int i = 0; i < NOISE; i++) table[i] = (float)(sigma * sf_rng_normal(rng));
+}
+
 static void render(studio *s, const sf_rigid *T, double blur, double noise, sf_rng *rng) {
-    static float picture[HEIGHT * WIDTH];
+    static float picture[HEIGHT * WIDTH], table[NOISE];
     /* A ray d meets the plane where n . (l d - t) = 0; its place is x . (l d - t), y . (l d - t). */
     double n[3], a[3], b[3];
     for (int i = 0; i < 3; i++) {
@@ -690,9 +700,13 @@ static void render(studio *s, const sf_rigid *T, double blur, double noise, sf_r
         blur_along(picture, HEIGHT, WIDTH, 1, WIDTH, blur);
         blur_along(picture, WIDTH, HEIGHT, WIDTH, 1, blur);
     }
-    for (size_t i = 0; i < WIDTH * HEIGHT; i++) {
-        double value = (double)picture[i] + noise * sf_rng_normal(rng) + 0.5;
-        s->grey[i / WIDTH][i % WIDTH] = (uint8_t)fmin(fmax(value, 0), 255);
+    make_noise(table, noise, rng);
+    for (size_t y = 0; y < HEIGHT; y++) {
+        size_t from = sf_rng_below(rng, NOISE - WIDTH);
+        for (size_t x = 0; x < WIDTH; x++) {
+            float value = picture[y * WIDTH + x] + table[from + x] + 0.5f;
+            s->grey[y][x] = value > 0 ? value < 255 ? (uint8_t)value : 255 : 0;
+        }
     }
 }
 
@@ -702,8 +716,7 @@ typedef struct offsets {
     size_t count;
 } offsets;
 
-static void measure_offsets(const fixture *f, const sf_rigid *T, const sf_board_corner *corners, size_t count,
-                            offsets *o) {
+static void measure_offsets(const sf_rigid *T, const sf_board_corner *corners, size_t count, offsets *o) {
     for (size_t i = 0; i < count; i++) {
         const double *b = corners[i].board;
         double p[3], pixel[2], d[2], out[2] = {0}, length;
@@ -720,7 +733,6 @@ static void measure_offsets(const fixture *f, const sf_rigid *T, const sf_board_
         o->along += (d[0] * out[0] + d[1] * out[1]) / length;
         o->count++;
     }
-    (void)f;
 }
 
 static void need_tags(sf_context *ctx) {
@@ -728,6 +740,29 @@ static void need_tags(sf_context *ctx) {
     uint8_t cells[SF_TAG_MOST_CELLS * SF_TAG_MOST_CELLS];
     if (sf_tags_cells(ctx, "tag36h11", 0, &side, cells) != SF_ERR_UNSUPPORTED) return;
     test_skip("not built with libapriltag");
+}
+
+/* The program on the same frames, as a pipe gives them. */
+static void run_command(sf_context *ctx) {
+    char command[4096];
+    const char *program = getenv("SPLATFIT_PROGRAM"), *run = getenv("RUN");
+    sf_calibration c;
+    snprintf(command, sizeof command,
+             "%s %s calibrate 'pipe:%s?size=640x480&format=GREY' --decimate 2 -o %s >%s 2>&1", run ? run : "",
+             program ? program : "build/splatfit", test_path("frames.grey"), test_path("camera.json"),
+             test_path("said.txt"));
+    int code = system(command);
+    size_t size;
+    char *said = (char *)test_read(test_path("said.txt"), &size);
+    if (code) print_error("%s: %s\n", command, said);
+    assert_int_equal(code, 0);
+    test_assert_contains(said, "reprojection error 0.", __FILE__, __LINE__);
+    test_assert_contains(said, "coverage 100 %", __FILE__, __LINE__);
+    free(said);
+    assert_ok(ctx, sf_calibration_load(ctx, test_path("camera.json"), &c));
+    print_lens("splatfit calibrate", &c);
+    assert_within_bar(&c);
+    assert_true(c.width == WIDTH && c.height == HEIGHT && c.views >= 12);
 }
 
 static void test_rendered_boards(void **state) {
@@ -739,17 +774,21 @@ static void test_rendered_boards(void **state) {
     begin(&f, 30);
     need_tags(f.ctx);
     studio *s = make_studio(&f);
+    FILE *frames = fopen(test_path("frames.grey"), "wb");
+    assert_non_null(frames);
     assert_ok(f.ctx, sf_detector_create(f.ctx, f.board, 1, &detector));
-    for (size_t i = 0; i < (quick() ? 6 : STANDS); i++) {
+    for (size_t i = 0; i < (quick() ? 4 : STANDS); i++) {
         const sf_board_corner *corners;
         size_t count;
         sf_rigid T = pose_of(&truth, &stands[i]);
         render(s, &T, 0.5 + 0.1 * (double)(i % 6), 4, &f.rng);
         assert_ok(f.ctx, sf_detector_find(detector, s->grey[0], WIDTH, WIDTH, HEIGHT, &corners, &count));
         assert_true(count >= 40);
-        measure_offsets(&f, &T, corners, count, &o);
+        assert_int_equal(fwrite(s->grey, sizeof s->grey, 1, frames), 1);
+        measure_offsets(&T, corners, count, &o);
         assert_ok(f.ctx, sf_sightings_add(f.sightings, corners, count));
     }
+    assert_int_equal(fclose(frames), 0);
     double n = (double)o.count;
     print_message("corners found: off by %+.3f, %+.3f px in the mean, %+.3f px outwards, %.3f px rms\n",
                   o.mean[0] / n, o.mean[1] / n, o.along / n, sqrt(o.squares / n));
@@ -757,8 +796,13 @@ static void test_rendered_boards(void **state) {
     assert_true(sqrt(o.squares / n) < 0.3);
     assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
     print_lens("rendered boards", &c);
-    assert_within_bar(&c);
     assert_true(c.rms < 0.3);
+    if (quick())
+        assert_as_told(&c);
+    else {
+        assert_within_bar(&c);
+        run_command(f.ctx);
+    }
     sf_detector_destroy(&detector);
     free_studio(s);
     end(&f);
@@ -780,6 +824,16 @@ static sf_board *real_board(sf_context *ctx) {
     assert_ok(ctx, sf_board_open(ctx, test_path("tagboard.json"), 0, &board));
     assert_int_equal(board->count, 12);
     return board;
+}
+
+static void print_real(const char *what, const sf_calibration *c) {
+    print_message(
+        "%s: reprojection error %.3f px rms, worst view %.3f px; %zu views (%zu rejected), %zu corners (%zu "
+        "rejected), tilts of up to %.1f degrees, %.1f apart; fx %.2f (+-%.2f) fy %.2f cx %.2f cy %.2f k1 "
+        "%.4f (+-%.4f)\n",
+        what, c->rms, c->worst_rms, c->views, c->views_rejected, c->corners, c->corners_rejected,
+        c->tilt_most, c->tilt_spread, c->lens.fx, c->sigma.fx, c->lens.fy, c->lens.cx, c->lens.cy, c->lens.k1,
+        c->sigma.k1);
 }
 
 static size_t see_photograph(sf_context *ctx, sf_detector *detector, const char *path,
@@ -825,22 +879,20 @@ static void test_photographs(void **state) {
     }
     print_message("%.0f photographs: poses through the factory's lens: %.3f px rms\n", poses,
                   sqrt(squares / poses));
-    sf_calibrate_options o = {.fix_aspect = 0, .radial = 2, .tangential = 1};
-    for (int k = 0; k < 4; k++) {
-        if (k == 1) o = (sf_calibrate_options){.radial = 1};
-        if (k == 2) o = (sf_calibrate_options){.fix_aspect = 1, .fix_center = 1, .radial = 1};
-        if (k == 3) o = (sf_calibrate_options){.fix_aspect = 1, .fix_center = 1, .radial = 0};
-        if (sf_calibrate(sightings, &o, &c)) {
-            print_message("%s\n", sf_last_error(ctx));
-            continue;
-        }
-        print_message(
-            "rms %.3f px, worst %.3f, tilt most %.1f spread %.1f, views %zu -%zu, corners %zu -%zu; fx %.2f "
-            "(%.2f) fy %.2f cx %.2f (%.2f) cy %.2f (%.2f) k1 %.4f (%.4f) k2 %.4f p1 %.5f p2 %.5f cov %.2f\n",
-            c.rms, c.worst_rms, c.tilt_most, c.tilt_spread, c.views, c.views_rejected, c.corners,
-            c.corners_rejected, c.lens.fx, c.sigma.fx, c.lens.fy, c.lens.cx, c.sigma.cx, c.lens.cy,
-            c.sigma.cy, c.lens.k1, c.sigma.k1, c.lens.k2, c.lens.p1, c.lens.p2, c.coverage);
-    }
+    assert_int_equal(poses, 99);
+    assert_true(sqrt(squares / poses) < 0.8);
+    /* One focal length and k1, as hardly more can be told by tilts within nine degrees; then all. */
+    sf_calibrate_options o = {.fix_aspect = 1, .fix_center = 1, .radial = 1};
+    test_log_clear();
+    assert_ok(ctx, sf_calibrate(sightings, &o, &c));
+    print_real("focal length and k1", &c);
+    assert_non_null(strstr(test_log, "the tilts of the views differ by"));
+    assert_true(c.rms < 0.45 && c.worst_rms < 0.9);
+    assert_true(fabs(c.lens.fx / factory.fx - 1) < 0.05);
+    assert_true(c.views >= 90 && c.corners_rejected < c.corners / 10);
+    assert_ok(ctx, sf_calibrate(sightings, NULL, &c));
+    print_real("all", &c);
+    assert_true(c.rms < 0.4);
     sf_sightings_destroy(&sightings);
     sf_detector_destroy(&detector);
     sf_board_close(&board);
