@@ -13,6 +13,7 @@
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time of a set of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
 # make charts-quick  whether that works: build/charts-quick; seconds
+# make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -268,12 +269,17 @@ TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
 -include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
+FEED := $(O)/tests/capture/feed
+$(FEED): $(FEED).o
+	$(say) LD $@
+	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $<
+
 # ---- testing -----------------------------------------------------------------------------------------------
 
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes test-vm board-programs check check-cpus build-tests test-install test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -306,6 +312,11 @@ test-vm:
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)
+
+# Every frame is accounted for, memory does not grow.
+SECONDS := 1800
+soak: $(PROGRAM) $(FEED)
+	@RUN='$(RUN)' tests/capture/soak.sh '$(PROGRAM)' '$(FEED)' $(SECONDS)
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh

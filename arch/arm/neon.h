@@ -113,6 +113,28 @@ VEC vf vf_byte_sums(const uint8_t *p, int factor) {
     }
     return vcvtq_f32_u32(sums);
 }
+VEC vf vf_bytes_twice(const uint8_t *p) {
+    uint16_t two;
+    memcpy(&two, p, sizeof two);
+    uint8x8_t bytes = vreinterpret_u8_u16(vdup_n_u16(two));
+    return vcvtq_f32_u32(vmovl_u16(vget_low_u16(vmovl_u8(vzip_u8(bytes, bytes).val[0]))));
+}
+VEC void vf_byte_triples(const uint8_t *p, vf out[3]) {
+    static const uint8_t first[16] = {0, 255, 255, 255, 3, 255, 255, 255, 6, 255, 255, 255, 9, 255, 255, 255};
+    uint32_t last;
+    memcpy(&last, p + 8, sizeof last);
+    uint8x8x2_t bytes = {{vld1_u8(p), vreinterpret_u8_u32(vdup_n_u32(last))}};
+    for (uint32_t k = 0; k < 3; k++) { /* the k-th byte; what is not in the table is 0 */
+        uint8x16_t at =
+            vreinterpretq_u8_u32(vaddq_u32(vreinterpretq_u32_u8(vld1q_u8(first)), vdupq_n_u32(k)));
+        uint8x8_t low = vtbl2_u8(bytes, vget_low_u8(at)), high = vtbl2_u8(bytes, vget_high_u8(at));
+        out[k] = vcvtq_f32_u32(vreinterpretq_u32_u8(vcombine_u8(low, high)));
+    }
+}
+VEC vu vu_of_pairs(const uint8_t *p) { return vmovl_u16(vreinterpret_u16_u8(vld1_u8(p))); }
+VEC vf vf_of_whole(vu a) { return vcvtq_f32_u32(a); }
+VEC vf vf_evens(vf a) { return vtrnq_f32(a, a).val[0]; }
+VEC vf vf_odds(vf a) { return vtrnq_f32(a, a).val[1]; }
 VEC vf vf_times_exp2(vf p, vf n) {
     return vreinterpretq_f32_s32(vaddq_s32(vreinterpretq_s32_f32(p), vshlq_n_s32(vcvtq_s32_f32(n), 23)));
 }

@@ -4,6 +4,7 @@
 
 #include "../../src/kernels/kernels.h"
 
+void sf_convert_scalar(const sf_convert_args *args);
 void sf_project_scalar(const sf_project_args *args, size_t first, size_t end);
 void sf_project_bwd_scalar(const sf_project_bwd_args *args, size_t first, size_t end);
 void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,

@@ -6,6 +6,7 @@
 
 /* Every kernel has its vector form, with the scalar one's name and arguments. */
 #define SF_VECTOR_KERNELS(level)                                                                             \
+    void sf_convert_##level(const sf_convert_args *args);                                                    \
     void sf_project_##level(const sf_project_args *args, size_t first, size_t end);                          \
     void sf_spans_##level(const sf_splat *splats, const uint16_t *first_row, const uint16_t *rows,           \
                           const uint32_t *offset, size_t first, size_t end, int tiles_x, sf_span *spans,     \

@@ -13,6 +13,11 @@
  *   vf_floor            for 0 <= x < 2^22;  vf_nearest  the nearest integer, for |x| < 2^22
  *   vf_times_exp2(p,n)  p 2^n for an integer n and normal results; elsewhere of no meaning
  *   vf_byte_sums(p,f)   the sums of f bytes each, f = 1, 2 or 4, from p on
+ *   vf_bytes_twice(p)   VW / 2 bytes, each in two lanes that are neighbours
+ *   vf_byte_triples(p,q) 3 VW bytes p[3 lane + k] to q[k]
+ *   vu_of_pairs(p)      VW pairs of bytes, p[2 lane] + 256 p[2 lane + 1]
+ *   vf_of_whole         integers below 2^24 as floats
+ *   vf_evens, vf_odds   of each two neighbours the first, the second, in both lanes
  *   vf_sums8, vf_sum    the sums over the lanes of eight vectors, and of one
  *   vf_transpose        VW rows of 16 floats to 16 vectors
  *   vm_list(m,f,p)      the numbers f + lane of the lanes in m to p[0 ..], a byte each, and how many;

@@ -80,6 +80,27 @@ VEC vf vf_byte_sums(const uint8_t *p, int factor) {
             _mm256_set1_epi16(1));
     return _mm256_cvtepi32_ps(sums);
 }
+VEC vf vf_bytes_twice(const uint8_t *p) {
+    int four;
+    memcpy(&four, p, sizeof four);
+    __m128i bytes = _mm_cvtsi32_si128(four);
+    return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_unpacklo_epi8(bytes, bytes)));
+}
+VEC void vf_byte_triples(const uint8_t *p, vf out[3]) { /* bytes 0 .. 15, and 8 .. 23 */
+    __m256i bytes = _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128((const __m128i *)p)),
+                                            _mm_loadu_si128((const __m128i *)(p + 8)), 1);
+    __m256i first = _mm256_setr_epi8(0, -1, -1, -1, 3, -1, -1, -1, 6, -1, -1, -1, 9, -1, -1, -1, 4, -1, -1,
+                                     -1, 7, -1, -1, -1, 10, -1, -1, -1, 13, -1, -1, -1);
+    __m256i one = _mm256_set1_epi32(1); /* the next byte; what is to be 0 stays so */
+    for (int k = 0; k < 3; k++) {
+        out[k] = _mm256_cvtepi32_ps(_mm256_shuffle_epi8(bytes, first));
+        first = _mm256_add_epi32(first, one);
+    }
+}
+VEC vu vu_of_pairs(const uint8_t *p) { return _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)p)); }
+VEC vf vf_of_whole(vu a) { return _mm256_cvtepi32_ps(a); }
+VEC vf vf_evens(vf a) { return _mm256_moveldup_ps(a); }
+VEC vf vf_odds(vf a) { return _mm256_movehdup_ps(a); }
 VEC vf vf_nearest(vf x) { return _mm256_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
 VEC vf vf_times_exp2(vf p, vf n) {
     return _mm256_castsi256_ps(

@@ -105,6 +105,26 @@ VEC vf vf_byte_sums(const uint8_t *p, int factor) {
                                  _mm512_set1_epi16(1));
     return _mm512_cvtepi32_ps(sums);
 }
+VEC vf vf_bytes_twice(const uint8_t *p) {
+    __m128i bytes = _mm_loadl_epi64((const __m128i *)p);
+    return _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_unpacklo_epi8(bytes, bytes)));
+}
+VEC void vf_byte_triples(const uint8_t *p, vf out[3]) {
+    /* 12 bytes to each quarter; of each, bytes 0, 3, 6 and 9 */
+    const __m512i quarters = _mm512_setr_epi32(0, 1, 2, 0, 3, 4, 5, 0, 6, 7, 8, 0, 9, 10, 11, 0);
+    __m512i bytes = _mm512_permutexvar_epi32(quarters, _mm512_maskz_loadu_epi32(0xfff, p));
+    __m512i first =
+        _mm512_broadcast_i32x4(_mm_setr_epi8(0, -1, -1, -1, 3, -1, -1, -1, 6, -1, -1, -1, 9, -1, -1, -1));
+    __m512i one = _mm512_set1_epi32(1); /* the next byte; what is to be 0 stays so */
+    for (int k = 0; k < 3; k++) {
+        out[k] = _mm512_cvtepi32_ps(_mm512_shuffle_epi8(bytes, first));
+        first = _mm512_add_epi32(first, one);
+    }
+}
+VEC vu vu_of_pairs(const uint8_t *p) { return _mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i *)p)); }
+VEC vf vf_of_whole(vu a) { return _mm512_cvtepi32_ps(a); }
+VEC vf vf_evens(vf a) { return _mm512_moveldup_ps(a); }
+VEC vf vf_odds(vf a) { return _mm512_movehdup_ps(a); }
 VEC vf vf_nearest(vf x) { return _mm512_roundscale_ps(x, 0); }
 VEC vf vf_times_exp2(vf p, vf n) { return _mm512_scalef_ps(p, n); }
 

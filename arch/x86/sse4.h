@@ -77,6 +77,27 @@ VEC vf vf_byte_sums(const uint8_t *p, int factor) {
     }
     return _mm_cvtepi32_ps(sums);
 }
+VEC vf vf_bytes_twice(const uint8_t *p) {
+    uint16_t two;
+    memcpy(&two, p, sizeof two);
+    __m128i bytes = _mm_cvtsi32_si128(two);
+    return _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_unpacklo_epi8(bytes, bytes)));
+}
+VEC void vf_byte_triples(const uint8_t *p, vf out[3]) {
+    int last;
+    memcpy(&last, p + 8, sizeof last);
+    __m128i bytes = _mm_insert_epi32(_mm_loadl_epi64((const __m128i *)p), last, 2);
+    __m128i first = _mm_setr_epi8(0, -1, -1, -1, 3, -1, -1, -1, 6, -1, -1, -1, 9, -1, -1, -1);
+    __m128i one = _mm_set1_epi32(1); /* the next byte; what is to be 0 stays so */
+    for (int k = 0; k < 3; k++) {
+        out[k] = _mm_cvtepi32_ps(_mm_shuffle_epi8(bytes, first));
+        first = _mm_add_epi32(first, one);
+    }
+}
+VEC vu vu_of_pairs(const uint8_t *p) { return _mm_cvtepu16_epi32(_mm_loadl_epi64((const __m128i *)p)); }
+VEC vf vf_of_whole(vu a) { return _mm_cvtepi32_ps(a); }
+VEC vf vf_evens(vf a) { return _mm_moveldup_ps(a); }
+VEC vf vf_odds(vf a) { return _mm_movehdup_ps(a); }
 VEC vf vf_nearest(vf x) { return _mm_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }
 VEC vf vf_times_exp2(vf p, vf n) {
     return _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(p), _mm_slli_epi32(_mm_cvtps_epi32(n), 23)));

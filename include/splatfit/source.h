@@ -39,6 +39,11 @@ typedef enum sf_pixel_format {
 /* "RGB24", "YUYV", ...; "MJPEG". NULL: there is no such format. */
 SF_API const char *sf_pixel_format_name(sf_pixel_format format);
 
+/* Plane 0..2 of a picture of that size (px) whose rows lie close together: bytes a row, and rows. Both 0: the
+ * format has no such plane, or is SF_PIXEL_MJPEG. */
+SF_API void sf_pixel_plane(sf_pixel_format format, int32_t width, int32_t height, int plane, size_t *bytes,
+                           size_t *rows);
+
 /* How Y, U, V stand for R, G, B (ITU-R BT.601, BT.709, BT.2020); of no meaning to other formats. */
 typedef enum sf_yuv_matrix { SF_YUV_601, SF_YUV_709, SF_YUV_2020 } sf_yuv_matrix;
 
@@ -84,7 +89,8 @@ typedef struct sf_frame {
 
 /* Opens a source by name. SF_ERR_ARGUMENT: unknown source or option, value out of range (named);
  * SF_ERR_IO: the device or file cannot be opened; SF_ERR_UNSUPPORTED: not built, or the device has not what
- * was asked for (named, with what it has). */
+ * was asked for (named, with what it has); SF_ERR_FORMAT, SF_ERR_EMPTY: a pipe, a folder that holds what it
+ * should not, or nothing; SF_ERR_TIMEOUT: a pipe that stays silent. */
 SF_API sf_status sf_source_open(sf_context *context, const char *name, sf_source **source);
 SF_API void sf_source_close(sf_source **source);
 SF_API void sf_source_describe(const sf_source *source, sf_source_info *info);

@@ -2,11 +2,13 @@
 #ifndef SPLATFIT_H
 #define SPLATFIT_H
 
+#include "calibrate.h"
 #include "camera.h"
 #include "context.h"
 #include "file.h"
 #include "fitter.h"
 #include "model.h"
+#include "remap.h"
 #include "render.h"
 #include "scene.h"
 #include "source.h"

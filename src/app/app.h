@@ -9,8 +9,8 @@
 
 #include "args.h"
 
-extern const command command_fit, command_render, command_eval, command_info, command_devices, command_bench,
-    command_chart;
+extern const command command_fit, command_render, command_eval, command_info, command_devices,
+    command_capture, command_board, command_calibrate, command_bench, command_chart;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
@@ -74,11 +74,11 @@ sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *v
 sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
                          void *user, const char *path);
 
-/* progress.c: one line a moment about a fit. */
+/* progress.c: one line a moment about what goes on. */
 typedef struct progress_line {
     enum { PROGRESS_BAR, PROGRESS_PLAIN, PROGRESS_JSON, PROGRESS_NONE } kind;
     FILE *out;
-    double last; /* seconds of the fit at the last line */
+    double last; /* seconds at the last line */
     int open;    /* a bar stands on the line */
 } progress_line;
 
@@ -86,6 +86,9 @@ typedef struct progress_line {
 int progress_start(progress_line *line, const args *a, FILE *out);
 /* Shows the state if it is time, or if `now`. */
 void progress_show(progress_line *line, const sf_fit_progress *p, int now);
+/* The same for text of another kind: whether it is time for a line, at `seconds`; the line. */
+int progress_due(progress_line *line, double seconds, int now);
+void progress_text(progress_line *line, const char *text);
 /* Ends a bar's line, so that something else can be printed. */
 void progress_break(progress_line *line);
 

@@ -5,15 +5,16 @@
 
 #include "app.h"
 
-static const command *const commands[] = {&command_fit,     &command_render, &command_eval, &command_info,
-                                          &command_devices, &command_bench,  &command_chart};
+static const command *const commands[] = {
+    &command_fit,     &command_render, &command_eval,      &command_info,  &command_devices,
+    &command_capture, &command_board,  &command_calibrate, &command_bench, &command_chart};
 enum { COMMANDS = sizeof commands / sizeof *commands };
 
 static void print_help(void) {
     printf("splatfit %s - fits 3D Gaussian scenes to pictures\n\n", sf_version());
     for (size_t i = 0; i < COMMANDS; i++) {
         const char *end = strchr(commands[i]->summary, '.');
-        printf("  splatfit %-7s %s\n  %-16s %.*s\n", commands[i]->name, commands[i]->synopsis, "",
+        printf("  splatfit %-9s %s\n  %-18s %.*s\n", commands[i]->name, commands[i]->synopsis, "",
                (int)(end ? end - commands[i]->summary : 0), commands[i]->summary);
     }
     printf("\nsplatfit COMMAND --help lists a command's options; splatfit --version prints the version.\n"

@@ -1,4 +1,5 @@
-/* progress.c - one line a moment about a fit: rewritten on a terminal, plain lines or JSON otherwise. */
+/* progress.c - one line a moment about what goes on: rewritten on a terminal, plain lines or JSON otherwise.
+ */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -38,31 +39,41 @@ static void print_json(const progress_line *line, const sf_fit_progress *p) {
             p->moved_depths, p->focal_change);
 }
 
-static void print_text(const progress_line *line, const sf_fit_progress *p) {
+static void describe(const sf_fit_progress *p, char *text, size_t room) {
     char steps[32] = "", eta[32] = "";
     if (p->steps) snprintf(steps, sizeof steps, "/%lld", (long long)p->steps);
     if (isfinite(p->eta_seconds) && p->eta_seconds < 3.6e6) {
         long s = (long)(p->eta_seconds + 0.5);
         snprintf(eta, sizeof eta, "  ETA %ld:%02ld", s / 60, s % 60);
     }
-    fprintf(line->out, "step %lld%s  loss %.4f  N %zu  %.3g steps/s%s", (long long)p->step, steps, p->loss,
-            p->gaussians, p->steps_per_second, eta);
+    snprintf(text, room, "step %lld%s  loss %.4f  N %zu  %.3g steps/s%s", (long long)p->step, steps, p->loss,
+             p->gaussians, p->steps_per_second, eta);
+}
+
+int progress_due(progress_line *line, double seconds, int now) {
+    static const double interval[] = {[PROGRESS_BAR] = 0.1, [PROGRESS_PLAIN] = 5, [PROGRESS_JSON] = 0.5};
+    if (line->kind == PROGRESS_NONE) return 0;
+    if (!now && seconds - line->last < interval[line->kind]) return 0;
+    line->last = seconds;
+    return 1;
+}
+
+void progress_text(progress_line *line, const char *text) {
+    fprintf(line->out, line->kind == PROGRESS_BAR ? "\r\033[K%s" : "%s\n", text);
+    line->open = line->kind == PROGRESS_BAR;
+    fflush(line->out);
 }
 
 void progress_show(progress_line *line, const sf_fit_progress *p, int now) {
-    static const double interval[] = {[PROGRESS_BAR] = 0.1, [PROGRESS_PLAIN] = 5, [PROGRESS_JSON] = 0.5};
-    if (line->kind == PROGRESS_NONE) return;
-    if (!now && p->seconds - line->last < interval[line->kind]) return;
-    line->last = p->seconds;
+    char text[192];
+    if (!progress_due(line, p->seconds, now)) return;
     if (line->kind == PROGRESS_JSON) {
         print_json(line, p);
+        fflush(line->out);
     } else {
-        if (line->kind == PROGRESS_BAR) fprintf(line->out, "\r\033[K");
-        print_text(line, p);
-        if (line->kind == PROGRESS_PLAIN) fprintf(line->out, "\n");
-        line->open = line->kind == PROGRESS_BAR;
+        describe(p, text, sizeof text);
+        progress_text(line, text);
     }
-    fflush(line->out);
 }
 
 void progress_break(progress_line *line) {

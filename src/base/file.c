@@ -226,14 +226,14 @@ static void put_in_place(sf_writer *w) {
     if (!w->status && rename(w->temporary, w->path)) writer_fail(w, "renamed into place", errno);
     if (w->status)
         unlink(w->temporary);
-    else
+    else if (!w->unsynced)
         sync_folder(w->path);
 }
 
 sf_status sf_writer_commit(sf_writer *w) {
     if (w->fd < 0) return w->status;
     flush(w);
-    if (!w->status && !w->direct && fsync(w->fd)) writer_fail(w, "synced", errno);
+    if (!w->status && !w->direct && !w->unsynced && fsync(w->fd)) writer_fail(w, "synced", errno);
     close_file(w);
     if (!w->direct) put_in_place(w);
     release(w);
@@ -247,10 +247,19 @@ void sf_writer_abandon(sf_writer *w) {
     release(w);
 }
 
-sf_status sf_write_file(sf_context *ctx, const char *path, const void *data, size_t size) {
+static sf_status write_file(sf_context *ctx, const char *path, const void *data, size_t size, int unsynced) {
     sf_writer w;
     sf_status status = sf_writer_open(&w, ctx, path);
     if (status) return status;
+    w.unsynced = unsynced;
     sf_writer_put(&w, data, size);
     return sf_writer_commit(&w);
+}
+
+sf_status sf_write_file(sf_context *ctx, const char *path, const void *data, size_t size) {
+    return write_file(ctx, path, data, size, 0);
+}
+
+sf_status sf_write_file_unsynced(sf_context *ctx, const char *path, const void *data, size_t size) {
+    return write_file(ctx, path, data, size, 1);
 }

@@ -16,7 +16,8 @@ sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_
 typedef struct sf_writer {
     sf_context *ctx;
     int fd;
-    int direct; /* a device, a pipe or standard output: written as it is */
+    int unsynced; /* may be set after sf_writer_open: the commit does not wait for the disk */
+    int direct;   /* a device, a pipe or standard output: written as it is */
     char *path, *temporary;
     uint8_t *buffer;
     size_t used;

@@ -14,7 +14,7 @@
 #include <splatfit/scene.h>
 
 enum {
-    BENCH_KERNELS_MOST = 16, /* rows of the table of kernels, a level */
+    BENCH_KERNELS_MOST = 32, /* rows of the table of kernels, a level */
     BENCH_DEGREES_MOST = 5,
     BENCH_STEPS_MOST = 64,
     BENCH_NAME = 64

@@ -2,9 +2,12 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../base/rng.h"
 #include "../scene/gaussians.h"
 #include "bench.h"
 #include "clocks.h"
+
+#include <splatfit/source.h>
 
 /* What the kernels work on. One context of one thread serves all levels: its table is exchanged. */
 typedef struct bench_lab {
@@ -22,13 +25,61 @@ typedef struct bench_lab {
     float *adam[4];
     uint32_t *adam_words; /* adam_half's, beside the first two */
     size_t near_count, far_count;
+    uint8_t *frame;   /* three planes, each as large as any format has one */
+    float *frame_rgb; /* [3][FRAME_HEIGHT][FRAME_WIDTH] */
 } bench_lab;
 
 enum {
     ADAM_NEAR = 1 << 13, /* parameters: 128 KB in all */
     ADAM_REPEATS = 64,   /* times that they are gone over */
-    UNPACK_REPEATS = 4
+    UNPACK_REPEATS = 4,
+    FRAME_WIDTH = 640,
+    FRAME_HEIGHT = 480,
+    FRAME_PIXELS = FRAME_WIDTH * FRAME_HEIGHT,
+    FRAME_PLANE = 3 * FRAME_PIXELS /* bytes */
 };
+
+/* The formats of frames, each a row of the table. */
+#define FORMATS(X) X(YUYV) X(UYVY) X(NV12) X(YU12) X(422P) X(444P) X(RGB24) X(BGR24) X(GREY)
+
+/* Bytes from one row of a plane to the next. */
+static size_t frame_stride(sf_pixel_format format) {
+    if (format == SF_PIXEL_RGB24 || format == SF_PIXEL_BGR24) return 3 * FRAME_WIDTH;
+    return format == SF_PIXEL_YUYV || format == SF_PIXEL_UYVY ? 2 * FRAME_WIDTH : FRAME_WIDTH;
+}
+
+/* Grey and pale: as in nearly all of a picture, nothing is clamped, which would be hard to foresee. */
+static void fill_frame(uint8_t *frame) {
+    sf_rng rng;
+    sf_rng_seed(&rng, BENCH_SEED);
+    for (size_t i = 0; i < 3 * FRAME_PLANE; i++) frame[i] = (uint8_t)(96 + sf_rng_below(&rng, 64));
+}
+
+/* A frame, into planes of `height` rows, one over the other where they are fewer. */
+static void convert_frame(const bench_lab *lab, sf_pixel_format format, size_t height) {
+    static const sf_yuv yuv = {16, 1 / 219.0f, 1.402f / 224, 0.344f / 224, 0.714f / 224, 1.772f / 224};
+    size_t stride = frame_stride(format), shared = format == SF_PIXEL_NV12 || format == SF_PIXEL_YU12 ? 2 : 1;
+    for (size_t row = 0; row < FRAME_HEIGHT; row++) {
+        sf_convert_args args = {.format = (int)format, .width = FRAME_WIDTH, .yuv = &yuv};
+        for (size_t p = 0; p < 3; p++) {
+            args.plane[p] = lab->frame + p * FRAME_PLANE + (p ? row / shared : row) * stride;
+            args.rgb[p] = lab->frame_rgb + p * FRAME_PIXELS + row % height * FRAME_WIDTH;
+        }
+        lab->level->kernels.convert(&args);
+    }
+}
+
+#define RUN_CONVERT(format)                                                                                  \
+    static void run_convert_##format(void *lab, size_t task, int thread) {                                   \
+        (void)task, (void)thread;                                                                            \
+        convert_frame(lab, SF_PIXEL_##format, 1);                                                            \
+    }
+FORMATS(RUN_CONVERT)
+
+static void run_convert_far(void *lab, size_t task, int thread) {
+    (void)task, (void)thread;
+    convert_frame(lab, SF_PIXEL_YUYV, FRAME_HEIGHT);
+}
 
 static void run_project(void *lab_pointer, size_t task, int thread) {
     (void)task, (void)thread;
@@ -130,9 +181,12 @@ static sf_status run_project_bwd(bench_lab *lab) {
     return sf_stage_project_bwd(&lab->ws, NULL, take_nothing, NULL);
 }
 
-enum { UNIT_GAUSSIAN, UNIT_PAIR, UNIT_PIXEL, UNIT_NEAR, UNIT_FAR };
-static const char *const unit_names[] = {"Gaussian", "contributing pair", "pixel of a channel", "parameter",
-                                         "parameter"};
+enum { UNIT_GAUSSIAN, UNIT_PAIR, UNIT_PIXEL, UNIT_NEAR, UNIT_FAR, UNIT_WHOLE_PIXEL };
+static const char *const unit_names[] = {"Gaussian",  "contributing pair", "pixel of a channel",
+                                         "parameter", "parameter",         "pixel"};
+
+#define CONVERT_ITEM(format)                                                                                 \
+    {"convert, " #format, SF_KERNEL_convert, UNIT_WHOLE_PIXEL, run_convert_##format, NULL, 0, 1},
 
 /* What is measured, in the order of a step: blend_bwd takes what blend of the same level left. */
 static const struct {
@@ -156,7 +210,8 @@ static const struct {
     {"adam, in memory", SF_KERNEL_adam, UNIT_FAR, run_adam_far, NULL, 0, 5},
     {"adam_half, in cache", SF_KERNEL_adam_half, UNIT_NEAR, run_adam_half, NULL, 0, 1},
     {"adam_half, in memory", SF_KERNEL_adam_half, UNIT_FAR, run_adam_half_far, NULL, 0, 5},
-};
+    {"convert, a whole frame", SF_KERNEL_convert, UNIT_WHOLE_PIXEL, run_convert_far, NULL, 0, 1},
+    FORMATS(CONVERT_ITEM)};
 enum { ITEMS = sizeof items / sizeof *items, PAIRS_ALONE = ITEMS };
 
 static sf_status run_item(bench_lab *lab, int i) {
@@ -183,6 +238,10 @@ static sf_status lab_room(bench_lab *lab, double far_bytes) {
     }
     lab->adam_words = sf_calloc(lab->ctx, parameters, sizeof *lab->adam_words);
     failed |= !lab->adam_words;
+    lab->frame = sf_alloc(lab->ctx, 3, FRAME_PLANE);
+    lab->frame_rgb = sf_alloc(lab->ctx, 3 * FRAME_PIXELS, sizeof *lab->frame_rgb);
+    failed |= !lab->frame || !lab->frame_rgb;
+    if (lab->frame) fill_frame(lab->frame);
     return failed ? SF_ERR_MEMORY : SF_OK;
 }
 
@@ -209,8 +268,9 @@ static sf_status open_lab(sf_context *ctx, const bench_level *level, int quick, 
 
 static void close_lab(bench_lab *lab) {
     if (!lab->ctx) return;
-    void *blocks[] = {lab->splats,  lab->state,   lab->first_row, lab->rows,    lab->tiles,
-                      lab->adam[0], lab->adam[1], lab->adam[2],   lab->adam[3], lab->adam_words};
+    void *blocks[] = {lab->splats,  lab->state,      lab->first_row, lab->rows,
+                      lab->tiles,   lab->adam[0],    lab->adam[1],   lab->adam[2],
+                      lab->adam[3], lab->adam_words, lab->frame,     lab->frame_rgb};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(lab->ctx, blocks[i]);
     sf_workspace_free(&lab->ws);
     bench_scene_destroy(&lab->scene);
@@ -226,6 +286,8 @@ static double units_of(const bench_lab *lab, int item) {
         return lab->pairs.contributing;
     case UNIT_PIXEL:
         return (items[item].direct == run_unpack ? UNPACK_REPEATS : 1) * SF_CHANNELS * pixels;
+    case UNIT_WHOLE_PIXEL:
+        return FRAME_PIXELS;
     case UNIT_NEAR:
         return (double)ADAM_REPEATS * (double)lab->near_count;
     default:
@@ -334,6 +396,7 @@ sf_status bench_once(sf_context *ctx, const bench_options *options, FILE *out) {
     sf_status status = open_lab(ctx, level, options->quick, 0, &lab);
     for (int i = 0; i < ITEMS && !status; i++) {
         if (!has_own(level, i) || items[i].stage == run_cull || items[i].unit == UNIT_FAR) continue;
+        if (items[i].kernel == SF_KERNEL_convert && items[i].direct != run_convert_YUYV) continue;
         /* the two kernels with which the lists are made have run already */
         int ran = items[i].direct == run_project || items[i].direct == run_spans;
         if (!ran) status = run_item(&lab, i);

@@ -1,14 +1,12 @@
-/* lettering.c - capital letters drawn with strokes, for the surfaces of the simulated scene. */
+/* lettering.c - capital letters drawn with strokes, for the surfaces of the simulated scene and for boards.
+ */
 #include "lettering.h"
 
 #include <string.h>
 
 #include "vec3.h"
 
-enum { LETTER_HEIGHT = 6, LETTER_PITCH = 6 };
-
-/* Strokes as runs of points "xy", x 0..4 to the right, y 0..6 upwards; a space lifts the pen. */
-static const char *strokes(char letter) {
+const char *sf_letter_strokes(char letter) {
     static const char *const letters[26] = {
         "0004264440 0242",           /* A */
         "00063645443303 3342413000", /* B */
@@ -49,7 +47,11 @@ static const char *strokes(char letter) {
         "13334445361605041302011030414233", /* 8 */
         "0110304145361605041343",           /* 9 */
     };
+    static const char signs[] = ".,:;-/%";
+    static const char *const sign_strokes[] = {
+        "2021", "2110", "2122 2425", "2110 2425", "1333", "0046", "0046 0506161505 3031414030"};
     if (letter >= 'A' && letter <= 'Z') return letters[letter - 'A'];
+    if (letter && strchr(signs, letter)) return sign_strokes[strchr(signs, letter) - signs];
     return letter >= '0' && letter <= '9' ? digits[letter - '0'] : "";
 }
 
@@ -64,11 +66,11 @@ static double segment_distance2(const char *from, const char *to, double x, doub
 
 int sf_lettering(const sf_line *line, double x, double y) {
     double u = (x - line->x) / line->unit, v = (y - line->y) / line->unit;
-    if (v < -line->weight || v > LETTER_HEIGHT + line->weight || u < -1) return 0;
-    int index = whole_below((u + 1) / LETTER_PITCH);
+    if (v < -line->weight || v > SF_LETTER_HEIGHT + line->weight || u < -1) return 0;
+    int index = whole_below((u + 1) / SF_LETTER_PITCH);
     if ((size_t)index >= strlen(line->text)) return 0;
-    u -= index * LETTER_PITCH;
-    for (const char *p = strokes(line->text[index]); *p; p += p[2] == ' ' ? 3 : 2) {
+    u -= index * SF_LETTER_PITCH;
+    for (const char *p = sf_letter_strokes(line->text[index]); *p; p += p[2] == ' ' ? 3 : 2) {
         if (!p[2]) break;
         if (p[2] != ' ' && segment_distance2(p, p + 2, u, v) < line->weight * line->weight) return 1;
     }

@@ -14,6 +14,9 @@ sf_load_options sf_load_options_default(void) { return (sf_load_options){.downsc
 
 static sf_status check_options(sf_context *ctx, const char *name, const sf_sim *sim,
                                const sf_load_options *options) {
+    if (sim->fps > 0 || sim->loop)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: a scene is made of frames that wait and end", name,
+                       sim->loop ? "loop" : "fps");
     int smaller = sim->width < sim->height ? sim->width : sim->height;
     if (options->downscale < 1 || options->downscale > 64 || options->downscale > smaller)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: downscale: %d is not in 1..%d", name, options->downscale,

@@ -6,18 +6,23 @@
 
 #include "../base/pool.h"
 #include "../base/rng.h"
+#include "pace.h"
 
 static const double pi = 3.141592653589793;
 
 /* 1. The name */
 
 sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
-    enum { WIDTH, HEIGHT, FRAMES, SEED, FOV, OPTIONS };
-    sf_source_option options[OPTIONS] = {{"width", 320, 16, 4096, 1},
-                                         {"height", 240, 16, 4096, 1},
-                                         {"frames", 60, 1, 10000, 1},
-                                         {"seed", 1, 0, 0x1p53, 1},
-                                         {"fov", 50, 10, 120, 0}};
+    enum { WIDTH, HEIGHT, FRAMES, SEED, FOV, FPS, LOOP, OPTIONS };
+    sf_source_option options[OPTIONS] = {
+        [WIDTH] = {.name = "width", .value = 320, .least = 16, .most = 4096, .whole = 1},
+        [HEIGHT] = {.name = "height", .value = 240, .least = 16, .most = 4096, .whole = 1},
+        [FRAMES] = {.name = "frames", .value = 60, .least = 1, .most = 10000, .whole = 1},
+        [SEED] = {.name = "seed", .value = 1, .most = 0x1p53, .whole = 1},
+        [FOV] = {.name = "fov", .value = 50, .least = 10, .most = 120},
+        [FPS] = {.name = "fps", .most = 1000},
+        [LOOP] = {.name = "loop", .most = 1, .whole = 1},
+    };
     size_t length = strcspn(name, "?");
     if (length != strlen("sim:studio") || memcmp(name, "sim:studio", length) != 0)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: sim:studio", name);
@@ -28,6 +33,8 @@ sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
     sim->frames = (uint64_t)options[FRAMES].value;
     sim->seed = (uint64_t)options[SEED].value;
     sim->fov = options[FOV].value;
+    sim->fps = options[FPS].value;
+    sim->loop = options[LOOP].value != 0;
     sf_rng rng;
     sf_rng_seed(&rng, sim->seed);
     for (int i = 0; i < 6; i++) sim->phase[i] = 2 * pi * sf_rng_uniform(&rng);
@@ -99,7 +106,7 @@ static void expose_row(void *arg, size_t row, int thread) {
 typedef struct sim_source {
     sf_context *ctx;
     sf_sim sim;
-    uint64_t next;
+    sf_pace pace;
     float *linear; /* [height][width][3] */
     uint8_t *frames[SF_SOURCE_MAX_LEASES];
     int taken[SF_SOURCE_MAX_LEASES];
@@ -117,33 +124,35 @@ static void sim_describe(const void *self, sf_source_info *info) {
     info->width = s->sim.width;
     info->height = s->sim.height;
     info->format = SF_PIXEL_RGB24;
-    info->frames = s->sim.frames;
+    info->frames_per_second = s->sim.fps;
+    info->frames = s->pace.frames;
     info->has_poses = 1;
+    info->live = s->sim.fps > 0;
     snprintf(info->name, sizeof info->name, "simulated studio, %dx%d", (int)s->sim.width, (int)s->sim.height);
 }
 
 static sf_status sim_next(void *self, int timeout_ms, int newest, sf_frame *frame, sf_source_counts *counts) {
     sim_source *s = self;
-    (void)timeout_ms, (void)newest, (void)counts; /* there is nothing to wait for, and nothing is lost */
-    if (s->next == s->sim.frames)
-        return sf_fail(s->ctx, SF_ERR_END, "sim:studio: no more frames after %llu",
-                       (unsigned long long)s->next);
+    uint64_t number;
+    int64_t time_ns;
+    sf_status status =
+        sf_pace_next(&s->pace, s->ctx, "sim:studio", timeout_ms, newest, counts, &number, &time_ns);
+    if (status != SF_OK) return status;
     int slot = s->taken[0] ? 1 : 0;
     frame->plane[0] = s->frames[slot];
     frame->stride[0] = 3 * (size_t)s->sim.width;
     frame->width = s->sim.width;
     frame->height = s->sim.height;
     frame->format = SF_PIXEL_RGB24;
-    frame->sequence = s->next;
-    frame->time_ns = (int64_t)(s->next * 1000000000 / 30);
+    frame->sequence = number;
+    frame->time_ns = time_ns;
     frame->has_camera = 1;
     frame->lease = &s->taken[slot];
-    sf_sim_camera(&s->sim, s->next, &frame->camera);
+    sf_sim_camera(&s->sim, number % s->sim.frames, &frame->camera);
     sf_studio_draw(&s->sim.studio, s->ctx->pool, &frame->camera, s->linear, NULL);
     exposure e = {s->linear, s->frames[slot], frame->stride[0]};
     sf_pool_run(s->ctx->pool, (size_t)s->sim.height, expose_row, &e);
     s->taken[slot] = 1;
-    s->next++;
     return SF_OK;
 }
 
@@ -158,6 +167,7 @@ sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
     sf_status status = sf_sim_init(ctx, name, &s->sim);
+    s->pace = (sf_pace){.fps = s->sim.fps, .frames = s->sim.loop ? 0 : s->sim.frames};
     size_t size = status == SF_OK ? 3 * (size_t)s->sim.width * (size_t)s->sim.height : 0;
     for (int i = 0; i < SF_SOURCE_MAX_LEASES && status == SF_OK; i++)
         if (!(s->frames[i] = sf_alloc(ctx, size, 1))) status = SF_ERR_MEMORY;

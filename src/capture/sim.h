@@ -12,11 +12,14 @@ typedef struct sf_sim {
     sf_studio studio;
     int32_t width, height; /* px */
     uint64_t frames, seed;
+    double fps;      /* in real time; 0: not */
+    int loop;        /* goes round and round */
     double fov;      /* degrees, across the width */
     double phase[6]; /* of the hand's sway, from the seed */
 } sf_sim;
 
-/* Reads the name of a simulated source. Options: width, height, frames, seed, fov.
+/* Reads the name of a simulated source. Options: width, height, frames, seed, fov, fps,
+ * loop.
  * SF_ERR_ARGUMENT: unknown scene or option, value out of range. */
 sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim);
 

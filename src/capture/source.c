@@ -1,10 +1,13 @@
 /* source.c - opens frame sources by name and keeps count of the frames that are out. */
 #include "source.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "folder.h"
 #include "libcamera.h"
+#include "pipe.h"
 #include "sim.h"
 #include "v4l2.h"
 
@@ -13,20 +16,32 @@ typedef struct scheme {
     sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
 } scheme;
 
-static const scheme schemes[] = {
-    {"sim:", sf_sim_open}, {"v4l2:", sf_v4l2_open}, {"libcamera:", sf_libcamera_open}};
+static const scheme schemes[] = {{"v4l2:", sf_v4l2_open},
+                                 {"libcamera:", sf_libcamera_open},
+                                 {"folder:", sf_folder_open},
+                                 {"pipe:", sf_pipe_open},
+                                 {"sim:", sf_sim_open}};
+enum { SCHEMES = sizeof schemes / sizeof *schemes };
 
 static const scheme *scheme_of(const char *name) {
-    for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++)
+    for (size_t i = 0; i < SCHEMES; i++)
         if (strncmp(name, schemes[i].prefix, strlen(schemes[i].prefix)) == 0) return &schemes[i];
     return NULL;
+}
+
+static sf_status unknown(sf_context *ctx, const char *name) {
+    char known[128] = "";
+    for (size_t i = 0; i < SCHEMES; i++) {
+        size_t used = strlen(known);
+        snprintf(known + used, sizeof known - used, " %s", schemes[i].prefix);
+    }
+    return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known:%s", name, known);
 }
 
 sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) {
     *source = NULL;
     const scheme *known = scheme_of(name);
-    if (!known)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known: sim:, v4l2:, libcamera:", name);
+    if (!known) return unknown(ctx, name);
     sf_source *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
@@ -37,16 +52,6 @@ sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) 
     }
     *source = s;
     return SF_OK;
-}
-
-static const char *const format_names[SF_PIXEL_FORMATS] = {
-    [SF_PIXEL_RGB24] = "RGB24", [SF_PIXEL_BGR24] = "BGR24", [SF_PIXEL_GREY] = "GREY",
-    [SF_PIXEL_YUYV] = "YUYV",   [SF_PIXEL_UYVY] = "UYVY",   [SF_PIXEL_NV12] = "NV12",
-    [SF_PIXEL_YU12] = "YU12",   [SF_PIXEL_422P] = "422P",   [SF_PIXEL_444P] = "444P",
-    [SF_PIXEL_MJPEG] = "MJPEG"};
-
-const char *sf_pixel_format_name(sf_pixel_format format) {
-    return (unsigned)format < SF_PIXEL_FORMATS ? format_names[format] : NULL;
 }
 
 void sf_source_close(sf_source **source) {

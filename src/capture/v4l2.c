@@ -224,7 +224,7 @@ static void collect(v4l2_source *s, int newest, caught *kept, sf_source_counts *
 }
 
 static void fill_frame(const v4l2_source *s, const caught *c, sf_frame *frame) {
-    const sf_v4l2_picture *p = &s->picture;
+    const sf_v4l2_picture *p = &s->stream->picture; /* strides may be others since it was reopened */
     const sf_v4l2_arrival *a = &c->arrival;
     for (uint32_t k = 0; k < p->planes; k++) {
         frame->plane[k] = a->start[p->plane[k].memory] + p->plane[k].offset;

@@ -508,6 +508,39 @@ static sf_status read_all(reader *r) {
     return SF_OK;
 }
 
+/* A file of cameras alone. */
+
+static sf_status take_one_camera(reader *r, int *width, int *height, sf_lens *lens) {
+    if (!r->camera_count) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: holds no camera", r->file);
+    const camera *first = r->cameras;
+    for (size_t i = 1; i < r->camera_count; i++) {
+        const camera *c = &r->cameras[i];
+        if (c->width != first->width || c->height != first->height ||
+            memcmp(&c->lens, &first->lens, sizeof c->lens))
+            return sf_fail(r->ctx, SF_ERR_UNSUPPORTED,
+                           "%s: holds %zu cameras that differ: one alone can be taken", r->file,
+                           r->camera_count);
+    }
+    *width = first->width;
+    *height = first->height;
+    *lens = first->lens;
+    return SF_OK;
+}
+
+sf_status sf_colmap_read_camera(sf_context *ctx, const char *file, int binary, uint8_t *data, size_t size,
+                                int *width, int *height, sf_lens *lens) {
+    reader r = {.ctx = ctx};
+    sf_bytes b = {.data = data, .size = size};
+    r.file = sf_text_copy(ctx, file);
+    if (!r.file) return SF_ERR_MEMORY;
+    sf_status status = binary ? read_cameras(&r, &b) : parse_file(&r, &cameras_file, data, size);
+    if (!status) status = sort_cameras(&r);
+    if (!status) status = take_one_camera(&r, width, height, lens);
+    sf_free(ctx, r.cameras);
+    sf_free(ctx, r.file);
+    return status;
+}
+
 /* The folder of the pictures. */
 
 static sf_status find_pictures(sf_context *ctx, const char *path, const char *wanted, char **pictures) {

@@ -12,4 +12,10 @@ sf_status sf_colmap_find(sf_context *ctx, const char *path, char **model);
 sf_status sf_colmap_read(sf_project *project, const char *path, const char *model,
                          const sf_load_options *options);
 
+/* The one camera of a cameras.txt or cameras.bin (`binary`) whose content is `data`, which a 0 byte follows.
+ * SF_ERR_FORMAT: damaged, no camera; SF_ERR_UNSUPPORTED: a lens that is not an sf_lens, cameras that differ.
+ */
+sf_status sf_colmap_read_camera(sf_context *ctx, const char *file, int binary, uint8_t *data, size_t size,
+                                int *width, int *height, sf_lens *lens);
+
 #endif

@@ -13,8 +13,8 @@ int sf_lens_is_valid(const sf_lens *lens) {
            lens->fx > 0 && lens->fy > 0;
 }
 
-/* r2 up to which r d(r) still grows: the least positive root of its derivative 1 + 3 k1 r2 + 5 k2 r2^2. */
-static double radius2_limit(const sf_lens *lens) {
+/* The least positive root of the derivative of r d(r), 1 + 3 k1 r2 + 5 k2 r2^2. */
+double sf_lens_limit(const sf_lens *lens) {
     double a = 5 * lens->k2, b = 3 * lens->k1, inside = b * b - 4 * a;
     if (a == 0) return b < 0 ? -1 / b : INFINITY;
     if (inside < 0) return INFINITY;
@@ -32,14 +32,13 @@ typedef struct taps {
     double part[4];
 } taps;
 
-/* 0 if the source is not in the picture. */
-static int find_source(const sf_lens *lens, double limit, double u, double v, double source[2]) {
+int sf_lens_source(const sf_lens *lens, double limit, double u, double v, double source[2]) {
     double x = (u - lens->cx) / lens->fx, y = (v - lens->cy) / lens->fy, r2 = x * x + y * y;
     if (!(r2 < limit)) return 0;
     double d = 1 + r2 * (lens->k1 + r2 * lens->k2);
     double xd = x * d + 2 * lens->p1 * x * y + lens->p2 * (r2 + 2 * x * x);
     double yd = y * d + 2 * lens->p2 * x * y + lens->p1 * (r2 + 2 * y * y);
-    source[0] = lens->fx * xd + lens->cx - 0.5; /* in pixel centres */
+    source[0] = lens->fx * xd + lens->cx - 0.5;
     source[1] = lens->fy * yd + lens->cy - 0.5;
     return 1;
 }
@@ -80,11 +79,11 @@ static void resample(const sf_picture *from, taps *t, const sf_picture *to, size
 
 static void resample_all(const sf_lens *lens, const sf_picture *from, const sf_picture *to) {
     size_t width = (size_t)from->width, plane = width * (size_t)from->height;
-    double limit = radius2_limit(lens);
+    double limit = sf_lens_limit(lens);
     for (size_t at = 0; at < plane; at++) {
         double source[2];
         taps t;
-        if (find_source(lens, limit, (double)(at % width) + 0.5, (double)(at / width) + 0.5, source) &&
+        if (sf_lens_source(lens, limit, (double)(at % width) + 0.5, (double)(at / width) + 0.5, source) &&
             find_taps(from, source, &t)) {
             resample(from, &t, to, at);
         } else {

@@ -204,8 +204,26 @@ static inline uint32_t sf_bits_of(float x) {
 #define SF_NOISE_STRIDE 0x9e3779b9u
 static inline uint32_t sf_noise(uint32_t i) { return i * SF_NOISE_STRIDE; }
 
-/* The kernels, in the order of a step. */
+/* How bytes Y, U, V become R, G, B (src/capture/README.md): with y = (Y - y_zero) y_scale, u = U - 128, v = V
+ * - 128, R = y + r_v v, G = y - (g_u u + g_v v), B = y + b_u u, each clamped to 0..1. All are >= 0. */
+typedef struct sf_yuv {
+    float y_zero, y_scale;
+    float r_v, g_u, g_v, b_u;
+} sf_yuv;
+
+/* One row of a frame. Where the width is odd, the last chroma is of one pixel: a row of SF_PIXEL_YUYV or UYVY
+ * has 4 ((width + 1) / 2) bytes, a row of halved chroma (width + 1) / 2 samples. */
+typedef struct sf_convert_args {
+    int format;              /* an sf_pixel_format, any but SF_PIXEL_MJPEG */
+    const uint8_t *plane[3]; /* what the row has of each plane of the format */
+    int width;               /* px */
+    const sf_yuv *yuv;       /* NULL for SF_PIXEL_RGB24 and BGR24 */
+    float *rgb[3];           /* out: [width] each, aligned as floats */
+} sf_convert_args;
+
+/* The kernels: of frames, then in the order of a step. */
 #define SF_KERNELS(X)                                                                                        \
+    X(convert)                                                                                               \
     X(project)                                                                                               \
     X(spans)                                                                                                 \
     X(blend)                                                                                                 \
@@ -223,6 +241,10 @@ enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
 typedef struct sf_kernels {
     const char *isa;                    /* highest level in the table */
     const char *level[SF_KERNEL_COUNT]; /* of each kernel */
+
+    /* One row of a camera's picture as sRGB values 0..1: bytes times 1/255, or through the matrix above, as
+     * it is written there, each operation rounded to float32 for itself: all levels give the same bytes. */
+    void (*convert)(const sf_convert_args *args);
 
     /* Blocks first .. end-1 of SF_LANES Gaussians: M.1, M.3 (opacity compensation), M.4. */
     void (*project)(const sf_project_args *args, size_t first, size_t end);

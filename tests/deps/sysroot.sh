@@ -11,6 +11,11 @@ dir=$2
 packages="libc6-dev libgcc-s1 libturbojpeg0-dev libspng-dev libjansson-dev zlib1g-dev libcmocka-dev libapriltag-dev"
 packages="$packages libcamera-dev"
 
+# One at a time: make may ask for it more than once.
+mkdir -p "$(dirname "$dir")"
+exec 9>"$dir.lock"
+flock 9
+
 # The cache outlives the tree: another list of packages needs another root.
 if [ -e "$dir" ] && [ "$(cat "$dir/packages" 2>/dev/null)" = "$packages" ]; then exit 0; fi
 

@@ -19,12 +19,14 @@ comm -23 "$scratch/declared" "$scratch/exported" >"$scratch/undefined"
 report "$SO exports, but no public header declares," "$scratch/undeclared"
 report "$SO does not define" "$scratch/undefined"
 
-"${NM:-nm}" -g --defined-only "$LIB" | awk 'NF == 3 && $3 !~ /^sf_/ { print $3 }' >"$scratch/foreign"
+# The one C++ file holds what it uses of the C++ library's templates.
+"${NM:-nm}" -g --defined-only "$LIB" |
+    awk 'NF == 3 && $3 !~ /^(sf_|_Z(Z?N[KO]*St|N9__gnu_cxx|N[KO]*9libcamera|T[ISV]|GV|St)|DW\.ref\.)/ { print $3 }' >"$scratch/foreign"
 report "$LIB defines a global that does not begin with sf_:" "$scratch/foreign"
 
 # The library has no globals that change. Tables of pointers are relocated once and read-only after that.
 objdump -t "$LIB" | awk '
-    / O / && /[ \t]([*]COM[*]|\.t?(data|bss)[^ \t]*)[ \t]/ && !/\.data\.rel\.ro/ { print $NF }
+    / O / && /[ \t]([*]COM[*]|\.t?(data|bss)[^ \t]*)[ \t]/ && !/\.data\.rel\.ro|DW\.ref\./ { print $NF }
 ' >"$scratch/data"
 report "$LIB holds a variable of static duration:" "$scratch/data"
 exit $bad

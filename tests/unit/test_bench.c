@@ -246,6 +246,10 @@ static void test_kernels_alone_have_their_figures(void **state) {
         "adam, in memory",
         "adam_half, in cache",
         "adam_half, in memory",
+        "convert, YUYV",
+        "convert, 444P",
+        "convert, GREY",
+        "convert, a whole frame",
     };
     static const char *const parts[] = {"kernels", "scene", "stages", "update_beyond_caches"};
     json_t *report = report_only("kernels");

@@ -1,0 +1,280 @@
+/* capture.c - splatfit capture: from a camera or another source of frames to a folder of pictures. */
+#include <errno.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "record.h"
+
+static const arg_option own_options[] = {
+    {"output", 'o', "DIR", "the folder to write: DIR/images, DIR/frames.json"},
+    {"frames", 0, "N", "end after N pictures; default: with the source, or on Ctrl-C"},
+    {"seconds", 0, "S", "end after S seconds of frames"},
+    {"every", 0, "N", "keep one of every N frames (1)"},
+    {"sharpest", 0, NULL, "of every N frames the sharpest, not the first"},
+    {"format", 0, "NAME",
+     "jpg (what comes as JPEG stays as it is), png, or raw: the frame's own bytes (jpg)"},
+    {"quality", 0, "Q", "of JPEGs that are coded here, 1..100 (95)"},
+    {"downscale", 0, "N", "box-average the pictures by N, 1..64 (1)"},
+    {"lens", 0, "FILE", "the camera's calibration, JSON: goes into frames.json"},
+    {"wait", 0, "S", "give up after S seconds without a frame (30)"},
+    {"force", 0, NULL, "write over an older recording in DIR"},
+    {0},
+};
+
+/* How long one wait for a frame lasts: so soon is Ctrl-C noticed. */
+enum { WAIT_MS = 200 };
+
+static volatile sig_atomic_t stopped_by;
+
+static void on_signal(int number) { stopped_by = number; }
+
+/* The first signal ends the recording in good order; the second one ends the program. */
+static void catch_signals(void) {
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+/* What one run of the command holds. */
+typedef struct capture {
+    const args *a;
+    record_options options;
+    double seconds; /* of frames; 0: no limit */
+    int wait;       /* s */
+    json_t *lens;
+    sf_context *ctx;
+    sf_source *source;
+    record *record;
+    progress_line line;
+    double began, last_frame; /* on the monotonic clock, s */
+    int64_t first_ns;         /* of the first frame */
+    uint64_t taken;
+    char error[1024]; /* why the source ended; "": it did not fail */
+} capture;
+
+static double now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* 1. The command line */
+
+static int usage(const char *option, const char *what) {
+    fprintf(stderr, "splatfit capture: %s: %s\n", option, what);
+    return EXIT_USAGE;
+}
+
+static int read_seconds(capture *c) {
+    const char *text = args_value(c->a, "seconds");
+    char *end;
+    if (!text) return 0;
+    c->seconds = strtod(text, &end);
+    if (end != text && !*end && c->seconds > 0 && c->seconds <= 1e9) return 0;
+    return usage("--seconds", "not a number above 0");
+}
+
+static int read_format(capture *c) {
+    static const char *const names[] = {"jpg", "png", "raw"};
+    const char *text = args_value(c->a, "format");
+    int format = 0;
+    while (text && format < 3 && strcmp(text, names[format]) != 0) format++;
+    if (format == 3) return usage("--format", "none of jpg, png, raw");
+    c->options.format = (record_format)format;
+    if (format != RECORD_JPG && args_value(c->a, "quality")) return usage("--quality", "is for --format jpg");
+    if (format == RECORD_RAW && c->options.downscale > 1)
+        return usage("--downscale", "cannot be given beside --format raw");
+    return 0;
+}
+
+static int read_options(capture *c) {
+    const args *a = c->a;
+    int frames = 0;
+    c->options = (record_options){.folder = args_value(a, "output"),
+                                  .source = a->positional[0],
+                                  .quality = 95,
+                                  .downscale = 1,
+                                  .every = 1,
+                                  .sharpest = args_value(a, "sharpest") != NULL,
+                                  .force = args_value(a, "force") != NULL};
+    c->wait = 30;
+    if (!c->options.folder) return usage("--output", "is missing: the folder to write");
+    int error = args_int(a, "frames", 1, 100000000, &frames);
+    if (!error) error = args_int(a, "every", 1, 1000000, &c->options.every);
+    if (!error) error = args_int(a, "quality", 1, 100, &c->options.quality);
+    if (!error) error = args_int(a, "downscale", 1, 64, &c->options.downscale);
+    if (!error) error = args_int(a, "wait", 1, 1000000, &c->wait);
+    if (!error) error = read_seconds(c);
+    if (!error) error = read_format(c);
+    if (!error && c->options.sharpest && c->options.every == 1)
+        error = usage("--sharpest", "needs --every of 2 or more");
+    c->options.most = (uint64_t)frames;
+    return error;
+}
+
+static int read_lens(capture *c) {
+    const char *path = args_value(c->a, "lens");
+    json_error_t error;
+    if (!path) return 0;
+    c->lens = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
+    if (!c->lens) {
+        fprintf(stderr, "splatfit capture: %s: line %d: %s\n", path, error.line, error.text);
+        return EXIT_FAILED;
+    }
+    c->options.lens = c->lens;
+    return json_is_object(c->lens) ? 0 : app_say(c->a, path, "is no JSON object");
+}
+
+/* 2. Frames */
+
+static void show(capture *c, int at_once) {
+    char text[192];
+    record_counts r;
+    sf_source_counts s;
+    double seconds = now() - c->began;
+    if (!progress_due(&c->line, seconds, at_once)) return;
+    record_count(c->record, &r);
+    sf_source_count(c->source, &s);
+    int n = snprintf(text, sizeof text, "%.1f s  frames %llu  %.1f/s  kept %llu", seconds,
+                     (unsigned long long)s.given, (double)s.given / (seconds > 0 ? seconds : 1),
+                     (unsigned long long)r.kept);
+    const struct {
+        const char *name;
+        uint64_t count;
+    } lost[] = {{"dropped", s.dropped + r.dropped}, {"damaged", s.damaged + r.undecodable}};
+    for (int i = 0; i < 2; i++)
+        if (lost[i].count)
+            n += snprintf(text + n, sizeof text - (size_t)n, "  %s %llu", lost[i].name,
+                          (unsigned long long)lost[i].count);
+    progress_text(&c->line, text);
+}
+
+/* Whether the seconds that were asked for are over, by the frames' own times; by the clock where a live
+ * source gives none. */
+static int is_over(const capture *c, const sf_frame *frame) {
+    if (!(c->seconds > 0)) return 0;
+    if (!frame) return c->options.info.live && c->taken && now() - c->began >= c->seconds + 1;
+    return (double)(frame->time_ns - c->first_ns) * 1e-9 >= c->seconds;
+}
+
+/* One frame, or a while without one. 0: there will be none, or none more is wanted. */
+static int take_one(capture *c) {
+    sf_frame frame;
+    sf_status status = sf_source_next(c->source, WAIT_MS, &frame);
+    if (status == SF_ERR_TIMEOUT) {
+        if (now() - c->last_frame < c->wait) return !is_over(c, NULL);
+        snprintf(c->error, sizeof c->error, "%s: no frame for %d s", c->options.source, c->wait);
+        return 0;
+    }
+    if (status) {
+        if (status != SF_ERR_END) snprintf(c->error, sizeof c->error, "%s", sf_last_error(c->ctx));
+        return 0;
+    }
+    c->last_frame = now();
+    if (!c->taken++) c->first_ns = frame.time_ns;
+    int over = is_over(c, &frame);
+    if (!over) record_put(c->record, &frame);
+    sf_source_release(c->source, &frame);
+    return !over;
+}
+
+static void take_frames(capture *c) {
+    c->began = c->last_frame = now();
+    c->line.last = 0; /* the first line comes when there is something to say */
+    while (!stopped_by && record_wants(c->record) && take_one(c)) show(c, 0);
+    show(c, 1);
+    progress_break(&c->line);
+}
+
+/* 3. Begin and end */
+
+static int prepare(capture *c) {
+    int error = read_options(c);
+    if (!error) error = progress_start(&c->line, c->a, stdout);
+    if (!error) error = app_context(c->a, &c->ctx);
+    if (!error) error = read_lens(c);
+    if (error) return error;
+    sf_status status = sf_source_open(c->ctx, c->options.source, &c->source);
+    if (status) {
+        app_fail(c->a, c->ctx);
+        return status == SF_ERR_ARGUMENT ? EXIT_USAGE : EXIT_FAILED;
+    }
+    sf_source_describe(c->source, &c->options.info);
+    int smaller =
+        c->options.info.width < c->options.info.height ? c->options.info.width : c->options.info.height;
+    if (c->options.downscale > smaller)
+        return usage("--downscale", "more than a side of the source's frames");
+    return record_start(c->a, &c->options, &c->record);
+}
+
+static void announce(const capture *c) {
+    const sf_source_info *info = &c->options.info;
+    if (args_value(c->a, "quiet")) return;
+    printf("%s: %s, %dx%d %s", c->options.source, info->name, (int)info->width, (int)info->height,
+           sf_pixel_format_name(info->format));
+    if (info->frames_per_second > 0) printf(", %.4g frames a second", info->frames_per_second);
+    printf("%s\n", info->live ? ", live" : "");
+    fflush(stdout);
+}
+
+static void print_result(const capture *c, const sf_source_counts *s, const record_counts *r) {
+    if (args_value(c->a, "quiet")) return;
+    printf(
+        "wrote %s: %llu pictures of %llu frames; passed over %llu, dropped %llu, skipped %llu, damaged %llu",
+        c->options.folder, (unsigned long long)r->kept, (unsigned long long)s->given,
+        (unsigned long long)r->passed_over, (unsigned long long)s->dropped, (unsigned long long)s->skipped,
+        (unsigned long long)(s->damaged + r->undecodable));
+    printf(", dropped by the writer %llu, reopened %llu\n", (unsigned long long)r->dropped,
+           (unsigned long long)s->reopened);
+}
+
+/* Of several failures the first one is told. */
+static int finish(capture *c) {
+    sf_source_counts s;
+    record_counts r;
+    sf_source_count(c->source, &s);
+    int error = record_finish(&c->record, &s, &r);
+    if (!error && *c->error) {
+        fprintf(stderr, "splatfit capture: %s\n", c->error);
+        error = EXIT_FAILED;
+    }
+    if (!error && !r.kept && !stopped_by)
+        error = app_say(c->a, c->options.source, "gave no frame that could be kept");
+    print_result(c, &s, &r);
+    return error ? error : stopped_by ? 128 + (int)stopped_by : 0;
+}
+
+static int run(const args *a) {
+    capture c = {.a = a};
+    int error = prepare(&c);
+    if (!error) {
+        announce(&c);
+        catch_signals();
+        take_frames(&c);
+        error = finish(&c);
+    }
+    sf_source_close(&c.source);
+    json_decref(c.lens);
+    sf_context_destroy(&c.ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {own_options, common_options, NULL};
+
+const command command_capture = {
+    .name = "capture",
+    .synopsis = "SOURCE -o DIR [OPTIONS]",
+    .summary =
+        "Records pictures from a source of frames. SOURCE is folder:DIR, pipe:- (YUV4MPEG2, JPEGs; with "
+        "?size=WxH&format=NAME plain pixels), pipe:FILE or sim:studio; src/capture/README.md lists the "
+        "options of each. SIGINT and SIGTERM end the recording in good order.",
+    .tables = tables,
+    .least = 1,
+    .most = 1,
+    .run = run,
+};

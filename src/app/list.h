@@ -1,0 +1,29 @@
+/* list.h - a JSON file whose long array is written as it grows, so that it never lies in memory. */
+#ifndef APP_LIST_H
+#define APP_LIST_H
+
+#include <jansson.h>
+#include <stdint.h>
+#include <stdio.h>
+
+/* Under a temporary name until list_close. */
+typedef struct list_file {
+    char *path, *temporary;
+    FILE *file;
+    size_t entries;
+    uint64_t reserved; /* bytes */
+    int full;  /* errno where the disk has no room for many more entries; the list can still be ended */
+    int error; /* errno of the first failure; later calls do nothing */
+} list_file;
+
+/* Begins {...head, "key": [ ; takes the reference of head, an object with at least one entry. */
+void list_open(list_file *list, const char *folder, const char *name, json_t *head, const char *key);
+
+/* Adds an entry to the array, on a line of its own; takes the reference. */
+void list_add(list_file *list, json_t *entry);
+
+/* Ends the array and the object with what is in `tail` (may be NULL), syncs and renames; takes the reference.
+ * Returns errno of the first failure, or 0; after a failure nothing is at the path. */
+int list_close(list_file *list, json_t *tail);
+
+#endif

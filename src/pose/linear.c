@@ -1,0 +1,96 @@
+/* linear.c - see linear.h. */
+#include "linear.h"
+
+#include <math.h>
+
+int sf_cholesky(int n, double *A) {
+    for (int j = 0; j < n; j++) {
+        double d = A[j * n + j];
+        for (int k = 0; k < j; k++) d -= A[j * n + k] * A[j * n + k];
+        if (!(d > 0) || isinf(d)) return 0;
+        double root = sqrt(d);
+        A[j * n + j] = root;
+        for (int i = j + 1; i < n; i++) {
+            double s = A[i * n + j];
+            for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
+            A[i * n + j] = s / root;
+        }
+    }
+    return 1;
+}
+
+void sf_cholesky_solve(int n, const double *L, double *x) {
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++) x[i] -= L[i * n + k] * x[k];
+        x[i] /= L[i * n + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++) x[i] -= L[k * n + i] * x[k];
+        x[i] /= L[i * n + i];
+    }
+}
+
+void sf_cholesky_invert(int n, const double *L, double *inverse) {
+    double column[SF_EIGEN_MOST];
+    for (int j = 0; j < n; j++) {
+        for (int i = 0; i < n; i++) column[i] = i == j;
+        sf_cholesky_solve(n, L, column);
+        for (int i = 0; i < n; i++) inverse[i * n + j] = column[i];
+    }
+}
+
+/* Turns rows and columns p, q of A, and columns p, q of V, so that A_pq becomes 0 (Golub and Van Loan, 8.5).
+ */
+static void jacobi_turn(int n, double *A, double *V, int p, int q) {
+    double apq = A[p * n + q];
+    if (apq == 0) return;
+    double theta = (A[q * n + q] - A[p * n + p]) / (2 * apq);
+    double t = (theta < 0 ? -1 : 1) / (fabs(theta) + sqrt(1 + theta * theta));
+    double c = 1 / sqrt(1 + t * t), s = t * c;
+    for (int k = 0; k < n; k++) {
+        double akp = A[k * n + p], akq = A[k * n + q];
+        A[k * n + p] = c * akp - s * akq;
+        A[k * n + q] = s * akp + c * akq;
+    }
+    for (int k = 0; k < n; k++) {
+        double apk = A[p * n + k], aqk = A[q * n + k];
+        A[p * n + k] = c * apk - s * aqk;
+        A[q * n + k] = s * apk + c * aqk;
+        double vkp = V[k * n + p], vkq = V[k * n + q];
+        V[k * n + p] = c * vkp - s * vkq;
+        V[k * n + q] = s * vkp + c * vkq;
+    }
+}
+
+/* Whether what is off the diagonal no longer matters. */
+static int is_diagonal(int n, const double *A) {
+    double off = 0, on = 0;
+    for (int i = 0; i < n * n; i++) *(i / n == i % n ? &on : &off) += A[i] * A[i];
+    return off <= 1e-32 * on;
+}
+
+void sf_least_eigenvector(int n, double *A, double *x) {
+    enum { SWEEPS = 16 }; /* quadratic: six or so do */
+    double V[SF_EIGEN_MOST * SF_EIGEN_MOST];
+    for (int i = 0; i < n * n; i++) V[i] = i / n == i % n;
+    for (int sweep = 0; sweep < SWEEPS && !is_diagonal(n, A); sweep++)
+        for (int p = 0; p < n; p++)
+            for (int q = p + 1; q < n; q++) jacobi_turn(n, A, V, p, q);
+    int least = 0;
+    for (int i = 1; i < n; i++)
+        if (A[i * n + i] < A[least * n + least]) least = i;
+    for (int i = 0; i < n; i++) x[i] = V[i * n + least];
+}
+
+void sf_rotation_exp(const double phi[3], double R[9]) {
+    double angle2 = sf_dot3(phi, phi), angle = sqrt(angle2);
+    /* sin(a)/a and (1 - cos(a))/a^2, by their series where they would be 0/0 */
+    double a = angle < 1e-4 ? 1 - angle2 / 6 : sin(angle) / angle;
+    double half = angle < 1e-4 ? 1 - angle2 / 24 : sin(angle / 2) / (angle / 2);
+    double b = half * half / 2;
+    double x = phi[0], y = phi[1], z = phi[2];
+    double rows[9] = {1 - b * (y * y + z * z), b * x * y - a * z,       b * x * z + a * y,
+                      b * x * y + a * z,       1 - b * (x * x + z * z), b * y * z - a * x,
+                      b * x * z - a * y,       b * y * z + a * x,       1 - b * (x * x + y * y)};
+    for (int i = 0; i < 9; i++) R[i] = rows[i];
+}
