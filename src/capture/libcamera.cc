@@ -28,6 +28,7 @@ extern "C" {
 #include <vector>
 
 #include <fcntl.h>
+#include <strings.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -153,7 +154,7 @@ struct Format {
     int across, down; /* by how much the other planes are smaller, in bytes of a row and in rows */
 };
 
-/* Those that need no decoding first. libcamera names RGB after a little-endian number: its BGR888 has R
+/* What to choose first. libcamera names RGB after a little-endian number: its BGR888 has R
  * first. */
 const Format *formats_known(size_t *count) {
     namespace f = libcamera::formats;
@@ -179,7 +180,7 @@ const Format *format_named(const char *name) {
     size_t count;
     const Format *known = formats_known(&count);
     for (size_t i = 0; i < count; i++)
-        if (strcmp(sf_pixel_format_name(known[i].format), name) == 0) return &known[i];
+        if (strcasecmp(sf_pixel_format_name(known[i].format), name) == 0) return &known[i];
     return nullptr;
 }
 
