@@ -27,10 +27,12 @@ extern "C" {
 #include <string>
 #include <vector>
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <strings.h>
 #include <sys/file.h>
 #include <sys/mman.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <libcamera/camera.h>
@@ -217,6 +219,44 @@ std::unique_ptr<libcamera::CameraConfiguration> configuration_of(libcamera::Came
     return configuration;
 }
 
+using Devices = std::vector<dev_t>;
+
+/* The devices behind a camera; none: not known. */
+#if LIBCAMERA_VERSION_MAJOR == 0 && LIBCAMERA_VERSION_MINOR < 2
+Devices devices_of(Manager &manager, const std::shared_ptr<libcamera::Camera> &camera) {
+    const std::string root = "/sys/class/video4linux/";
+    Devices found;
+    DIR *nodes = opendir(root.c_str());
+    while (const dirent *entry = nodes ? readdir(nodes) : nullptr) {
+        FILE *file = fopen((root + entry->d_name + "/dev").c_str(), "re");
+        unsigned a, b;
+        if (file && fscanf(file, "%u:%u", &a, &b) == 2 && manager->get(makedev(a, b)) == camera)
+            found.push_back(makedev(a, b));
+        if (file) fclose(file);
+    }
+    if (nodes) closedir(nodes);
+    return found;
+}
+#else
+Devices devices_of(Manager &, const std::shared_ptr<libcamera::Camera> &camera) {
+    Devices found;
+    const auto devices = camera->properties().get(libcamera::properties::SystemDevices);
+    if (devices)
+        for (const int64_t device : *devices) found.push_back(dev_t(device));
+    return found;
+}
+#endif
+
+/* Whether the kernel still has them. */
+bool present(const Devices &devices) {
+    for (const dev_t device : devices) {
+        char path[64];
+        snprintf(path, sizeof path, "/sys/dev/char/%u:%u", major(device), minor(device));
+        if (access(path, F_OK) != 0) return false;
+    }
+    return true;
+}
+
 /* 3. What is asked for */
 
 struct Request {
@@ -343,6 +383,7 @@ class Source {
     sf_yuv_matrix matrix = SF_YUV_601;
     int full_range = 0;
     std::string model;
+    Devices devices;
     Request asked_for;
     bool acquired = false, running = false;
     std::vector<Slot> slots;
@@ -378,6 +419,7 @@ sf_status Source::find(const char *name, const Request &asked) {
         return sf_fail(ctx, SF_ERR_IO, "%s: libcamera has no camera \"%s\"; it has %zu", name, asked.camera,
                        cameras.size());
     model = model_of(*camera);
+    devices = devices_of(manager, camera);
     int error = camera->acquire();
     if (error == -EBUSY) return fail(SF_ERR_IO, "in use by another program, or twice by this one");
     if (error) return fail(SF_ERR_IO, "cannot be had", error);
@@ -565,9 +607,15 @@ sf_status Source::open(const char *name) {
 }
 
 /* Requests must go before the buffers, these before the camera, and it before the manager, which is the first
- * member and goes last. Stopping returns the queued requests, cancelled. */
+ * member and goes last. Stopping returns the queued requests, cancelled; but a camera whose device is gone
+ * cannot be stopped: libcamera ends the process where the driver does not return the buffers. What is done
+ * instead is a call on libcamera's thread that is refused, as the camera is ours: it comes after all that was
+ * queued there. */
 void Source::shut() {
-    if (running) camera->stop();
+    if (running && present(devices))
+        camera->stop();
+    else if (running)
+        camera->invokeMethod(&libcamera::Camera::acquire, libcamera::ConnectionTypeBlocking);
     if (camera) {
         camera->requestCompleted.disconnect(this);
         camera->disconnected.disconnect(this);
@@ -638,6 +686,7 @@ sf_status Source::wait(std::chrono::steady_clock::time_point deadline, Slot **sl
         done.erase(first);
         return SF_OK;
     }
+    if (!present(devices)) gone = true; /* udev may be slow, or not there */
     bool broken = gone || cancelled == slots.size(), say = broken && !said_gone;
     if (say) said_gone = true;
     hold.unlock();

@@ -151,19 +151,20 @@ static void newest(void) {
     plug(&camera, "");
     sf_source *source = open_source("libcamera:0?format=MJPEG");
     take_exact(source, 2);
-    sleep_ms(300);
-    sf_frame frame;
-    check(sf_source_newest(source, 5000, &frame) == SF_OK, "%s", sf_last_error(guest_context()));
-    check(pattern_id(&frame) > 0, "the pixels are not those that were sent");
-    check(counts_of(source).skipped > 0, "no frame was skipped in 300 ms");
-    sf_source_release(source, &frame);
+    for (int i = 0; i < 50 && counts_of(source).skipped < 3; i++) {
+        sleep_ms(200);
+        sf_frame frame;
+        check(sf_source_newest(source, 5000, &frame) == SF_OK, "%s", sf_last_error(guest_context()));
+        check(pattern_id(&frame) > 0, "the pixels are not those that were sent");
+        sf_source_release(source, &frame);
+    }
+    check(counts_of(source).skipped >= 3, "frames that nobody took were not skipped");
     take_exact(source, 5);
     sf_source_close(&source);
     webcam_unplug(&camera);
 }
 
-/* Where udev tells libcamera, that is an error; without udev, as here, frames just stay away. What is out
- * stays readable, and closing does not hang. */
+/* An error, said once. What is out stays readable, and closing neither hangs nor ends the program. */
 static void unplugged(void) {
     webcam camera;
     plug(&camera, "");
@@ -173,16 +174,23 @@ static void unplugged(void) {
     int64_t id = pattern_id(&kept);
     webcam_unplug(&camera);
     sf_status status = SF_OK;
-    for (int i = 0; i < 20 && status == SF_OK; i++) {
+    for (int i = 0; i < 20 && (status == SF_OK || status == SF_ERR_TIMEOUT); i++) {
         int64_t began = now_ms();
         status = sf_source_next(source, 500, &frame);
         check(now_ms() - began < 20000, "waited for %lld ms", (long long)(now_ms() - began));
         if (status == SF_OK) sf_source_release(source, &frame);
     }
-    check(status == SF_ERR_IO || status == SF_ERR_TIMEOUT, "%s", sf_status_text(status));
+    check(status == SF_ERR_IO, "%s", sf_status_text(status));
+    check(was_logged("is gone"), "the loss was not reported");
     check(id >= 0 && pattern_id(&kept) == id, "the frame that was out changed");
     sf_source_release(source, &kept);
     sf_source_close(&source);
+
+    plug(&camera, "");
+    source = open_source("libcamera:0?format=YUYV");
+    take_exact(source, 5);
+    sf_source_close(&source);
+    webcam_unplug(&camera);
 }
 
 const guest_test libcamera_tests[] = {{"libcamera_yuyv", yuyv},
