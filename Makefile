@@ -5,6 +5,7 @@
 # make test          unit tests, golden cases, levels; installs what is missing
 # make test-golden   the golden tests alone
 # make check         the kernels at every level of this machine
+# make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
@@ -12,6 +13,7 @@
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time of a set of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
 # make charts-quick  whether that works: build/charts-quick; seconds
+# make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -31,15 +33,33 @@ LIBDIR    ?= $(PREFIX)/lib
 VERSION   := $(shell sed -n 's/.*sf_version(void).*"\(.*\)".*/\1/p' src/kernels/context.c)
 SOVERSION := 0
 
-# A toolchain sets CC, AR, NM, PKG_CONFIG, TARGET_CFLAGS, TARGET_LDFLAGS, RUN (what runs its programs here),
-# DEPS_BUILD and DEPS_TEST (sets of tests/deps/deps.sh), PREPARE (a command before the first build), QEMU_ROOT (where
+# A toolchain sets CC, CXX, AR, NM, PKG_CONFIG, TARGET_CFLAGS, TARGET_LDFLAGS, RUN (what runs its programs here),
+# DEPS_BUILD, DEPS_TEST and DEPS_OPTIONAL (sets of tests/deps/deps.sh), PREPARE (a command before the first build), QEMU_ROOT (where
 # qemu finds its libraries).
 DEPS_BUILD := build
 DEPS_TEST  := test
+DEPS_OPTIONAL := optional
 CACHE      := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/splatfit
 include toolchains/$(TOOLCHAIN).mk
 NM         ?= nm
 PKG_CONFIG ?= pkg-config
+ifeq ($(origin CXX),default)
+CXX := $(patsubst %gcc,%g++,$(patsubst %clang,%clang++,$(firstword $(CC))))
+endif
+
+find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
+# Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
+INSTALL_DEPS := $(filter demo test test-golden test-scenes check check-cpus build-tests,$(MAKECMDGOALS))
+
+# Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
+# can be had is installed before make reads on.
+OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera)
+ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECMDGOALS))),)
+$(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
+endif
+FOUND        := $(foreach m,$(OPTIONAL),$(shell $(PKG_CONFIG) --exists $(m) 2>/dev/null && echo $(m)))
+# libcamera's interface is C++.
+FOUND        := $(filter-out $(if $(shell command -v $(CXX)),,libcamera),$(FOUND))
 
 # ---- files -------------------------------------------------------------------------------------------------
 
@@ -56,6 +76,7 @@ LIB_SRC := $(filter-out src/app/% src/bench/% src/chart/%,$(wildcard src/*/*.c))
 APP_SRC := $(wildcard src/app/*.c)
 BENCH_SRC := $(wildcard src/bench/*.c)
 CHART_SRC := $(wildcard src/chart/*.c)
+CXX_SRC := $(if $(filter libcamera,$(FOUND)),src/capture/libcamera.cc)
 REF_SRC := $(wildcard tests/reference/*.c tests/golden/golden.c)
 
 tests_in   = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/test_*.c))
@@ -84,7 +105,7 @@ FLAGS_exp5 := -DSF_EXP_DEGREE=5
 FLAGS_exp6 := -DSF_EXP_DEGREE=6
 FLAGS_cull := -DSF_BLEND_CULL_ONLY=1
 
-LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
+LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(CXX_SRC:%.cc=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
 CHART_OBJ := $(CHART_SRC:%.c=$(O)/%.o)
 BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
@@ -121,11 +142,10 @@ BASE_LDFLAGS += $(SANITIZE)
 endif
 
 MODULES      := libturbojpeg spng jansson zlib
-# Left out, with what it is for, where it is missing; Debian has no static one.
-OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag)
-FOUND        := $(foreach m,$(OPTIONAL),$(shell $(PKG_CONFIG) --exists $(m) 2>/dev/null && echo $(m)))
 MODULES      += $(FOUND)
-BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG)
+BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
+                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA)
+CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 MODULE_FLAGS :=
 SPNG         :=
 FETCH        :=
@@ -146,10 +166,13 @@ endif
 endif
 LIBS_CFLAGS := $(strip $(shell $(PKG_CONFIG) --cflags $(MODULES) 2>/dev/null))
 LIBS        := $(strip $(shell $(PKG_CONFIG) $(MODULE_FLAGS) --libs $(MODULES) 2>/dev/null || \
-                 echo -lturbojpeg -lspng -ljansson -lz)) -lm
+                 echo -lturbojpeg -lspng -ljansson -lz)) $(CXX_LIBS) -lm
 TEST_LIBS   := $(strip $(shell $(PKG_CONFIG) --libs cmocka 2>/dev/null || echo -lcmocka))
 
 ALL_CFLAGS  = $(BASE_CFLAGS) $(LIBS_CFLAGS) $(CFLAGS)
+# The C++ file has neither warnings in others' headers nor sanitizers, whose C++ parts a program linked as C lacks.
+ALL_CXXFLAGS = -std=c++17 $(filter-out -std=c11 -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
+                 $(SANITIZE),$(BASE_CFLAGS)) $(LIBS_CFLAGS:-I%=-isystem%) $(CFLAGS)
 ALL_LDFLAGS = $(BASE_LDFLAGS) $(LDFLAGS)
 
 ifeq ($(V),1)
@@ -175,7 +198,7 @@ $(LATEST): build/%: $(O)/%
 endif
 
 # Each holds what it is named for; it changes only when that does, and then all that depends on it is remade.
-$(O)/flags: TEXT = $(CC) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
+$(O)/flags: TEXT = $(CC) $(CXX) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
 $(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(BENCH_OBJ) $(REF_SRC)
 $(O)/flags $(O)/sources: FORCE
 	@mkdir -p $(@D)
@@ -187,6 +210,11 @@ $(O)/%.o: %.c $(O)/flags | have-deps
 	$(say) CC $<
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(ALL_CFLAGS) $(if $(filter tests/%,$<),-Isrc -Itests) -MMD -MP -c -o $@ $<
+
+$(O)/%.o: %.cc $(O)/flags | have-deps
+	$(say) CXX $<
+	@mkdir -p $(@D)
+	$(Q)$(CXX) $(ALL_CXXFLAGS) -MMD -MP -c -o $@ $<
 
 # With sanitizers clang takes a minute for the projection of one level where it optimises it.
 define level_rule
@@ -214,7 +242,7 @@ $(LIB): $(LIB_OBJ) $(O)/sources
 
 $(O)/libsplatfit.so.$(SOVERSION): $(LIB_OBJ) $(O)/sources
 	$(say) LD $@
-	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--no-undefined $(ALL_LDFLAGS) -o $@ $(LIB_OBJ) $(LIBS)
+	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--no-undefined -Wl,--version-script=src/exports.map $(ALL_LDFLAGS) -o $@ $(LIB_OBJ) $(LIBS)
 
 $(O)/libspng.a: $(O)/flags | have-deps
 	$(say) CC $(SPNG_SRC)/spng.c
@@ -239,14 +267,19 @@ $(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 
 TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
 -include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) \
-    $(TEST_PROGRAM_OBJ))
+    $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
+
+FEED := $(O)/tests/capture/feed
+$(FEED): $(FEED).o
+	$(say) LD $@
+	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $<
 
 # ---- testing -----------------------------------------------------------------------------------------------
 
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes check check-cpus build-tests test-install test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -263,9 +296,27 @@ check-cpus: $(LEVEL_TESTS) $(PROGRAM)
 # Each in a copy of the tree; some minutes.
 mutants:
 	@CC='$(CC)' MAKE='$(MAKE)' tests/mutants/run.sh
+# What runs in the emulated board: without shared libraries, and with them where there is a libcamera for it.
+BOARD_GUEST := $(addprefix $(O)/tests/capture/,guest.o guest_vivid.o guest_faults.o guest_uvc.o guest_libcamera.o \
+                 vivid.o webcam.o pattern.o)
+BOARD_UVCSIM := $(addprefix $(O)/tests/capture/,uvcsim.o uvc.o usb.o pattern.o)
+$(O)/tests/capture/guest: $(BOARD_GUEST) $(LIB) $(SPNG)
+$(O)/tests/capture/uvcsim: $(BOARD_UVCSIM) $(SPNG)
+$(O)/tests/capture/guest $(O)/tests/capture/uvcsim:
+	$(say) LD $@
+	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(filter %.o %/libsplatfit.a,$^) $(LIBS)
+board-programs: $(O)/tests/capture/guest $(O)/tests/capture/uvcsim $(PROGRAM)
+BOARD := aarch64-linux-gnu
+test-vm:
+	@MAKE='$(MAKE)' ONLY='$(TESTS)' tests/capture/board.sh $(CACHE) $(BOARD)
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)
+
+# Every frame is accounted for, memory does not grow.
+SECONDS := 1800
+soak: $(PROGRAM) $(FEED)
+	@RUN='$(RUN)' tests/capture/soak.sh '$(PROGRAM)' '$(FEED)' $(SECONDS)
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
@@ -300,11 +351,7 @@ demo: all
 
 # ---- what must be there first ------------------------------------------------------------------------------
 
-find_deps = CC='$(CC)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
-
 .PHONY: have-deps deps deps-ci
-# Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-golden test-scenes check check-cpus build-tests,$(MAKECMDGOALS))
 have-deps:
 	@$(find_deps) $(if $(INSTALL_DEPS),$(DEPS_BUILD) $(DEPS_TEST),--look $(DEPS_BUILD))
 	@$(PREPARE)
@@ -317,7 +364,7 @@ deps:
 
 CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
 deps-ci: deps
-	@tests/deps/deps.sh ci arm64 armhf
+	@tests/deps/deps.sh ci vm arm64 armhf
 	@set -e; for t in $(CI_TOOLCHAINS); do $(MAKE) --no-print-directory TOOLCHAIN=$$t deps; done
 	@$(MAKE) --no-print-directory STATIC=1 deps
 
@@ -333,7 +380,7 @@ Description: Fits 3D Gaussian scenes to pictures on CPUs
 Version: $(VERSION)
 Requires.private: $(MODULES)
 Libs: -L$${libdir} -lsplatfit
-Libs.private: -lm -pthread
+Libs.private: $(CXX_LIBS) -lm -pthread
 Cflags: -I$${includedir}
 endef
 export PC

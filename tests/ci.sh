@@ -56,6 +56,7 @@ step charts "${make[@]}" charts-quick
 for target in native aarch64-linux-gnu arm-linux-gnueabihf rpi5 rpi4 rpi-zero2 jetson; do
     step static-$target "${make[@]}" TOOLCHAIN=$target STATIC=1 test-static
 done
+step soak "${make[@]}" soak SECONDS=20
 step install "${make[@]}" test-install
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes

@@ -28,4 +28,5 @@ RUN := qemu-$(QEMU_ARCH)-static -cpu $(QEMU_CPU) $(QEMU_ROOT)
 
 DEPS_BUILD := $(DEBIAN_ARCH)
 DEPS_TEST  :=
+DEPS_OPTIONAL :=
 PREPARE    := tests/deps/sysroot.sh $(DEBIAN_ARCH) $(SYSROOT)

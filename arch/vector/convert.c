@@ -126,12 +126,13 @@ VEC int bytes_of(int format, int p, int i) {
 }
 
 void SF_AT_LEVEL(sf_convert)(const sf_convert_args *args) {
-    int done = convert_most(args);
-    if (done == args->width) return;
-    sf_convert_args rest = *args;
+    const sf_convert_args own = *args; /* which no store can change: it stays in registers */
+    int done = convert_most(&own);
+    if (done == own.width) return;
+    sf_convert_args rest = own;
     rest.width -= done;
     for (int p = 0; p < 3; p++) {
-        if (rest.plane[p]) rest.plane[p] += bytes_of(args->format, p, done);
+        if (rest.plane[p]) rest.plane[p] += bytes_of(own.format, p, done);
         rest.rgb[p] += done;
     }
     sf_convert_scalar(&rest);

@@ -116,7 +116,7 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
-    REAL(prune_scale, 1, 0, 1e9, "extents", "larger Gaussians are removed; 0: none")                         \
+    REAL(max_scale, 1, 0, 1e9, "extents", "no axis grows beyond it; 0: no limit")                            \
     REAL(max_aspect, 30, 0, 1e9, "", "longest axis limited to this multiple of the middle one; 0: no limit")
 
 #define SF_OPTION_INT(name, value, least, most, unit, text)  int64_t name;

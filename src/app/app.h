@@ -9,8 +9,8 @@
 
 #include "args.h"
 
-extern const command command_fit, command_render, command_eval, command_info, command_capture, command_board,
-    command_calibrate, command_bench, command_chart;
+extern const command command_fit, command_render, command_eval, command_info, command_devices,
+    command_capture, command_board, command_calibrate, command_bench, command_chart;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];

@@ -140,7 +140,7 @@ static void show(capture *c, int at_once) {
     if (!progress_due(&c->line, seconds, at_once)) return;
     record_count(c->record, &r);
     sf_source_count(c->source, &s);
-    int n = snprintf(text, sizeof text, "%.1f s  frames %llu  %.3g/s  kept %llu", seconds,
+    int n = snprintf(text, sizeof text, "%.1f s  frames %llu  %.1f/s  kept %llu", seconds,
                      (unsigned long long)s.given, (double)s.given / (seconds > 0 ? seconds : 1),
                      (unsigned long long)r.kept);
     const struct {
@@ -185,6 +185,7 @@ static int take_one(capture *c) {
 
 static void take_frames(capture *c) {
     c->began = c->last_frame = now();
+    c->line.last = 0; /* the first line comes when there is something to say */
     while (!stopped_by && record_wants(c->record) && take_one(c)) show(c, 0);
     show(c, 1);
     progress_break(&c->line);

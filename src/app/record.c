@@ -204,6 +204,7 @@ static json_t *frame_json(const record *r, const candidate *c, const char *name)
     if (f->gain > 0) json_object_set_new(entry, "gain", json_real(f->gain));
     if (r->o.format != RECORD_RAW || f->format == SF_PIXEL_MJPEG) return entry;
     json_object_set_new(entry, "format", json_string(sf_pixel_format_name(f->format)));
+    if (f->format == SF_PIXEL_RGB24 || f->format == SF_PIXEL_BGR24) return entry;
     json_object_set_new(entry, "matrix", json_string(matrices[f->matrix]));
     json_object_set_new(entry, "range", json_string(f->full_range ? "full" : "limited"));
     return entry;

@@ -10,6 +10,7 @@
 
 struct sf_pool;
 struct sf_kernels;
+struct sf_libcamera;
 
 struct sf_context {
     sf_allocator allocator;
@@ -18,7 +19,8 @@ struct sf_context {
     pthread_mutex_t lock; /* guards error and log calls: tasks of the pool fail and log too */
     char error[1024];
     struct sf_pool *pool;
-    struct sf_kernels *kernels; /* const after creation; filled in by src/kernels */
+    struct sf_kernels *kernels;     /* const after creation; filled in by src/kernels */
+    struct sf_libcamera *libcamera; /* src/capture/libcamera.cc's own, under `lock`; NULL: not in use */
 };
 
 #if defined(__GNUC__)

@@ -135,52 +135,59 @@ typedef struct job {
     float *weight;
 } job;
 
-/* Sums of samples, and how many there are. */
+/* Sums of samples, and how many there are. Three names, not an array: the compiler keeps them in registers.
+ */
 typedef struct sums {
-    float rgb[3];
+    float r, g, b;
     int count;
 } sums;
 
+static void add(sums *to, sums s) {
+    to->r += s.r, to->g += s.g, to->b += s.b;
+    to->count += s.count;
+}
+
 static float between(float a, float b, float part) { return a + part * (b - a); }
 
-static void add_sample(const job *j, const tap *t, sums *s) {
+/* A tap with steps to its neighbours, which the last row and column have not. */
+static float sample(const float *p, size_t beside, size_t below, float right, float down) {
+    float above = between(p[0], p[beside], right), under = between(p[below], p[below + beside], right);
+    return between(above, under, down);
+}
+
+static sums take_tap(const job *j, const tap *t) {
     size_t at = t->y * j->stride + t->x, below = j->remap->height > 1 ? j->stride : 0;
     size_t beside = j->remap->width > 1;
     float right = t->right * (1.0f / WHOLE), down = t->down * (1.0f / WHOLE);
-    for (int c = 0; c < 3; c++) {
-        const float *p = j->in[c] + at;
-        float above = between(p[0], p[beside], right), under = between(p[below], p[below + beside], right);
-        s->rgb[c] += between(above, under, down);
-    }
-    s->count++;
+    return (sums){sample(j->in[0] + at, beside, below, right, down),
+                  sample(j->in[1] + at, beside, below, right, down),
+                  sample(j->in[2] + at, beside, below, right, down), 1};
 }
 
 /* The samples of pixel x of a result from row `row` of the samples. */
 static sums sum_row(const job *j, size_t x, size_t row) {
     const sf_remap *r = j->remap;
     size_t n = (size_t)r->downscale, first = x * n;
-    sums s = {{0}, 0};
+    sums s = {0, 0, 0, 0};
     if (r->map) {
         const tap *t = r->map + row * samples_a_row(r) + first;
         for (size_t i = 0; i < n; i++)
-            if (t[i].x != NOWHERE) add_sample(j, &t[i], &s);
+            if (t[i].x != NOWHERE) add(&s, take_tap(j, &t[i]));
         return s;
     }
-    for (int c = 0; c < 3; c++)
-        for (size_t i = 0; i < n; i++) s.rgb[c] += j->in[c][row * j->stride + first + i];
-    s.count = r->downscale;
+    for (size_t i = 0, at = row * j->stride + first; i < n; i++, at++)
+        add(&s, (sums){j->in[0][at], j->in[1][at], j->in[2][at], 1});
     return s;
 }
 
 static void run_pixel(const job *j, size_t x, size_t y) {
     size_t n = (size_t)j->remap->downscale, at = y * j->out_stride + x;
-    sums all = {{0}, 0};
-    for (size_t i = 0; i < n; i++) { /* sums of sums: fewer roundings */
-        sums s = sum_row(j, x, y * n + i);
-        for (int c = 0; c < 3; c++) all.rgb[c] += s.rgb[c];
-        all.count += s.count;
-    }
-    for (int c = 0; c < 3; c++) j->out[c][at] = all.count ? all.rgb[c] / (float)all.count : 0;
+    sums all = {0, 0, 0, 0};
+    for (size_t i = 0; i < n; i++) add(&all, sum_row(j, x, y * n + i)); /* sums of sums: fewer roundings */
+    float count = all.count ? (float)all.count : 1;
+    j->out[0][at] = all.r / count;
+    j->out[1][at] = all.g / count;
+    j->out[2][at] = all.b / count;
     if (j->weight) j->weight[at] = (float)all.count / (float)(n * n);
 }
 

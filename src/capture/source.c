@@ -6,15 +6,21 @@
 #include <string.h>
 
 #include "folder.h"
+#include "libcamera.h"
 #include "pipe.h"
 #include "sim.h"
+#include "v4l2.h"
 
 typedef struct scheme {
     const char *prefix;
     sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
 } scheme;
 
-static const scheme schemes[] = {{"folder:", sf_folder_open}, {"pipe:", sf_pipe_open}, {"sim:", sf_sim_open}};
+static const scheme schemes[] = {{"v4l2:", sf_v4l2_open},
+                                 {"libcamera:", sf_libcamera_open},
+                                 {"folder:", sf_folder_open},
+                                 {"pipe:", sf_pipe_open},
+                                 {"sim:", sf_sim_open}};
 enum { SCHEMES = sizeof schemes / sizeof *schemes };
 
 static const scheme *scheme_of(const char *name) {
@@ -102,10 +108,17 @@ void sf_source_release(sf_source *source, sf_frame *frame) {
     memset(frame, 0, sizeof *frame);
 }
 
+/* "ctrl." stands for ctrl.ANYTHING, which the scheme reads by itself. */
+static int is_family(const sf_source_option *option) { return option->name[strlen(option->name) - 1] == '.'; }
+
 static sf_source_option *find_option(sf_source_option *options, size_t count, const char *name,
                                      size_t length) {
     for (size_t i = 0; i < count; i++)
         if (strlen(options[i].name) == length && memcmp(options[i].name, name, length) == 0)
+            return &options[i];
+    for (size_t i = 0; i < count; i++)
+        if (is_family(&options[i]) && strlen(options[i].name) < length &&
+            memcmp(options[i].name, name, strlen(options[i].name)) == 0)
             return &options[i];
     return NULL;
 }
@@ -145,6 +158,7 @@ static sf_status parse_option(sf_context *ctx, const char *source_name, const ch
     if (!option)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown option \"%.*s\"", source_name, (int)length, text);
     const char *value = text + length + (text[length] == '=');
+    if (is_family(option)) return SF_OK;
     if (option->text) return take_text(ctx, source_name, value, end, option);
     double number;
     if (!parse_number(value, end, &number))

@@ -31,7 +31,8 @@ struct sf_source {
     sf_source_counts counts;
 };
 
-/* An option of a source's name, "...?name=value&...": a number, or where `text` is set a text. */
+/* An option of a source's name, "...?name=value&...": a number, or where `text` is set a text. A name that
+ * ends in a dot stands for all that begin so; the scheme reads them by itself. */
 typedef struct sf_source_option {
     const char *name;
     double value; /* the default, then what was asked for */

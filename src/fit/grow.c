@@ -16,9 +16,11 @@
  * middle. */
 #define CLONE_SPREAD 0.3
 #define SPLIT_SPREAD 0.5
-/* Halves of a split: scales of the longest and the other axes, opacity. */
-#define SPLIT_LONG    0.6f
-#define SPLIT_OTHERS  0.9f
+/* Halves of a split: scales of the longest and the other axes, opacity. Together they cover a little less
+ * than what they were made of, which the steps to come fill as they need; much less, and each growth would be
+ * seen. */
+#define SPLIT_LONG    0.75f
+#define SPLIT_OTHERS  0.95f
 #define SPLIT_OPACITY 0.7f
 
 static int longest_axis(const sf_params *params, size_t i) {
@@ -69,28 +71,24 @@ void sf_copy_all(sf_fitter *f, size_t from, size_t to) {
     f->screen_seen[to] = f->screen_seen[from];
 }
 
-sf_keep_limits sf_keep_limits_of(const sf_fitter *f) {
-    const sf_fit_options *o = &f->options;
-    return (sf_keep_limits){
-        .logit = o->prune_opacity > 0 ? sf_logit(fminf((float)o->prune_opacity, 0.999f)) : -INFINITY,
-        .log_scale = o->prune_scale > 0 ? (float)log(o->prune_scale * f->extent) : INFINITY};
+float sf_faintest(const sf_fitter *f) {
+    double opacity = f->options.prune_opacity;
+    return opacity > 0 ? sf_logit(fminf((float)opacity, 0.999f)) : -INFINITY;
 }
 
-int sf_worth_keeping(const sf_fitter *f, size_t i, const sf_keep_limits *limits) {
+int sf_worth_keeping(const sf_fitter *f, size_t i, float faintest) {
     const sf_params *p = &f->model->params;
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int c = 0; p->field[field] && c < sf_field_components(field); c++)
             if (!isfinite(*sf_value(p, field, i, c))) return 0;
-    for (int k = 0; k < 3; k++)
-        if (*sf_value(p, SF_FIELD_log_scale, i, k) > limits->log_scale) return 0;
-    return p->field[SF_FIELD_logit_opacity][i] >= limits->logit && !(f->screen_sum[i] < 0);
+    return p->field[SF_FIELD_logit_opacity][i] >= faintest && !(f->screen_sum[i] < 0);
 }
 
 static void prune(sf_fitter *f) {
-    sf_keep_limits limits = sf_keep_limits_of(f);
+    float faintest = sf_faintest(f);
     size_t kept = 0;
     for (size_t i = 0; i < f->model->count; i++) {
-        if (!sf_worth_keeping(f, i, &limits)) continue;
+        if (!sf_worth_keeping(f, i, faintest)) continue;
         if (kept != i) sf_copy_all(f, i, kept);
         kept++;
     }

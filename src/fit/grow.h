@@ -21,13 +21,9 @@ static inline void sf_set_opacity(const sf_params *p, size_t i, float opacity) {
 /* Column `axis` of the rotation of Gaussian i (M.1), [3]. */
 void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction);
 
-/* Least logit-opacity and greatest log-scale of what is kept. */
-typedef struct sf_keep_limits {
-    float logit, log_scale;
-} sf_keep_limits;
-
-sf_keep_limits sf_keep_limits_of(const sf_fitter *fitter);
-/* Whether Gaussian i is finite, within the limits, and not scored to go. */
-int sf_worth_keeping(const sf_fitter *fitter, size_t i, const sf_keep_limits *limits);
+/* Least logit-opacity of what is kept. */
+float sf_faintest(const sf_fitter *fitter);
+/* Whether Gaussian i is finite, not fainter, and not scored to go. */
+int sf_worth_keeping(const sf_fitter *fitter, size_t i, float faintest);
 
 #endif

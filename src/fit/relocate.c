@@ -67,10 +67,10 @@ static sf_status make_relocation(const sf_fitter *f, size_t more, relocation *r)
 
 /* Who lives and who moves. */
 static void find_places(const sf_fitter *f, size_t more, relocation *r) {
-    sf_keep_limits limits = sf_keep_limits_of(f);
+    float faintest = sf_faintest(f);
     double sum = 0;
     for (size_t i = 0; i < r->count; i++) {
-        if (sf_worth_keeping(f, i, &limits))
+        if (sf_worth_keeping(f, i, faintest))
             sum += (double)sf_opacity(f->model->params.field[SF_FIELD_logit_opacity][i]);
         else
             r->place[r->places++] = (uint32_t)i;

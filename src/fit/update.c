@@ -10,7 +10,7 @@ typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
     uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
-    float most_ratio;             /* logarithm of the greatest aspect */
+    float most_ratio, most_scale; /* logarithms of the greatest aspect and scale */
     float d_opacity, d_scale;     /* of the loss, by each opacity and scale */
     double noise;                 /* of relocate.c */
 } update_job;
@@ -18,13 +18,14 @@ typedef struct update_job {
 static float least_of(float a, float b) { return a < b ? a : b; }
 static float most_of(float a, float b) { return a > b ? a : b; }
 
-/* The log-scales of a block: within what a model's file may hold, and the longest axis at most `aspect` times
- * the middle one, for needles fit one view and hurt the others. Without branches or calls, so that it is
- * vectors. */
-static void limit_scales(float *block, float most_ratio) {
+/* The log-scales of a block: within what a model's file may hold, no axis longer than the limit, and the
+ * longest at most so many times the middle one, for needles and giants fit one view and hurt the others. To
+ * take a giant away would leave a hole for as long as others need to fill it. Without branches or calls, so
+ * that it is vectors. */
+static void limit_scales(float *block, float most_ratio, float most_scale) {
     float *x = block, *y = block + SF_LANES, *z = block + 2 * SF_LANES;
     for (int k = 0; k < 3 * SF_LANES; k++)
-        block[k] = most_of(least_of(block[k], SF_LOG_SCALE_MOST), -SF_LOG_SCALE_MOST);
+        block[k] = most_of(least_of(block[k], most_scale), -SF_LOG_SCALE_MOST);
     for (int i = 0; i < SF_LANES; i++) {
         float middle = most_of(least_of(x[i], y[i]), least_of(most_of(x[i], y[i]), z[i]));
         float most = middle + most_ratio;
@@ -71,7 +72,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     }
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
-        limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio);
+        limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);
     if (job->noise > 0) sf_disturb(f, job->noise, first, end);
     size_t last = end * SF_LANES;
     gather_statistics(f, first * SF_LANES, last < f->model->count ? last : f->model->count);
@@ -92,8 +93,10 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     double n = (double)f->model->count;
     update_job job = {.fitter = f,
                       .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY,
+                      .most_scale = SF_LOG_SCALE_MOST,
                       .d_opacity = (float)(o->reg_opacity / n),
                       .d_scale = (float)(o->reg_scale / (3 * n * f->extent))};
+    if (o->max_scale > 0) job.most_scale = least_of((float)log(o->max_scale * f->extent), SF_LOG_SCALE_MOST);
     if (o->growth == SF_GROWTH_RELOCATE)
         job.noise =
             o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean) / (f->extent * f->extent);

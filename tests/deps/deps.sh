@@ -1,9 +1,11 @@
 #!/bin/sh
-# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, ci, amd64, arm64, armhf.
+# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, ci, vm, amd64, arm64,
+# armhf.
 #
 # As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
 # With --look it never installs. What is there is found by use, not by package name, so that libraries may
-# come from elsewhere; CC and CFLAGS are used for that.
+# come from elsewhere; CC, CXX and CFLAGS are used for that. What is optional is installed where that can be done, and
+# never missed.
 set -eu
 
 install=1
@@ -13,6 +15,7 @@ if [ "${1:-}" = --look ]; then
 fi
 
 CC=${CC:-gcc}
+CXX=${CXX:-g++}
 missing=
 
 # need PACKAGE TEST...: PACKAGE is missing unless TEST succeeds.
@@ -55,9 +58,17 @@ need_test() {
         '#include <stdint.h>' '#include <cmocka.h>'
 }
 
+# Without them the program lacks what they are for.
+need_optional() {
+    need g++ program "${CXX%% *}"
+    need libcamera-dev pkg-config --exists libcamera
+    need libapriltag-dev pkg-config --exists apriltag
+}
+
 # The tools for a Debian sysroot and programs of another machine.
 need_cross() { # TRIPLE CPU
     need "gcc-$(echo "$1" | tr _ -)" program "$1-gcc"
+    need "g++-$(echo "$1" | tr _ -)" program "$1-g++"
     need pkg-config program pkg-config
     need qemu-user-static program "qemu-$2-static"
     need_source
@@ -73,6 +84,14 @@ need_ci() {
     need qemu-user-static program qemu-x86_64-static
 }
 
+# An emulated board, its kernel and what it boots from.
+need_vm() {
+    need qemu-system-arm program qemu-system-aarch64
+    need cpio program cpio
+    need kmod test -x /sbin/modprobe
+    need_source
+}
+
 for name in "$@"; do
     case $name in
     build) need_build ;;
@@ -81,13 +100,19 @@ for name in "$@"; do
     amd64) need_cross x86_64-linux-gnu x86_64 ;;
     arm64) need_cross aarch64-linux-gnu aarch64 ;;
     armhf) need_cross arm-linux-gnueabihf arm ;;
+    optional) need_optional ;;
     ci) need_ci ;;
-    *) echo "deps.sh: \"$name\" is none of build, source, test, ci, amd64, arm64, armhf" >&2 && exit 2 ;;
+    vm) need_vm ;;
+    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, ci, vm, amd64, arm64, armhf" >&2 && exit 2 ;;
     esac
 done
 
 missing=$(echo "$missing" | tr -s ' ' '\n' | sort -u | xargs)
 [ -n "$missing" ] || exit 0
+
+optional=0
+[ "$*" = optional ] && optional=1
+if [ $optional = 1 ] && { [ $install = 0 ] || ! program apt-get >/dev/null || [ "$(id -u)" != 0 ]; }; then exit 0; fi
 
 command="apt-get install --no-install-recommends $missing"
 if [ $install = 0 ] || ! program apt-get >/dev/null; then
@@ -107,6 +132,10 @@ install_now() { apt-get install -qq -y --no-install-recommends $missing >"$log" 
 trap 'rm -f "$log"' EXIT
 # A fresh system has no lists, and old lists may name packages that are gone.
 if ! install_now && ! { apt-get update -qq >"$log" 2>&1 && install_now; }; then
+    if [ $optional = 1 ]; then
+        echo "deps.sh: cannot be installed, done without: $missing"
+        exit 0
+    fi
     cat "$log" >&2
     echo "deps.sh: $command: failed" >&2
     exit 1

@@ -8,7 +8,8 @@ set -eu
 
 arch=$1
 dir=$2
-packages="libc6-dev libgcc-s1 libturbojpeg0-dev libspng-dev libjansson-dev zlib1g-dev libcmocka-dev"
+packages="libc6-dev libgcc-s1 libturbojpeg0-dev libspng-dev libjansson-dev zlib1g-dev libcmocka-dev libapriltag-dev"
+packages="$packages libcamera-dev"
 
 # The cache outlives the tree: another list of packages needs another root.
 if [ -e "$dir" ] && [ "$(cat "$dir/packages" 2>/dev/null)" = "$packages" ]; then exit 0; fi

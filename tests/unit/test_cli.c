@@ -928,6 +928,29 @@ static void test_info(void **state) {
 }
 
 /* Nothing but objects on standard output, one a line, the last one at the end of the run. */
+/* Each camera of the list begins a line; where there is none, a line says so. */
+static void test_devices(void **state) {
+    (void)state;
+    outcome o = run_ok("devices"), j = run_ok("devices", "--json");
+    json_error_t error;
+    json_t *json = json_loads(j.out, JSON_REJECT_DUPLICATES, &error);
+    if (!json) fail_msg("line %d: %s", error.line, error.text);
+    const json_t *list = json_object_get(json, "devices");
+    assert_true(json_is_array(list));
+    size_t i, lines = 0;
+    json_t *device;
+    json_array_foreach(list, i, device) {
+        assert_true(json_is_array(json_object_get(device, "modes")));
+        test_assert_contains(o.out, json_string_value(json_object_get(device, "source")), __FILE__, __LINE__);
+    }
+    for (const char *c = o.out; *c; c = strchr(c, '\n') + 1) lines += *c != ' ';
+    assert_int_equal(lines, i ? i : 1);
+    if (!i) test_assert_contains(o.out, "no camera was found; folder:DIR", __FILE__, __LINE__);
+    json_decref(json);
+    free_outcome(&o);
+    free_outcome(&j);
+}
+
 static void test_progress_as_json(void **state) {
     (void)state;
     clear_out();
@@ -1327,6 +1350,7 @@ int main(void) {
         cmocka_unit_test(test_eval),
         cmocka_unit_test(test_render),
         cmocka_unit_test(test_info),
+        cmocka_unit_test(test_devices),
         cmocka_unit_test(test_progress_as_json),
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_model_to_standard_output),

@@ -193,8 +193,8 @@ static void make_jpeg(file *f, int width, int height, int format, int sampling) 
     unsigned long size = 0;
     int channels = tjPixelSize[format];
     for (int i = 0; i < width * height * channels; i++)
-        pixels[i] = (uint8_t)(128 + 60 * sin(i / channels % width * 0.4) +
-                              40 * cos(i / channels / width * 0.3) + 10 * (i % channels));
+        pixels[i] = (uint8_t)(128 + 55 * sin(i / channels % width * 0.4) +
+                              35 * cos(i / channels / width * 0.3) + 10 * (i % channels));
     tjhandle jpeg = tjInitCompress();
     assert_int_equal(tjCompress2(jpeg, pixels, width, 0, height, format, &data, &size, sampling, 90, 0), 0);
     assert_true(size <= sizeof f->data);

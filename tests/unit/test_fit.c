@@ -799,7 +799,7 @@ static void test_fully_masked_view(void **state) {
     add_plain_view(scene, 0, white, nothing);
     add_points(scene);
     sf_fit_options options = short_fit(30);
-    options.prune_opacity = options.prune_scale = 0;
+    options.prune_opacity = 0;
     sf_fitter *fitter = start(ctx, scene, &options);
     content before = content_of(ctx, fitter);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));

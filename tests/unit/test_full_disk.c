@@ -119,6 +119,10 @@ static sf_status write_bytes(const subject *s, const char *path) {
     return sf_write_file(s->ctx, path, data, sizeof data);
 }
 
+static sf_status write_unsynced(const subject *s, const char *path) {
+    return sf_write_file_unsynced(s->ctx, path, "a picture", 9);
+}
+
 static sf_status write_picture(const subject *s, const char *path) {
     float rgb[3 * 6 * 5];
     for (int i = 0; i < 3 * 6 * 5; i++) rgb[i] = (float)(i % 7) / 6;
@@ -244,6 +248,21 @@ static void test_file(void **state) {
     check_short_writes(write_bytes, 3001);
 }
 
+/* One that is left to the operating system is not synced, but as whole as the others. */
+static void test_unsynced(void **state) {
+    (void)state;
+    subject s = make_subject();
+    content whole = write_undisturbed(&s, write_unsynced);
+    assert_int_equal(faults.count[CALL_FSYNC], 0);
+    assert_int_equal(faults.count[CALL_RENAME], 1);
+    for (int call = 0; call < CALLS; call++) {
+        struct faults fault = {.which = (enum call)call, .at = 1, .error = ENOSPC};
+        assert_int_equal(write_with_fault(&s, write_unsynced, fault, 1, &whole), call != CALL_FSYNC);
+    }
+    free(whole.data);
+    free_subject(&s);
+}
+
 static void test_empty_file(void **state) {
     (void)state;
     check_every_call(write_nothing, 0);
@@ -265,8 +284,8 @@ static void test_cameras(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_model),   cmocka_unit_test(test_file),    cmocka_unit_test(test_empty_file),
-        cmocka_unit_test(test_picture), cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_model),      cmocka_unit_test(test_file),    cmocka_unit_test(test_unsynced),
+        cmocka_unit_test(test_empty_file), cmocka_unit_test(test_picture), cmocka_unit_test(test_cameras),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

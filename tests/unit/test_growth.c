@@ -403,8 +403,69 @@ static void test_same_bytes(void **state) {
     }
 }
 
+/* Growth by a half is not seen: held-out views lose less than 0.1 dB, early and late. */
+static void test_growth_is_not_seen(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=80&height=60&frames=16", NULL, &scene));
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = 200;
+    options.grow_every = 1000; /* grows when the test says so */
+    options.max_gaussians = 100000;
+    options.grow_most = 1e6;
+    options.grow_rate = 0.5;
+    sf_fitter *f;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+    for (int growth = 0; growth < 3; growth++) {
+        for (int step = 0; step < 30; step++) assert_ok(ctx, sf_fitter_step(f));
+        size_t count = f->model->count;
+        double before = test_held_out(ctx, scene, f).psnr;
+        sf_grow_and_prune(f, sf_fraction(f));
+        double after = test_held_out(ctx, scene, f).psnr;
+        if (!(after > before - 0.1)) print_message("growth %d: %.2f to %.2f dB\n", growth, before, after);
+        assert_true(after > before - 0.1);
+        assert_true(f->model->count > count + 2 * count / 5);
+    }
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+/* No axis grows beyond max_scale, and nothing is taken away for it. */
+static void test_no_giants(void **state) {
+    (void)state;
+    enum { COUNT = 2 };
+    static const ball truth[1] = {{{0, 0, 0}, 1, 0.9f, 0.9f}};
+    static const ball first[COUNT] = {{{0, 0, 0}, 0.5f, 0.9f, 0.9f}, {{0.5f, 0, 0}, 2, 0.9f, 0.9f}};
+    sf_context *ctx = test_context();
+    sf_scene *scene = scene_of(ctx, truth, 1, -1, NULL, NULL);
+    sf_model *from = model_of(ctx, first, COUNT);
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = 40;
+    options.max_gaussians = COUNT;
+    options.max_scale = 0.6 / info.extent;
+    sf_fitter *f;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, from, &options, &f));
+    assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
+    assert_int_equal(f->model->count, COUNT);
+    float log_scales[3 * COUNT], most = -INFINITY;
+    sf_model_get(f->model, 0, COUNT, &(sf_gaussians){.log_scales = log_scales});
+    for (int k = 0; k < 3 * COUNT; k++) most = fmaxf(most, log_scales[k]);
+    assert_true(most <= logf(0.6f) + 1e-5f);
+    assert_true(most > logf(0.59f));
+    sf_fitter_destroy(&f);
+    sf_model_destroy(&from);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_no_giants),
+        cmocka_unit_test(test_growth_is_not_seen),
         cmocka_unit_test(test_error_of_several_views),
         cmocka_unit_test(test_masked_error),
         cmocka_unit_test(test_hidden),

@@ -473,6 +473,50 @@ static void test_write_png_reads_back(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Red and blue pixels side by side stay apart: chroma is not subsampled. */
+static void test_encode_reads_back(void **state) {
+    (void)state;
+    enum { SIDE = 16 };
+    sf_context *ctx = test_context();
+    float rgb[3 * SIDE * SIDE];
+    uint8_t *bytes;
+    size_t size;
+    sf_picture p;
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        rgb[3 * i] = i % 2 ? 0.8f : 0.1f;
+        rgb[3 * i + 1] = 0.2f;
+        rgb[3 * i + 2] = i % 2 ? 0.1f : 0.8f;
+    }
+    for (int png = 0; png < 2; png++) {
+        int most = png ? 0 : 12; /* of 255 */
+        assert_ok(ctx, png ? sf_encode_png(ctx, SIDE, SIDE, rgb, &bytes, &size)
+                           : sf_encode_jpeg(ctx, SIDE, SIDE, rgb, 95, &bytes, &size));
+        assert_ok(ctx, sf_picture_load(ctx, put(bytes, size), &p));
+        assert_int_equal(p.width, SIDE);
+        assert_int_equal(p.height, SIDE);
+        for (int i = 0; i < 3 * SIDE * SIDE; i++)
+            assert_true(abs(p.rgb[i % 3 * SIDE * SIDE + i / 3] - (int)(255 * rgb[i] + 0.5f)) <= most);
+        sf_picture_free(ctx, &p);
+        sf_encoded_free(ctx, &bytes);
+        assert_null(bytes);
+    }
+    size_t coarse;
+    assert_ok(ctx, sf_encode_jpeg(ctx, SIDE, SIDE, rgb, 100, &bytes, &size));
+    sf_encoded_free(ctx, &bytes);
+    assert_ok(ctx, sf_encode_jpeg(ctx, SIDE, SIDE, rgb, 1, &bytes, &coarse));
+    sf_encoded_free(ctx, &bytes);
+    assert_true(coarse < size);
+    assert_status(ctx, sf_encode_jpeg(ctx, SIDE, SIDE, rgb, 0, &bytes, &size), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "quality: 0");
+    assert_null(bytes);
+    assert_status(ctx, sf_encode_jpeg(ctx, SIDE, SIDE, rgb, 101, &bytes, &size), SF_ERR_ARGUMENT);
+    assert_status(ctx, sf_encode_jpeg(ctx, 65501, 1, rgb, 95, &bytes, &size), SF_ERR_UNSUPPORTED);
+    assert_status(ctx, sf_encode_jpeg(ctx, 0, 1, rgb, 95, &bytes, &size), SF_ERR_ARGUMENT);
+    assert_status(ctx, sf_encode_png(ctx, 3, -1, rgb, &bytes, &size), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "3 x -1");
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_png_plain),
@@ -488,6 +532,7 @@ int main(void) {
         cmocka_unit_test(test_other_content),
         cmocka_unit_test(test_sizes_are_limited),
         cmocka_unit_test(test_write_png_reads_back),
+        cmocka_unit_test(test_encode_reads_back),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,87 @@
+#!/bin/bash
+# board.sh CACHE TOOLCHAIN - boots an emulated arm64 board and runs the tests of guest.c in it: twice, with the simulated
+# cameras alone, and with libcamera between them and us.
+#
+# CACHE       where prepare.sh and tests/deps/sysroot.sh put what outlives the tree
+# TOOLCHAIN   that of the board
+# MAKE, ONLY  make; only tests whose name holds this
+# Ends with a line of sums as tests/run.sh does.
+set -uo pipefail
+
+here=$(dirname "$0")
+cache=$1/vm-arm64 root=$1/sysroot-arm64 toolchain=$2
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+trap 'exit 130' INT TERM
+
+skip() {
+    echo "the emulated board is skipped: $1"
+    echo "0 passed, 0 failed, 1 skipped"
+    exit 0
+}
+
+for program in qemu-system-aarch64 cpio /sbin/modprobe aarch64-linux-gnu-strip; do
+    command -v $program >/dev/null || skip "$(basename $program) is not installed (make deps-ci)"
+done
+"$here/prepare.sh" "$cache" >"$scratch/prepare" 2>&1 || {
+    cat "$scratch/prepare"
+    skip "its kernel cannot be had"
+}
+
+echo "building for the emulated board"
+build() { # STATIC
+    "${MAKE:-make}" --no-print-directory TOOLCHAIN="$toolchain" STATIC="$1" TESTS= deps board-programs \
+        >"$scratch/build" 2>&1 && return
+    cat "$scratch/build"
+    echo "0 passed, 1 failed, 0 skipped"
+    exit 1
+}
+build 1
+build 0
+
+# The programs, in a second archive that the kernel unpacks over the first.
+pack() { # FOLDER OUT
+    local files=$scratch/files program
+    rm -rf "$files"
+    mkdir -p "$files/bin"
+    install -m 755 "$here/init.sh" "$files/init"
+    for program in tests/capture/guest tests/capture/uvcsim splatfit; do
+        aarch64-linux-gnu-strip -o "$files/bin/$(basename $program)" "$1/$program" || return
+    done
+    (cd "$files" && find . | cpio -o -H newc -R 0:0 --quiet) | gzip -1 | cat "$cache/initramfs" - >"$2"
+}
+
+: >"$scratch/sums"
+boards=0
+boot() { # NAME GROUPS SECONDS FOLDER QEMU-OPTION...
+    local name=$1 groups=$2 limit=$3 began=$SECONDS status
+    boards=$((boards + 1))
+    pack "$4" "$scratch/initrd" || return
+    shift 4
+    timeout --foreground -k 5 "$limit" qemu-system-aarch64 -M virt -accel tcg -cpu cortex-a72 -m 512 -nodefaults \
+        -no-user-config -display none -monitor none -serial stdio -no-reboot -kernel "$cache/vmlinuz" \
+        -initrd "$scratch/initrd" -append "console=ttyAMA0 quiet panic=-1 tests=$groups ${ONLY:+only=$ONLY}" "$@" \
+        </dev/null >"$scratch/serial" 2>&1
+    status=$?
+    tr -d '\r' <"$scratch/serial" >"$scratch/out"
+    awk -v name="board: $name" -v status=$status -v seconds=$((SECONDS - began)) -v limit="$limit" \
+        -v show="${SHOW:-0}" -v sums="$scratch/sums" -f "$here/../tap.awk" "$scratch/out"
+}
+
+boot "vivid, uvcvideo" vivid,faults,uvc 300 "build/$toolchain-static"
+if grep -q SF_HAVE_LIBCAMERA "build/$toolchain/flags"; then
+    boot libcamera libcamera 120 "build/$toolchain" -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
+        -device virtio-9p-pci,fsdev=root,mount_tag=root
+else
+    echo "board: libcamera: skipped: $root has none"
+    echo 0 0 1 >>"$scratch/sums"
+    boards=$((boards + 1))
+fi
+
+awk -v boards=$boards '
+    { passed += $1; failed += $2; skipped += $3 }
+    END {
+        failed += boards - NR # one that left no line
+        printf "%d passed, %d failed, %d skipped\n", passed, failed, skipped
+        exit failed > 0
+    }' "$scratch/sums"
