@@ -463,6 +463,23 @@ static void test_full_disk(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* More frames than can be written: those that are left out are counted, and a source that waits loses none.
+ */
+static void test_slow_writer(void **state) {
+    (void)state;
+    static uint8_t zeros[60 * 96 * 64];
+    capture_ok("pipe:/dev/zero?size=320x240&format=GREY&live=1", "-o", "slow", "--frames", "40");
+    json_t *list = assert_recording("slow", 40);
+    assert_true(total(list, "dropped_by_writer") > 0);
+    assert_true(total(list, "dropped") > 0); /* by the pipe */
+    json_decref(list);
+    test_write(test_path("zeros"), zeros, sizeof zeros);
+    capture_ok("pipe:zeros?size=96x64&format=GREY", "-o", "patient");
+    list = assert_recording("patient", 60);
+    assert_true(total(list, "given") == 60 && total(list, "dropped_by_writer") + total(list, "dropped") == 0);
+    json_decref(list);
+}
+
 /* A source that breaks: what came before is there, and why it ended is said. */
 static void test_broken_source(void **state) {
     (void)state;
@@ -583,9 +600,9 @@ int main(void) {
         cmocka_unit_test(test_downscale),     cmocka_unit_test(test_jpegs),
         cmocka_unit_test(test_raw),           cmocka_unit_test(test_older_recording),
         cmocka_unit_test(test_interrupt),     cmocka_unit_test(test_full_disk),
-        cmocka_unit_test(test_broken_source), cmocka_unit_test(test_silent_source),
-        cmocka_unit_test(test_lens),          cmocka_unit_test(test_wrong_usage),
-        cmocka_unit_test(test_words),
+        cmocka_unit_test(test_slow_writer),   cmocka_unit_test(test_broken_source),
+        cmocka_unit_test(test_silent_source), cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_wrong_usage),   cmocka_unit_test(test_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
