@@ -468,8 +468,8 @@ static void test_full_disk(void **state) {
 static void test_slow_writer(void **state) {
     (void)state;
     static uint8_t zeros[60 * 96 * 64];
-    capture_ok("pipe:/dev/zero?size=320x240&format=GREY&live=1", "-o", "slow", "--frames", "40");
-    json_t *list = assert_recording("slow", 40);
+    capture_ok("pipe:/dev/zero?size=160x120&format=GREY&live=1", "-o", "slow", "--frames", "150");
+    json_t *list = assert_recording("slow", 150);
     assert_true(total(list, "dropped_by_writer") > 0);
     assert_true(total(list, "dropped") > 0); /* by the pipe */
     json_decref(list);
