@@ -19,7 +19,8 @@ static const arg_option own_options[] = {
      "jpg (what comes as JPEG stays as it is), png, or raw: the frame's own bytes (jpg)"},
     {"quality", 0, "Q", "of JPEGs that are coded here, 1..100 (95)"},
     {"downscale", 0, "N", "box-average the pictures by N, 1..64 (1)"},
-    {"lens", 0, "FILE", "the camera's calibration, JSON: goes into frames.json"},
+    {"lens", 0, "FILE",
+     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP): goes into frames.json"},
     {"wait", 0, "S", "give up after S seconds without a frame (30)"},
     {"force", 0, NULL, "write over an older recording in DIR"},
     {0},
@@ -117,17 +118,29 @@ static int read_options(capture *c) {
     return error;
 }
 
+/* As transforms.json has it, for the pictures that are written. */
+static json_t *lens_json(const sf_lens *lens, const sf_source_info *info, int downscale) {
+    double n = downscale;
+    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "camera_model", "OPENCV", "w",
+                     (int)info->width / downscale, "h", (int)info->height / downscale, "fl_x", lens->fx / n,
+                     "fl_y", lens->fy / n, "cx", lens->cx / n, "cy", lens->cy / n, "k1", lens->k1, "k2",
+                     lens->k2, "p1", lens->p1, "p2", lens->p2);
+}
+
+/* The source is open: it must give frames of the size that the lens is for. */
 static int read_lens(capture *c) {
     const char *path = args_value(c->a, "lens");
-    json_error_t error;
+    const sf_source_info *info = &c->options.info;
+    sf_calibration known;
     if (!path) return 0;
-    c->lens = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
-    if (!c->lens) {
-        fprintf(stderr, "splatfit capture: %s: line %d: %s\n", path, error.line, error.text);
+    if (sf_calibration_load(c->ctx, path, &known)) return app_fail(c->a, c->ctx);
+    if (known.width && (known.width != info->width || known.height != info->height)) {
+        fprintf(stderr, "splatfit capture: %s: size: %d x %d is not the source's %d x %d\n", path,
+                (int)known.width, (int)known.height, (int)info->width, (int)info->height);
         return EXIT_FAILED;
     }
-    c->options.lens = c->lens;
-    return json_is_object(c->lens) ? 0 : app_say(c->a, path, "is no JSON object");
+    c->options.lens = c->lens = lens_json(&known.lens, info, c->options.downscale);
+    return 0;
 }
 
 /* 2. Frames */
@@ -197,7 +210,6 @@ static int prepare(capture *c) {
     int error = read_options(c);
     if (!error) error = progress_start(&c->line, c->a, stdout);
     if (!error) error = app_context(c->a, &c->ctx);
-    if (!error) error = read_lens(c);
     if (error) return error;
     sf_status status = sf_source_open(c->ctx, c->options.source, &c->source);
     if (status) {
@@ -209,7 +221,8 @@ static int prepare(capture *c) {
         c->options.info.width < c->options.info.height ? c->options.info.width : c->options.info.height;
     if (c->options.downscale > smaller)
         return usage("--downscale", "more than a side of the source's frames");
-    return record_start(c->a, &c->options, &c->record);
+    error = read_lens(c);
+    return error ? error : record_start(c->a, &c->options, &c->record);
 }
 
 static void announce(const capture *c) {
