@@ -28,6 +28,7 @@ extern "C" {
 #include <vector>
 
 #include <fcntl.h>
+#include <strings.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -153,7 +154,7 @@ struct Format {
     int across, down; /* by how much the other planes are smaller, in bytes of a row and in rows */
 };
 
-/* Those that need no decoding first. libcamera names RGB after a little-endian number: its BGR888 has R
+/* What to choose first. libcamera names RGB after a little-endian number: its BGR888 has R
  * first. */
 const Format *formats_known(size_t *count) {
     namespace f = libcamera::formats;
@@ -179,7 +180,7 @@ const Format *format_named(const char *name) {
     size_t count;
     const Format *known = formats_known(&count);
     for (size_t i = 0; i < count; i++)
-        if (strcmp(sf_pixel_format_name(known[i].format), name) == 0) return &known[i];
+        if (strcasecmp(sf_pixel_format_name(known[i].format), name) == 0) return &known[i];
     return nullptr;
 }
 
@@ -323,6 +324,8 @@ class Source {
     void completed(libcamera::Request *request) noexcept;
     void lost() noexcept;
     bool queue(Slot &slot);
+    int32_t ahead(const Slot &slot) const;
+    std::vector<Slot *>::iterator earliest();
     sf_status wait(std::chrono::steady_clock::time_point deadline, Slot **slot);
     bool whole(const Slot &slot) const;
     bool examine(Slot &slot, sf_source_counts *counts);
@@ -347,6 +350,7 @@ class Source {
     bool counted = false; /* a frame came already, of this sequence: */
     uint64_t sequence = 0;
     uint32_t driver_sequence = 0;
+    size_t late = 0; /* frames in a row that came after younger ones */
 
     std::mutex mutex; /* guards the following, which libcamera's thread changes */
     std::condition_variable changed;
@@ -609,13 +613,29 @@ bool Source::queue(Slot &slot) {
     return camera->queueRequest(slot.request.get()) == 0;
 }
 
-/* The oldest completed request. */
+/* By how many frames it is younger than the last one that was taken; 1: it follows. */
+int32_t Source::ahead(const Slot &slot) const {
+    return int32_t(slot.buffer->metadata().sequence - (counted ? driver_sequence : UINT32_MAX));
+}
+
+std::vector<Slot *>::iterator Source::earliest() {
+    return std::min_element(done.begin(), done.end(),
+                            [this](const Slot *a, const Slot *b) { return ahead(*a) < ahead(*b); });
+}
+
+/* The completed request with the oldest picture. libcamera hands requests over in the order in which they
+ * were queued, a whole batch at once if the first came last. That is not the order of the pictures where a
+ * driver threw a bad one away and put its buffer behind the others: where a frame seems to lack, the rest of
+ * the batch is awaited. */
 sf_status Source::wait(std::chrono::steady_clock::time_point deadline, Slot **slot) {
+    const auto batch = std::chrono::milliseconds(5);
     std::unique_lock<std::mutex> hold(mutex);
     changed.wait_until(hold, deadline, [this] { return !done.empty() || gone || cancelled == slots.size(); });
     if (!done.empty()) {
-        *slot = done.front();
-        done.erase(done.begin());
+        changed.wait_for(hold, batch, [this] { return ahead(**earliest()) <= 1; });
+        const auto first = earliest();
+        *slot = *first;
+        done.erase(first);
         return SF_OK;
     }
     bool broken = gone || cancelled == slots.size(), say = broken && !said_gone;
@@ -645,14 +665,22 @@ bool Source::whole(const Slot &slot) const {
     return has >= need;
 }
 
-/* Counts what was lost before and with this frame, which goes back if it is damaged. */
+/* Counts what was lost before and with this frame. Not given, but queued again, are damaged frames and those
+ * that are late, which the gap before the last one counted; that all are late means that the camera counts
+ * anew. */
 bool Source::examine(Slot &slot, sf_source_counts *counts) {
-    const libcamera::FrameMetadata &m = slot.buffer->metadata();
-    const uint32_t step = counted ? m.sequence - driver_sequence : 1;
-    if (step > 1 && step < UINT32_MAX / 2) counts->dropped += step - 1;
-    sequence = counted ? sequence + (step < UINT32_MAX / 2 ? step : 1) : m.sequence;
-    driver_sequence = m.sequence;
+    const uint32_t now = slot.buffer->metadata().sequence;
+    int32_t step = ahead(slot);
+    if (counted && step <= 0 && ++late < slots.size()) {
+        queue(slot);
+        return false;
+    }
+    if (!counted || step <= 0) step = 1;
+    counts->dropped += uint64_t(step - 1);
+    sequence = counted ? sequence + uint64_t(step) : now;
+    driver_sequence = now;
     counted = true;
+    late = 0;
     if (whole(slot)) return true;
     counts->damaged++;
     queue(slot);

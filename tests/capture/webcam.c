@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -21,12 +22,19 @@ static _Noreturn void become_webcam(int output, const char *options) {
     for (char *word = strtok_r(text, " ", &rest); word && count < ARGUMENTS;
          word = strtok_r(NULL, " ", &rest))
         arguments[count++] = word;
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
     dup2(output, STDOUT_FILENO);
     execv("/bin/uvcsim", arguments);
     _exit(127);
 }
 
+static void wait_without_node(void) {
+    for (int i = 0; i < 100 && node_exists(WEBCAM_NAME); i++) sleep_ms(50);
+    check(!node_exists(WEBCAM_NAME), "the unplugged webcam's node stays");
+}
+
 void webcam_plug(webcam *camera, const char *options, char node[32]) {
+    wait_without_node();
     int ends[2];
     check(pipe(ends) == 0, "pipe: %s", strerror(errno));
     *camera = (webcam){.log = ends[0]};
@@ -53,6 +61,5 @@ void webcam_unplug(webcam *camera) {
     kill(camera->pid, SIGTERM);
     waitpid(camera->pid, NULL, 0);
     close(camera->log);
-    for (int i = 0; i < 100 && node_exists(WEBCAM_NAME); i++) sleep_ms(50);
-    check(!node_exists(WEBCAM_NAME), "the unplugged webcam's node stays");
+    wait_without_node();
 }

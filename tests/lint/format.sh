@@ -1,5 +1,5 @@
 #!/bin/sh
-# format.sh - every C file is as .clang-format has it and opens with a line that says its name and purpose.
+# format.sh - every C or C++ file is as .clang-format has it and opens with a line that says its name and purpose.
 set -eu
 
 command -v clang-format >/dev/null || {
@@ -7,7 +7,7 @@ command -v clang-format >/dev/null || {
     exit 77
 }
 bad=0
-for file in $(find include src arch tests -name '*.[ch]' | sort); do
+for file in $(find include src arch tests -name '*.[ch]' -o -name '*.cc' | sort); do
     clang-format "$file" | cmp -s - "$file" || {
         echo "$file: clang-format -i would change it"
         bad=1
