@@ -1,10 +1,8 @@
 /* calibrate.c - splatfit calibrate: a camera's lens from frames of a board of AprilTags. */
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "app.h"
 
@@ -24,19 +22,6 @@ static const arg_option own_options[] = {
 
 enum { WAIT_MS = 200, WAIT_S = 30 };
 
-static volatile sig_atomic_t stopped_by;
-
-static void on_signal(int number) { stopped_by = number; }
-
-/* The first signal ends the taking of frames: what was seen is calibrated. The second one ends the program.
- */
-static void catch_signals(void) {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
-
 typedef struct attempt {
     const args *a;
     const char *source_name;
@@ -55,12 +40,6 @@ typedef struct attempt {
     progress_line line;
     double began, last_frame; /* on the monotonic clock, s */
 } attempt;
-
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 /* 1. The command line */
 
@@ -111,7 +90,7 @@ static int open_all(attempt *s) {
 
 static void show(attempt *s, int at_once) {
     char text[192];
-    double seconds = now() - s->began;
+    double seconds = app_seconds() - s->began;
     if (!progress_due(&s->line, seconds, at_once)) return;
     const char *advice = s->sightings ? sf_sightings_advice(s->sightings) : NULL;
     snprintf(text, sizeof text, "frames %zu  with board %zu  views %zu  coverage %.0f %%%s%s", s->frames,
@@ -166,7 +145,7 @@ static int wrong_size(const attempt *s, const sf_frame *frame) {
 }
 
 static int wants_more(const attempt *s) {
-    if (stopped_by || (s->frames_most && s->frames >= (size_t)s->frames_most)) return 0;
+    if (app_stopped_by() || (s->frames_most && s->frames >= (size_t)s->frames_most)) return 0;
     return !(s->info.live && s->sightings && !sf_sightings_advice(s->sightings));
 }
 
@@ -177,9 +156,10 @@ static int take_one(attempt *s, int *over) {
     *over = status == SF_ERR_END;
     if (*over) return 0;
     if (status == SF_ERR_TIMEOUT)
-        return now() - s->last_frame < WAIT_S ? 0 : app_say(s->a, s->source_name, "no frame for 30 s");
+        return app_seconds() - s->last_frame < WAIT_S ? 0
+                                                      : app_say(s->a, s->source_name, "no frame for 30 s");
     if (status) return app_fail(s->a, s->ctx);
-    s->last_frame = now();
+    s->last_frame = app_seconds();
     int error = wrong_size(s, &frame);
     if (!error && look_at(s, &frame)) error = app_fail(s->a, s->ctx);
     sf_source_release(s->source, &frame);
@@ -188,7 +168,7 @@ static int take_one(attempt *s, int *over) {
 
 static int take_frames(attempt *s) {
     int error = 0, over = 0;
-    s->began = s->last_frame = now();
+    s->began = s->last_frame = app_seconds();
     while (!error && !over && wants_more(s)) {
         error = take_one(s, &over);
         show(s, 0);
@@ -254,7 +234,7 @@ static int conclude(attempt *s) {
 static int calibrate(attempt *s) {
     int error = open_all(s);
     if (!error) {
-        catch_signals();
+        app_catch_signals(NULL);
         error = take_frames(s);
     }
     return error ? error : conclude(s);

@@ -1,11 +1,9 @@
 /* capture.c - splatfit capture: from a camera or another source of frames to a folder of pictures. */
 #include <errno.h>
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "record.h"
 
@@ -29,18 +27,6 @@ static const arg_option own_options[] = {
 /* How long one wait for a frame lasts: so soon is Ctrl-C noticed. */
 enum { WAIT_MS = 200 };
 
-static volatile sig_atomic_t stopped_by;
-
-static void on_signal(int number) { stopped_by = number; }
-
-/* The first signal ends the recording in good order; the second one ends the program. */
-static void catch_signals(void) {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
-
 /* What one run of the command holds. */
 typedef struct capture {
     const args *a;
@@ -57,12 +43,6 @@ typedef struct capture {
     uint64_t taken;
     char error[1024]; /* why the source ended; "": it did not fail */
 } capture;
-
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 /* 1. The command line */
 
@@ -149,7 +129,7 @@ static void show(capture *c, int at_once) {
     char text[192];
     record_counts r;
     sf_source_counts s;
-    double seconds = now() - c->began;
+    double seconds = app_seconds() - c->began;
     if (!progress_due(&c->line, seconds, at_once)) return;
     record_count(c->record, &r);
     sf_source_count(c->source, &s);
@@ -171,7 +151,7 @@ static void show(capture *c, int at_once) {
  * source gives none. */
 static int is_over(const capture *c, const sf_frame *frame) {
     if (!(c->seconds > 0)) return 0;
-    if (!frame) return c->options.info.live && c->taken && now() - c->began >= c->seconds + 1;
+    if (!frame) return c->options.info.live && c->taken && app_seconds() - c->began >= c->seconds + 1;
     return (double)(frame->time_ns - c->first_ns) * 1e-9 >= c->seconds;
 }
 
@@ -180,7 +160,7 @@ static int take_one(capture *c) {
     sf_frame frame;
     sf_status status = sf_source_next(c->source, WAIT_MS, &frame);
     if (status == SF_ERR_TIMEOUT) {
-        if (now() - c->last_frame < c->wait) return !is_over(c, NULL);
+        if (app_seconds() - c->last_frame < c->wait) return !is_over(c, NULL);
         snprintf(c->error, sizeof c->error, "%s: no frame for %d s", c->options.source, c->wait);
         return 0;
     }
@@ -188,7 +168,7 @@ static int take_one(capture *c) {
         if (status != SF_ERR_END) snprintf(c->error, sizeof c->error, "%s", sf_last_error(c->ctx));
         return 0;
     }
-    c->last_frame = now();
+    c->last_frame = app_seconds();
     if (!c->taken++) c->first_ns = frame.time_ns;
     int over = is_over(c, &frame);
     if (!over) record_put(c->record, &frame);
@@ -197,9 +177,9 @@ static int take_one(capture *c) {
 }
 
 static void take_frames(capture *c) {
-    c->began = c->last_frame = now();
+    c->began = c->last_frame = app_seconds();
     c->line.last = 0; /* the first line comes when there is something to say */
-    while (!stopped_by && record_wants(c->record) && take_one(c)) show(c, 0);
+    while (!app_stopped_by() && record_wants(c->record) && take_one(c)) show(c, 0);
     show(c, 1);
     progress_break(&c->line);
 }
@@ -256,10 +236,10 @@ static int finish(capture *c) {
         fprintf(stderr, "splatfit capture: %s\n", c->error);
         error = EXIT_FAILED;
     }
-    if (!error && !r.kept && !stopped_by)
+    if (!error && !r.kept && !app_stopped_by())
         error = app_say(c->a, c->options.source, "gave no frame that could be kept");
     print_result(c, &s, &r);
-    return error ? error : stopped_by ? 128 + (int)stopped_by : 0;
+    return error ? error : app_stopped_by() ? 128 + app_stopped_by() : 0;
 }
 
 static int run(const args *a) {
@@ -267,7 +247,7 @@ static int run(const args *a) {
     int error = prepare(&c);
     if (!error) {
         announce(&c);
-        catch_signals();
+        app_catch_signals(NULL);
         take_frames(&c);
         error = finish(&c);
     }
