@@ -42,7 +42,7 @@ step gcc "${make[@]}" test
 step levels "${make[@]}" check
 step clang "${quick[@]}" "${make[@]}" CC=clang test
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit" test
+step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit pipe capture" test
 # Emulated programs keep one CPU busy each: the slowest machine goes beside all that follows up to the wait.
 emulated armhf arm-linux-gnueabihf >$logs/armhf.out &
 emulated aarch64 aarch64-linux-gnu

@@ -42,6 +42,14 @@ int app_check_output(const args *a, const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
+/* From here on the first SIGINT or SIGTERM calls `fn`, in its handler (NULL: nothing), and is told by
+ * app_stopped_by, 0 before; the second one ends the program. */
+void app_catch_signals(void (*fn)(void));
+int app_stopped_by(void);
+
+/* Seconds of the monotonic clock. */
+double app_seconds(void);
+
 /* Makes the folders of a path: all but its last part; or all. 0 or an exit code. */
 int app_make_folders(const args *a, const char *path);
 int app_make_folder(const args *a, const char *path);

@@ -1,10 +1,8 @@
 /* calibrate.c - splatfit calibrate: a camera's lens from frames of a board of AprilTags. */
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "app.h"
 
@@ -24,20 +22,7 @@ static const arg_option own_options[] = {
 
 enum { WAIT_MS = 200, WAIT_S = 30 };
 
-static volatile sig_atomic_t stopped_by;
-
-static void on_signal(int number) { stopped_by = number; }
-
-/* The first signal ends the taking of frames: what was seen is calibrated. The second one ends the program.
- */
-static void catch_signals(void) {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
-
-typedef struct session {
+typedef struct attempt {
     const args *a;
     const char *source_name;
     int frames_most, decimate; /* 0: no limit */
@@ -54,17 +39,11 @@ typedef struct session {
     size_t before_count;
     progress_line line;
     double began, last_frame; /* on the monotonic clock, s */
-} session;
-
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
+} attempt;
 
 /* 1. The command line */
 
-static int read_tag_size(session *s) {
+static int read_tag_size(attempt *s) {
     const char *text = args_value(s->a, "tag-size");
     char *end;
     if (!text) return 0;
@@ -74,7 +53,7 @@ static int read_tag_size(session *s) {
     return EXIT_USAGE;
 }
 
-static int read_options(session *s) {
+static int read_options(attempt *s) {
     const args *a = s->a;
     s->options = sf_calibrate_options_default();
     s->options.fix_aspect = args_value(a, "fix-aspect") != NULL;
@@ -87,12 +66,12 @@ static int read_options(session *s) {
     return error ? error : read_tag_size(s);
 }
 
-static int fail(const session *s, sf_status status) {
+static int fail(const attempt *s, sf_status status) {
     app_fail(s->a, s->ctx);
     return status == SF_ERR_ARGUMENT ? EXIT_USAGE : EXIT_FAILED;
 }
 
-static int open_all(session *s) {
+static int open_all(attempt *s) {
     const char *name = args_value(s->a, "board");
     sf_board *board = NULL;
     sf_status status = sf_board_open(s->ctx, name ? name : "a4-36h11", s->tag_size, &board);
@@ -109,9 +88,9 @@ static int open_all(session *s) {
 
 /* 2. Frames */
 
-static void show(session *s, int at_once) {
+static void show(attempt *s, int at_once) {
     char text[192];
-    double seconds = now() - s->began;
+    double seconds = app_seconds() - s->began;
     if (!progress_due(&s->line, seconds, at_once)) return;
     const char *advice = s->sightings ? sf_sightings_advice(s->sightings) : NULL;
     snprintf(text, sizeof text, "frames %zu  with board %zu  views %zu  coverage %.0f %%%s%s", s->frames,
@@ -123,7 +102,7 @@ static void show(session *s, int at_once) {
 
 /* Of a camera in use: whether the board stood still since the frame before, to 1/300 of the picture's width.
  * A moving one is blurred, and bent by a shutter that rolls. */
-static int stands_still(session *s, const sf_board_corner *corners, size_t count) {
+static int stands_still(attempt *s, const sf_board_corner *corners, size_t count) {
     double most = 0;
     int still = count == s->before_count;
     for (size_t i = 0; i < count && still; i++) {
@@ -136,7 +115,7 @@ static int stands_still(session *s, const sf_board_corner *corners, size_t count
     return still && most < s->width / 300.0;
 }
 
-static sf_status look_at(session *s, const sf_frame *frame) {
+static sf_status look_at(attempt *s, const sf_frame *frame) {
     const sf_board_corner *corners;
     size_t count;
     int taken;
@@ -157,7 +136,7 @@ static sf_status look_at(session *s, const sf_frame *frame) {
     return sf_sightings_offer(s->sightings, corners, count, &taken);
 }
 
-static int wrong_size(const session *s, const sf_frame *frame) {
+static int wrong_size(const attempt *s, const sf_frame *frame) {
     char text[128];
     if (!s->sightings || (frame->width == s->width && frame->height == s->height)) return 0;
     snprintf(text, sizeof text, "frame %zu: %d x %d px after frames of %d x %d: one camera, one size",
@@ -165,30 +144,31 @@ static int wrong_size(const session *s, const sf_frame *frame) {
     return app_say(s->a, s->source_name, text);
 }
 
-static int wants_more(const session *s) {
-    if (stopped_by || (s->frames_most && s->frames >= (size_t)s->frames_most)) return 0;
+static int wants_more(const attempt *s) {
+    if (app_stopped_by() || (s->frames_most && s->frames >= (size_t)s->frames_most)) return 0;
     return !(s->info.live && s->sightings && !sf_sightings_advice(s->sightings));
 }
 
 /* One frame, or a while without one. *over: there will be none. 0 or an exit code. */
-static int take_one(session *s, int *over) {
+static int take_one(attempt *s, int *over) {
     sf_frame frame;
     sf_status status = sf_source_newest(s->source, WAIT_MS, &frame);
     *over = status == SF_ERR_END;
     if (*over) return 0;
     if (status == SF_ERR_TIMEOUT)
-        return now() - s->last_frame < WAIT_S ? 0 : app_say(s->a, s->source_name, "no frame for 30 s");
+        return app_seconds() - s->last_frame < WAIT_S ? 0
+                                                      : app_say(s->a, s->source_name, "no frame for 30 s");
     if (status) return app_fail(s->a, s->ctx);
-    s->last_frame = now();
+    s->last_frame = app_seconds();
     int error = wrong_size(s, &frame);
     if (!error && look_at(s, &frame)) error = app_fail(s->a, s->ctx);
     sf_source_release(s->source, &frame);
     return error;
 }
 
-static int take_frames(session *s) {
+static int take_frames(attempt *s) {
     int error = 0, over = 0;
-    s->began = s->last_frame = now();
+    s->began = s->last_frame = app_seconds();
     while (!error && !over && wants_more(s)) {
         error = take_one(s, &over);
         show(s, 0);
@@ -222,7 +202,7 @@ static void print_lens(const sf_calibration *c) {
     print_parameter("p2", l->p2, d->p2, "", 6);
 }
 
-static void print_fit(const session *s, const sf_calibration *c) {
+static void print_fit(const attempt *s, const sf_calibration *c) {
     printf("reprojection error %.3f px rms; worst view %.3f px\n", c->rms, c->worst_rms);
     printf("%zu views of %zu frames with the board, %zu rejected; %zu corners, %zu rejected\n", c->views,
            s->with_board, c->views_rejected, c->corners, c->corners_rejected);
@@ -237,7 +217,7 @@ static int save(const args *a, sf_context *ctx, const sf_calibration *c) {
     return 0;
 }
 
-static int conclude(session *s) {
+static int conclude(attempt *s) {
     sf_calibration c;
     if (!s->with_board) return app_say(s->a, s->source_name, "no frame shows a tag of the board");
     if (sf_calibrate(s->sightings, &s->options, &c)) return app_fail(s->a, s->ctx);
@@ -251,16 +231,16 @@ static int conclude(session *s) {
     return save(s->a, s->ctx, &c);
 }
 
-static int calibrate(session *s) {
+static int calibrate(attempt *s) {
     int error = open_all(s);
     if (!error) {
-        catch_signals();
+        app_catch_signals(NULL);
         error = take_frames(s);
     }
     return error ? error : conclude(s);
 }
 
-static int convert(const session *s, const char *path) {
+static int convert(const attempt *s, const char *path) {
     sf_calibration c;
     if (sf_calibration_load(s->ctx, path, &c)) return app_fail(s->a, s->ctx);
     if (!args_value(s->a, "quiet")) print_lens(&c);
@@ -268,7 +248,7 @@ static int convert(const session *s, const char *path) {
 }
 
 static int run(const args *a) {
-    session s = {.a = a, .source_name = a->positional[0]};
+    attempt s = {.a = a, .source_name = a->positional[0]};
     const char *path = args_value(a, "convert");
     if (!path == !s.source_name) {
         app_say(a, "SOURCE, --convert FILE", "one of the two is needed");

@@ -1,11 +1,9 @@
 /* capture.c - splatfit capture: from a camera or another source of frames to a folder of pictures. */
 #include <errno.h>
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "record.h"
 
@@ -19,7 +17,8 @@ static const arg_option own_options[] = {
      "jpg (what comes as JPEG stays as it is), png, or raw: the frame's own bytes (jpg)"},
     {"quality", 0, "Q", "of JPEGs that are coded here, 1..100 (95)"},
     {"downscale", 0, "N", "box-average the pictures by N, 1..64 (1)"},
-    {"lens", 0, "FILE", "the camera's calibration, JSON: goes into frames.json"},
+    {"lens", 0, "FILE",
+     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP): goes into frames.json"},
     {"wait", 0, "S", "give up after S seconds without a frame (30)"},
     {"force", 0, NULL, "write over an older recording in DIR"},
     {0},
@@ -27,18 +26,6 @@ static const arg_option own_options[] = {
 
 /* How long one wait for a frame lasts: so soon is Ctrl-C noticed. */
 enum { WAIT_MS = 200 };
-
-static volatile sig_atomic_t stopped_by;
-
-static void on_signal(int number) { stopped_by = number; }
-
-/* The first signal ends the recording in good order; the second one ends the program. */
-static void catch_signals(void) {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-}
 
 /* What one run of the command holds. */
 typedef struct capture {
@@ -56,12 +43,6 @@ typedef struct capture {
     uint64_t taken;
     char error[1024]; /* why the source ended; "": it did not fail */
 } capture;
-
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 /* 1. The command line */
 
@@ -117,17 +98,29 @@ static int read_options(capture *c) {
     return error;
 }
 
+/* As transforms.json has it, for the pictures that are written. */
+static json_t *lens_json(const sf_lens *lens, const sf_source_info *info, int downscale) {
+    double n = downscale;
+    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "camera_model", "OPENCV", "w",
+                     (int)info->width / downscale, "h", (int)info->height / downscale, "fl_x", lens->fx / n,
+                     "fl_y", lens->fy / n, "cx", lens->cx / n, "cy", lens->cy / n, "k1", lens->k1, "k2",
+                     lens->k2, "p1", lens->p1, "p2", lens->p2);
+}
+
+/* The source is open: it must give frames of the size that the lens is for. */
 static int read_lens(capture *c) {
     const char *path = args_value(c->a, "lens");
-    json_error_t error;
+    const sf_source_info *info = &c->options.info;
+    sf_calibration known;
     if (!path) return 0;
-    c->lens = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
-    if (!c->lens) {
-        fprintf(stderr, "splatfit capture: %s: line %d: %s\n", path, error.line, error.text);
+    if (sf_calibration_load(c->ctx, path, &known)) return app_fail(c->a, c->ctx);
+    if (known.width && (known.width != info->width || known.height != info->height)) {
+        fprintf(stderr, "splatfit capture: %s: size: %d x %d is not the source's %d x %d\n", path,
+                (int)known.width, (int)known.height, (int)info->width, (int)info->height);
         return EXIT_FAILED;
     }
-    c->options.lens = c->lens;
-    return json_is_object(c->lens) ? 0 : app_say(c->a, path, "is no JSON object");
+    c->options.lens = c->lens = lens_json(&known.lens, info, c->options.downscale);
+    return 0;
 }
 
 /* 2. Frames */
@@ -136,7 +129,7 @@ static void show(capture *c, int at_once) {
     char text[192];
     record_counts r;
     sf_source_counts s;
-    double seconds = now() - c->began;
+    double seconds = app_seconds() - c->began;
     if (!progress_due(&c->line, seconds, at_once)) return;
     record_count(c->record, &r);
     sf_source_count(c->source, &s);
@@ -158,7 +151,7 @@ static void show(capture *c, int at_once) {
  * source gives none. */
 static int is_over(const capture *c, const sf_frame *frame) {
     if (!(c->seconds > 0)) return 0;
-    if (!frame) return c->options.info.live && c->taken && now() - c->began >= c->seconds + 1;
+    if (!frame) return c->options.info.live && c->taken && app_seconds() - c->began >= c->seconds + 1;
     return (double)(frame->time_ns - c->first_ns) * 1e-9 >= c->seconds;
 }
 
@@ -167,7 +160,7 @@ static int take_one(capture *c) {
     sf_frame frame;
     sf_status status = sf_source_next(c->source, WAIT_MS, &frame);
     if (status == SF_ERR_TIMEOUT) {
-        if (now() - c->last_frame < c->wait) return !is_over(c, NULL);
+        if (app_seconds() - c->last_frame < c->wait) return !is_over(c, NULL);
         snprintf(c->error, sizeof c->error, "%s: no frame for %d s", c->options.source, c->wait);
         return 0;
     }
@@ -175,7 +168,7 @@ static int take_one(capture *c) {
         if (status != SF_ERR_END) snprintf(c->error, sizeof c->error, "%s", sf_last_error(c->ctx));
         return 0;
     }
-    c->last_frame = now();
+    c->last_frame = app_seconds();
     if (!c->taken++) c->first_ns = frame.time_ns;
     int over = is_over(c, &frame);
     if (!over) record_put(c->record, &frame);
@@ -184,9 +177,9 @@ static int take_one(capture *c) {
 }
 
 static void take_frames(capture *c) {
-    c->began = c->last_frame = now();
+    c->began = c->last_frame = app_seconds();
     c->line.last = 0; /* the first line comes when there is something to say */
-    while (!stopped_by && record_wants(c->record) && take_one(c)) show(c, 0);
+    while (!app_stopped_by() && record_wants(c->record) && take_one(c)) show(c, 0);
     show(c, 1);
     progress_break(&c->line);
 }
@@ -197,7 +190,6 @@ static int prepare(capture *c) {
     int error = read_options(c);
     if (!error) error = progress_start(&c->line, c->a, stdout);
     if (!error) error = app_context(c->a, &c->ctx);
-    if (!error) error = read_lens(c);
     if (error) return error;
     sf_status status = sf_source_open(c->ctx, c->options.source, &c->source);
     if (status) {
@@ -209,7 +201,8 @@ static int prepare(capture *c) {
         c->options.info.width < c->options.info.height ? c->options.info.width : c->options.info.height;
     if (c->options.downscale > smaller)
         return usage("--downscale", "more than a side of the source's frames");
-    return record_start(c->a, &c->options, &c->record);
+    error = read_lens(c);
+    return error ? error : record_start(c->a, &c->options, &c->record);
 }
 
 static void announce(const capture *c) {
@@ -243,10 +236,10 @@ static int finish(capture *c) {
         fprintf(stderr, "splatfit capture: %s\n", c->error);
         error = EXIT_FAILED;
     }
-    if (!error && !r.kept && !stopped_by)
+    if (!error && !r.kept && !app_stopped_by())
         error = app_say(c->a, c->options.source, "gave no frame that could be kept");
     print_result(c, &s, &r);
-    return error ? error : stopped_by ? 128 + (int)stopped_by : 0;
+    return error ? error : app_stopped_by() ? 128 + app_stopped_by() : 0;
 }
 
 static int run(const args *a) {
@@ -254,7 +247,7 @@ static int run(const args *a) {
     int error = prepare(&c);
     if (!error) {
         announce(&c);
-        catch_signals();
+        app_catch_signals(NULL);
         take_frames(&c);
         error = finish(&c);
     }

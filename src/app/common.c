@@ -1,4 +1,6 @@
 /* common.c - what the subcommands share. */
+#include <signal.h>
+#include <time.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -215,4 +217,28 @@ int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *jso
     sf_status status = sf_write_file(ctx, path, text, n + 1);
     free(text);
     return status ? app_fail(a, ctx) : 0;
+}
+
+static volatile sig_atomic_t stopped_by;
+static void (*when_stopped)(void);
+
+static void on_signal(int number) {
+    stopped_by = number;
+    if (when_stopped) when_stopped();
+}
+
+void app_catch_signals(void (*fn)(void)) {
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    when_stopped = fn;
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+int app_stopped_by(void) { return stopped_by; }
+
+double app_seconds(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }

@@ -1,5 +1,4 @@
 /* fit.c - splatfit fit: from a project to a model. */
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,19 +28,10 @@ static const arg_option own_options[] = {
 
 /* The fit that a signal stops. */
 static sf_fitter *volatile running;
-static volatile sig_atomic_t stopped_by;
 
-static void on_signal(int number) {
-    stopped_by = number;
+/* In the handler of a signal. */
+static void cancel(void) {
     if (running) sf_fitter_cancel(running);
-}
-
-/* The first signal ends the run in good order; the second one ends the program. */
-static void catch_signals(void) {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
 }
 
 /* What one run of the command holds. */
@@ -391,7 +381,7 @@ static int run(const args *a) {
     if (!error) {
         announce(&r);
         running = r.fitter;
-        catch_signals();
+        app_catch_signals(cancel);
         sf_status status = sf_fitter_run(r.fitter, on_progress, &r);
         sf_fit_progress p;
         sf_fitter_get_progress(r.fitter, &p);
@@ -400,7 +390,7 @@ static int run(const args *a) {
         progress_break(&r.line);
         watch_stop(&r.watch, &p);
         if (status == SF_ERR_CANCELLED)
-            r.stopped = (int)stopped_by;
+            r.stopped = app_stopped_by();
         else if (status || r.watch.status)
             error = app_fail(a, r.ctx);
         write_checkpoint(&r, &p);

@@ -444,7 +444,7 @@ void record_count(record *r, record_counts *counts) {
 /* 5. Begin and end */
 
 static int is_our_picture(const char *name) {
-    return !strncmp(name, "frame_", 6) && strchr("0123456789", name[6]);
+    return !strncmp(name, "frame_", 6) && name[6] >= '0' && name[6] <= '9';
 }
 
 /* Pictures in the folder; with `clear` those of an older recording are removed. -1: it cannot be read. */

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 
 #include "../../src/base/rng.h"
 #include "../../src/io/picture.h"
@@ -735,26 +736,39 @@ static void measure_offsets(const sf_rigid *T, const sf_board_corner *corners, s
     }
 }
 
-static void need_tags(sf_context *ctx) {
+static int have_tags(sf_context *ctx) {
     int side;
     uint8_t cells[SF_TAG_MOST_CELLS * SF_TAG_MOST_CELLS];
-    if (sf_tags_cells(ctx, "tag36h11", 0, &side, cells) != SF_ERR_UNSUPPORTED) return;
+    return sf_tags_cells(ctx, "tag36h11", 0, &side, cells) != SF_ERR_UNSUPPORTED;
+}
+
+static void need_tags(fixture *f) {
+    if (have_tags(f->ctx)) return;
+    end(f);
     test_skip("not built with libapriltag");
+}
+
+/* Runs the program; returns its exit code. What it said is in *said, free()d by the caller. */
+static int run_program(const char *arguments, char **said) {
+    char command[4096];
+    const char *program = getenv("SPLATFIT_PROGRAM"), *run = getenv("RUN");
+    size_t size;
+    snprintf(command, sizeof command, "%s %s %s >%s 2>&1", run ? run : "",
+             program ? program : "build/splatfit", arguments, test_path("said.txt"));
+    int status = system(command);
+    *said = (char *)test_read(test_path("said.txt"), &size);
+    assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
 }
 
 /* The program on the same frames, as a pipe gives them. */
 static void run_command(sf_context *ctx) {
-    char command[4096];
-    const char *program = getenv("SPLATFIT_PROGRAM"), *run = getenv("RUN");
+    char arguments[2048], *said;
     sf_calibration c;
-    snprintf(command, sizeof command,
-             "%s %s calibrate 'pipe:%s?size=640x480&format=GREY' --decimate 2 -o %s >%s 2>&1", run ? run : "",
-             program ? program : "build/splatfit", test_path("frames.grey"), test_path("camera.json"),
-             test_path("said.txt"));
-    int code = system(command);
-    size_t size;
-    char *said = (char *)test_read(test_path("said.txt"), &size);
-    if (code) print_error("%s: %s\n", command, said);
+    snprintf(arguments, sizeof arguments, "calibrate 'pipe:%s?size=640x480&format=GREY' --decimate 2 -o %s",
+             test_path("frames.grey"), test_path("camera.json"));
+    int code = run_program(arguments, &said);
+    if (code) print_error("%s: %s\n", arguments, said);
     assert_int_equal(code, 0);
     test_assert_contains(said, "reprojection error 0.", __FILE__, __LINE__);
     test_assert_contains(said, "coverage 100 %", __FILE__, __LINE__);
@@ -772,7 +786,7 @@ static void test_rendered_boards(void **state) {
     sf_calibration c;
     offsets o = {0};
     begin(&f, 30);
-    need_tags(f.ctx);
+    need_tags(&f);
     studio *s = make_studio(&f);
     FILE *frames = fopen(test_path("frames.grey"), "wb");
     assert_non_null(frames);
@@ -806,6 +820,98 @@ static void test_rendered_boards(void **state) {
     sf_detector_destroy(&detector);
     free_studio(s);
     end(&f);
+}
+
+static void test_commands(void **state) {
+    (void)state;
+    static const struct {
+        int code, needs_tags;
+        const char *arguments, *says;
+    } cases[] = {
+        {2, 0, "board", "--output FILE: is needed"},
+        {2, 0, "board -o x.bmp", "x.bmp: ending"},
+        {2, 0, "board -o x.pdf --board a5", "\"a5\" is none of"},
+        {2, 0, "calibrate", "one of the two is needed"},
+        {2, 0, "calibrate sim:studio --convert x.yaml", "one of the two is needed"},
+        {2, 0, "calibrate sim:studio --tag-size 0", "--tag-size: not a number"},
+        {2, 0, "calibrate sim:studio --radial 3", "--radial"},
+        {2, 1, "calibrate nothing:", "unknown source"},
+        {1, 0, "calibrate --convert no-such-file", "no-such-file"},
+        {1, 1, "calibrate 'sim:studio?frames=2&width=64&height=48'", "no frame shows a tag"},
+        {1, 0, "calibrate sim:studio -o no/such/folder/camera.json", "no/such/folder"},
+        {0, 0, "calibrate --help", "--no-tangential"},
+    };
+    sf_context *ctx = test_context();
+    int tags = have_tags(ctx);
+    sf_context_destroy(&ctx);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char *said;
+        if (cases[i].needs_tags && !tags) continue;
+        int code = run_program(cases[i].arguments, &said);
+        test_assert_contains(said, cases[i].says, __FILE__, __LINE__);
+        assert_int_equal(code, cases[i].code);
+        free(said);
+    }
+}
+
+static void test_convert_command(void **state) {
+    (void)state;
+    static const char camera[] = "1 RADIAL 640 480 600.5 320 240 0.1 -0.02\n";
+    sf_context *ctx = test_context();
+    sf_calibration c;
+    char arguments[2048], *said;
+    test_write(test_path("cameras.txt"), camera, sizeof camera - 1);
+    snprintf(arguments, sizeof arguments, "calibrate --convert %s -o %s", test_path("cameras.txt"),
+             test_path("converted.json"));
+    assert_int_equal(run_program(arguments, &said), 0);
+    test_assert_contains(said, "600.500 px", __FILE__, __LINE__);
+    free(said);
+    assert_ok(ctx, sf_calibration_load(ctx, test_path("converted.json"), &c));
+    assert_true(c.lens.fy == 600.5 && c.lens.k2 == -0.02 && c.width == 640);
+    sf_context_destroy(&ctx);
+}
+
+/* Each allocation in turn gives nothing: SF_ERR_MEMORY, and nothing is left behind. */
+static sf_status whole_calibration(sf_context *ctx) {
+    sf_board *board = NULL;
+    sf_sightings *sightings = NULL;
+    sf_calibration c;
+    sf_pose pose;
+    sf_board_corner corners[MOST_CORNERS];
+    sf_status status = sf_board_open(ctx, "a4-36h11", 0, &board);
+    if (!status) status = sf_sightings_create(ctx, WIDTH, HEIGHT, &sightings);
+    for (int i = 0; i < 5 && !status; i++) {
+        sf_rigid T = pose_of(&truth, &stands[i]);
+        size_t n = project_board(board, &truth, &T, 0, NULL, corners);
+        status = sf_sightings_add(sightings, corners, n);
+        if (!status && i == 4) status = sf_board_pose(ctx, &truth, corners, n, &pose);
+    }
+    if (!status) status = sf_calibrate(sightings, NULL, &c);
+    if (!status) status = sf_calibration_save(ctx, &c, test_path("memory.json"));
+    if (!status) status = sf_calibration_load(ctx, test_path("memory.json"), &c);
+    sf_sightings_destroy(&sightings);
+    sf_board_close(&board);
+    return status;
+}
+
+static void test_each_allocation_may_fail(void **state) {
+    (void)state;
+    sf_status status = SF_ERR_MEMORY;
+    long failed = 0;
+    for (long at = 1; status == SF_ERR_MEMORY && at < 200; at++) {
+        test_allocations memory = {0};
+        sf_allocator allocator = {test_count_alloc, test_count_free, &memory};
+        sf_context_options options = {.allocator = &allocator, .threads = 1};
+        sf_context *ctx = NULL;
+        assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
+        memory.fail_at = atomic_load(&memory.calls) + at;
+        status = whole_calibration(ctx);
+        failed += status == SF_ERR_MEMORY;
+        sf_context_destroy(&ctx);
+        assert_int_equal(atomic_load(&memory.live), 0);
+    }
+    assert_int_equal(status, SF_OK);
+    assert_true(failed > 8);
 }
 
 /* Photographs: 99 frames of a camera held over a board of 4 x 3 tags, of which the eighth is hidden. */
@@ -857,7 +963,10 @@ static void test_photographs(void **state) {
     char path[1024];
     const char *data = test_data();
     sf_context *ctx = test_context();
-    need_tags(ctx);
+    if (!have_tags(ctx)) {
+        sf_context_destroy(&ctx);
+        test_skip("not built with libapriltag");
+    }
     sf_board *board = real_board(ctx);
     sf_detector *detector;
     sf_sightings *sightings;
@@ -920,6 +1029,9 @@ int main(void) {
         cmocka_unit_test(test_pose_outliers),
         cmocka_unit_test(test_pose_ambiguity),
         cmocka_unit_test(test_rendered_boards),
+        cmocka_unit_test(test_commands),
+        cmocka_unit_test(test_convert_command),
+        cmocka_unit_test(test_each_allocation_may_fail),
         cmocka_unit_test(test_photographs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

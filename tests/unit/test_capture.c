@@ -463,6 +463,23 @@ static void test_full_disk(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* More frames than can be written: those that are left out are counted, and a source that waits loses none.
+ */
+static void test_slow_writer(void **state) {
+    (void)state;
+    static uint8_t zeros[60 * 96 * 64];
+    capture_ok("pipe:/dev/zero?size=160x120&format=GREY&live=1", "-o", "slow", "--frames", "150");
+    json_t *list = assert_recording("slow", 150);
+    assert_true(total(list, "dropped_by_writer") > 0);
+    assert_true(total(list, "dropped") > 0); /* by the pipe */
+    json_decref(list);
+    test_write(test_path("zeros"), zeros, sizeof zeros);
+    capture_ok("pipe:zeros?size=96x64&format=GREY", "-o", "patient");
+    list = assert_recording("patient", 60);
+    assert_true(total(list, "given") == 60 && total(list, "dropped_by_writer") + total(list, "dropped") == 0);
+    json_decref(list);
+}
+
 /* A source that breaks: what came before is there, and why it ended is said. */
 static void test_broken_source(void **state) {
     (void)state;
@@ -491,19 +508,31 @@ static void test_silent_source(void **state) {
     forget("silence", 0);
 }
 
+/* A calibration goes along, for the size that is written. */
 static void test_lens(void **state) {
     (void)state;
-    test_write(test_path("lens.json"), "{\"fx\": 600.5}", 13);
-    test_write(test_path("bad.json"), "{\"fx\": ", 7);
-    test_write(test_path("list.json"), "[1]", 3);
-    capture_ok(SCENE, "-o", "lens", "--frames", "1", "--lens", "lens.json");
+    sf_context *ctx = test_context();
+    sf_calibration known = {
+        .width = SCENE_WIDTH, .height = SCENE_HEIGHT, .lens = {30, 31, 16.5, 12.25, 0.1, -0.02, 1e-3, 2e-3}};
+    assert_ok(ctx, sf_calibration_save(ctx, &known, test_path("lens.json")));
+    capture_ok(SCENE, "-o", "lens", "--frames", "1", "--lens", "lens.json", "--downscale", "2");
     json_t *list = assert_recording("lens", 1);
-    assert_true(number(json_object_get(list, "lens"), "fx") == 600.5);
+    const json_t *lens = json_object_get(list, "lens");
+    assert_true(number(lens, "w") == 16 && number(lens, "h") == 12);
+    assert_true(number(lens, "fl_x") == 15 && number(lens, "fl_y") == 15.5);
+    assert_true(number(lens, "cx") == 8.25 && number(lens, "cy") == 6.125);
+    assert_true(number(lens, "k1") == 0.1 && number(lens, "k2") == -0.02);
+    assert_true(number(lens, "p1") == 1e-3 && number(lens, "p2") == 2e-3);
     json_decref(list);
-    run(FAILED, "bad.json: line 1", "capture", SCENE, "-o", "x", "--lens", "bad.json");
-    run(FAILED, "list.json: is no JSON object", "capture", SCENE, "-o", "x", "--lens", "list.json");
+    known.width = 640;
+    assert_ok(ctx, sf_calibration_save(ctx, &known, test_path("other.json")));
+    test_write(test_path("bad.json"), "{\"fx\": ", 7);
+    run(FAILED, "other.json: size: 640 x 24 is not the source's 32 x 24", "capture", SCENE, "-o", "x",
+        "--lens", "other.json");
+    run(FAILED, "bad.json: ", "capture", SCENE, "-o", "x", "--lens", "bad.json");
     run(FAILED, "absent.json: ", "capture", SCENE, "-o", "x", "--lens", "absent.json");
     assert_false(test_exists(test_path("x")));
+    sf_context_destroy(&ctx);
 }
 
 static void test_wrong_usage(void **state) {
@@ -571,9 +600,9 @@ int main(void) {
         cmocka_unit_test(test_downscale),     cmocka_unit_test(test_jpegs),
         cmocka_unit_test(test_raw),           cmocka_unit_test(test_older_recording),
         cmocka_unit_test(test_interrupt),     cmocka_unit_test(test_full_disk),
-        cmocka_unit_test(test_broken_source), cmocka_unit_test(test_silent_source),
-        cmocka_unit_test(test_lens),          cmocka_unit_test(test_wrong_usage),
-        cmocka_unit_test(test_words),
+        cmocka_unit_test(test_slow_writer),   cmocka_unit_test(test_broken_source),
+        cmocka_unit_test(test_silent_source), cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_wrong_usage),   cmocka_unit_test(test_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

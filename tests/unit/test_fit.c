@@ -349,7 +349,8 @@ static void test_same_bytes_with_half_moments(void **state) {
     free(floats.values);
 }
 
-/* They reach what floats reach, to 0.3 dB. */
+/* They reach what floats reach, to 0.1 dB: without growth, where a small scene falls into one of several
+ * ends. */
 static void test_half_moments_are_as_good(void **state) {
     (void)state;
     skip_if_quick();
@@ -360,6 +361,7 @@ static void test_half_moments_are_as_good(void **state) {
         sf_fit_options options = short_fit(300);
         options.first = SF_FIRST_POINTS;
         options.moments = half ? SF_MOMENTS_HALF : SF_MOMENTS_FLOAT;
+        options.grow_most = 0;
         sf_fitter *fitter = start(ctx, scene, &options);
         assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
         psnr[half] = psnr_of(ctx, scene, fitter);
@@ -369,7 +371,7 @@ static void test_half_moments_are_as_good(void **state) {
         sf_context_destroy(&ctx);
     }
     print_message("moments as floats: %.2f dB, of 16 bits: %.2f dB\n", psnr[0], psnr[1]);
-    assert_true(psnr[1] >= psnr[0] - 0.3);
+    assert_true(psnr[1] >= psnr[0] - 0.1);
 }
 
 /* A model gone on from keeps what it had: after 20 steps no more than 0.5 dB are lost. */

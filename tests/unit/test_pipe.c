@@ -541,7 +541,7 @@ static void test_nothing_is_lost(void **state) {
 
 /* A live pipe is read whether or not anybody takes frames; each is given, skipped or dropped, and counted. */
 static void live(int newest) {
-    enum { FRAMES = 200 };
+    enum { FRAMES = 3000 }; /* more than a pipe holds */
     sf_context *ctx = test_context();
     sf_frame frame;
     sf_source *source = open_source(ctx, fifo_name(SMALL_OPTIONS "&live=1"));
