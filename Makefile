@@ -171,7 +171,7 @@ TEST_LIBS   := $(strip $(shell $(PKG_CONFIG) --libs cmocka 2>/dev/null || echo -
 
 ALL_CFLAGS  = $(BASE_CFLAGS) $(LIBS_CFLAGS) $(CFLAGS)
 # The C++ file has neither warnings in others' headers nor sanitizers, whose C++ parts a program linked as C lacks.
-ALL_CXXFLAGS = -std=c++17 $(filter-out -std=c11 -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
+ALL_CXXFLAGS = -std=c++17 -Wno-psabi $(filter-out -std=c11 -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
                  $(SANITIZE),$(BASE_CFLAGS)) $(LIBS_CFLAGS:-I%=-isystem%) $(CFLAGS)
 ALL_LDFLAGS = $(BASE_LDFLAGS) $(LDFLAGS)
 
