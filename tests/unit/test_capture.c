@@ -423,6 +423,18 @@ static void test_older_recording(void **state) {
     run(FAILED, "twice/images: holds pictures that are no recording's", "capture", SCENE, "-o", "twice",
         "--quiet", "--force");
     assert_true(test_exists(test_path("twice/images/holiday.jpg")));
+    forget("twice", 2); /* a refusal removes nothing */
+    unlink(test_path("twice/images/holiday.jpg"));
+    run(FAILED, "twice: is where the frames come from", "capture", "folder:twice", "-o", "twice", "--quiet",
+        "--force");
+    run(FAILED, "twice: is where the frames come from", "capture", "folder:twice/images", "-o", "twice",
+        "--quiet", "--force");
+    forget("twice", 2);
+    rename(test_path("twice/frames.json"), test_path("twice/transforms.json")); /* another program's folder */
+    run(FAILED, "twice/images: holds pictures that are no recording's", "capture", SCENE, "-o", "twice",
+        "--quiet", "--force");
+    assert_true(test_exists(test_path("twice/images/frame_000001.jpg")));
+    assert_true(test_exists(test_path("twice/transforms.json")));
     test_write(test_path("file"), "", 0);
     run(FAILED, "file: ", "capture", SCENE, "-o", "file", "--quiet");
 }
