@@ -39,6 +39,9 @@ static void catch_signals(void) {
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    struct sigaction before;
+    if (!sigaction(SIGHUP, NULL, &before) && before.sa_handler != SIG_IGN) /* under nohup it goes on */
+        sigaction(SIGHUP, &action, NULL);
 }
 
 /* What one run of the command holds. */
@@ -283,9 +286,10 @@ const command command_capture = {
     .name = "capture",
     .synopsis = "SOURCE -o DIR [OPTIONS]",
     .summary =
-        "Records pictures from a source of frames. SOURCE is folder:DIR, pipe:- (YUV4MPEG2, JPEGs; with "
+        "Records pictures from a source of frames. SOURCE is v4l2:/dev/videoN, libcamera:N (splatfit devices "
+        "lists both), folder:DIR, pipe:- (YUV4MPEG2, JPEGs; with "
         "?size=WxH&format=NAME plain pixels), pipe:FILE or sim:studio; src/capture/README.md lists the "
-        "options of each. SIGINT and SIGTERM end the recording in good order.",
+        "options of each. SIGINT, SIGTERM and SIGHUP end the recording in good order.",
     .tables = tables,
     .least = 1,
     .most = 1,

@@ -439,23 +439,30 @@ static void test_older_recording(void **state) {
     run(FAILED, "file: ", "capture", SCENE, "-o", "file", "--quiet");
 }
 
-static void test_interrupt(void **state) {
-    (void)state;
+static void end_by(int number, const char *folder) {
     pid_t pid =
-        start(ARGS("capture", "sim:studio?width=16&height=16&fps=50&loop=1", "-o", "endless", "--quiet"), 0);
+        start(ARGS("capture", "sim:studio?width=16&height=16&fps=50&loop=1", "-o", folder, "--quiet"), 0);
+    char images[600];
+    snprintf(images, sizeof images, "%s/images", test_path(folder));
     int turns = TIME_LIMIT * 200;
-    while (test_count_entries(test_path("endless/images")) < 3 && turns-- > 0) pause_a_moment();
-    kill(pid, SIGINT);
+    while (test_count_entries(images) < 3 && turns-- > 0) pause_a_moment();
+    kill(pid, number);
     outcome o = wait_for(pid);
-    assert_int_equal(o.code, 130);
+    assert_int_equal(o.code, 128 + number);
     assert_string_equal(o.err, "");
     free_outcome(&o);
-    json_t *list = json_of("endless", "frames.json");
+    json_t *list = json_of(folder, "frames.json");
     size_t pictures = (size_t)total(list, "kept");
     assert_true(pictures >= 3);
     assert_true(json_is_true(json_object_get(list, "live")));
-    forget("endless", pictures);
+    forget(folder, pictures);
     json_decref(list);
+}
+
+static void test_interrupt(void **state) {
+    (void)state;
+    end_by(SIGINT, "endless");
+    end_by(SIGHUP, "hung-up"); /* the terminal was closed */
 }
 
 /* What cannot be written ends the recording; what was written before is listed. */
