@@ -55,8 +55,8 @@ typedef struct capture {
     sf_source *source;
     record *record;
     progress_line line;
-    double began, last_frame; /* on the monotonic clock, s */
-    int64_t first_ns;         /* of the first frame */
+    double began, first_frame, last_frame; /* on the monotonic clock, s */
+    int64_t first_ns;                      /* of the first frame */
     uint64_t taken;
     char error[1024]; /* why the source ended; "": it did not fail */
 } capture;
@@ -174,7 +174,7 @@ static void show(capture *c, int at_once) {
  * source gives none. */
 static int is_over(const capture *c, const sf_frame *frame) {
     if (!(c->seconds > 0)) return 0;
-    if (!frame) return c->options.info.live && c->taken && now() - c->began >= c->seconds + 1;
+    if (!frame) return c->options.info.live && c->taken && now() - c->first_frame >= c->seconds + 1;
     return (double)(frame->time_ns - c->first_ns) * 1e-9 >= c->seconds;
 }
 
@@ -192,7 +192,10 @@ static int take_one(capture *c) {
         return 0;
     }
     c->last_frame = now();
-    if (!c->taken++) c->first_ns = frame.time_ns;
+    if (!c->taken++) {
+        c->first_ns = frame.time_ns;
+        c->first_frame = c->last_frame;
+    }
     int over = is_over(c, &frame);
     if (!over) record_put(c->record, &frame);
     sf_source_release(c->source, &frame);
