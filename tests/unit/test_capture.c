@@ -48,6 +48,7 @@ static void become_program(const char *const *args, rlim_t file_limit) {
     command[n++] = program;
     for (; *args && n < MAX_COMMAND - 1; args++) memcpy(&command[n++], args, sizeof *args);
     if (*args || chdir(test_folder())) _exit(99);
+    signal(SIGHUP, SIG_DFL); /* also where the test runs under nohup */
     redirect("/dev/null", O_RDONLY, STDIN_FILENO);
     redirect("captured.out", O_WRONLY | O_CREAT | O_TRUNC, STDOUT_FILENO);
     redirect("captured.err", O_WRONLY | O_CREAT | O_TRUNC, STDERR_FILENO);
