@@ -42,7 +42,7 @@ int app_check_output(const args *a, const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
-/* From here on the first SIGINT or SIGTERM calls `fn`, in its handler (NULL: nothing), and is told by
+/* From here on the first SIGINT, SIGTERM or SIGHUP calls `fn`, in its handler (NULL: nothing), and is told by
  * app_stopped_by, 0 before; the second one ends the program. */
 void app_catch_signals(void (*fn)(void));
 int app_stopped_by(void);

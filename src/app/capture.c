@@ -38,8 +38,8 @@ typedef struct capture {
     sf_source *source;
     record *record;
     progress_line line;
-    double began, last_frame; /* on the monotonic clock, s */
-    int64_t first_ns;         /* of the first frame */
+    double began, first_frame, last_frame; /* on the monotonic clock, s */
+    int64_t first_ns;                      /* of the first frame */
     uint64_t taken;
     char error[1024]; /* why the source ended; "": it did not fail */
 } capture;
@@ -151,7 +151,7 @@ static void show(capture *c, int at_once) {
  * source gives none. */
 static int is_over(const capture *c, const sf_frame *frame) {
     if (!(c->seconds > 0)) return 0;
-    if (!frame) return c->options.info.live && c->taken && app_seconds() - c->began >= c->seconds + 1;
+    if (!frame) return c->options.info.live && c->taken && app_seconds() - c->first_frame >= c->seconds + 1;
     return (double)(frame->time_ns - c->first_ns) * 1e-9 >= c->seconds;
 }
 
@@ -169,7 +169,10 @@ static int take_one(capture *c) {
         return 0;
     }
     c->last_frame = app_seconds();
-    if (!c->taken++) c->first_ns = frame.time_ns;
+    if (!c->taken++) {
+        c->first_ns = frame.time_ns;
+        c->first_frame = c->last_frame;
+    }
     int over = is_over(c, &frame);
     if (!over) record_put(c->record, &frame);
     sf_source_release(c->source, &frame);
@@ -263,9 +266,10 @@ const command command_capture = {
     .name = "capture",
     .synopsis = "SOURCE -o DIR [OPTIONS]",
     .summary =
-        "Records pictures from a source of frames. SOURCE is folder:DIR, pipe:- (YUV4MPEG2, JPEGs; with "
+        "Records pictures from a source of frames. SOURCE is v4l2:/dev/videoN, libcamera:N (splatfit devices "
+        "lists both), folder:DIR, pipe:- (YUV4MPEG2, JPEGs; with "
         "?size=WxH&format=NAME plain pixels), pipe:FILE or sim:studio; src/capture/README.md lists the "
-        "options of each. SIGINT and SIGTERM end the recording in good order.",
+        "options of each. SIGINT, SIGTERM and SIGHUP end the recording in good order.",
     .tables = tables,
     .least = 1,
     .most = 1,

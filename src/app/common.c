@@ -233,6 +233,9 @@ void app_catch_signals(void (*fn)(void)) {
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    struct sigaction before;
+    if (!sigaction(SIGHUP, NULL, &before) && before.sa_handler != SIG_IGN) /* under nohup it goes on */
+        sigaction(SIGHUP, &action, NULL);
 }
 
 int app_stopped_by(void) { return stopped_by; }

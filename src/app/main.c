@@ -18,7 +18,8 @@ static void print_help(void) {
                (int)(end ? end - commands[i]->summary : 0), commands[i]->summary);
     }
     printf("\nsplatfit COMMAND --help lists a command's options; splatfit --version prints the version.\n"
-           "Exit codes: 0 done, 1 failed, 2 wrong usage, 130 and 143 stopped by SIGINT and SIGTERM.\n");
+           "Exit codes: 0 done, 1 failed, 2 wrong usage, 129, 130 and 143 stopped by SIGHUP, SIGINT and "
+           "SIGTERM.\n");
 }
 
 static int unknown(const char *name) {

@@ -443,43 +443,88 @@ void record_count(record *r, record_counts *counts) {
 
 /* 5. Begin and end */
 
+/* As write_best names it. */
 static int is_our_picture(const char *name) {
-    return !strncmp(name, "frame_", 6) && name[6] >= '0' && name[6] <= '9';
+    return !strncmp(name, "frame_", 6) && strspn(name + 6, "0123456789") >= 6;
 }
 
-/* Pictures in the folder; with `clear` those of an older recording are removed. -1: it cannot be read. */
-static long look_into(const char *folder, int clear) {
-    DIR *dir = opendir(folder);
-    long found = 0;
-    if (!dir) return -1;
-    for (struct dirent *e; (e = readdir(dir));) {
-        if (e->d_name[0] == '.') continue;
-        if (clear && is_our_picture(e->d_name) && !unlinkat(dirfd(dir), e->d_name, 0)) continue;
-        found++;
-    }
-    closedir(dir);
-    return found;
-}
+/* What lies in the folder of an output. */
+typedef struct contents {
+    int list, unfinished, cameras; /* frames.json, that of a recording which was killed, transforms.json */
+    size_t ours, others;           /* pictures that are named like a recording's, and what else is there */
+} contents;
 
-static int holds(const char *folder, const char *name, int clear) {
+static int holds(const char *folder, const char *name) {
     char path[4096];
     struct stat st;
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    return !stat(path, &st) && !(clear && !unlink(path));
+    return !stat(path, &st);
 }
 
+/* Counts what is in the folder of pictures, or removes those of a recording. 0, or errno. */
+static int go_through(const char *folder, contents *c, int clear) {
+    DIR *dir = opendir(folder);
+    int error = 0;
+    if (!dir) return errno;
+    for (struct dirent *e; (e = readdir(dir)) && !error;) {
+        if (e->d_name[0] == '.') continue;
+        int ours = is_our_picture(e->d_name);
+        ++*(ours ? &c->ours : &c->others);
+        if (clear && ours && unlinkat(dirfd(dir), e->d_name, 0)) error = errno;
+    }
+    closedir(dir);
+    return error;
+}
+
+static int look_into(const record *r, contents *c) {
+    const char *folder = r->o.folder;
+    *c = (contents){.list = holds(folder, "frames.json"),
+                    .unfinished = holds(folder, ".frames.json.tmp"),
+                    .cameras = holds(folder, "transforms.json")};
+    return go_through(r->images, c, 0);
+}
+
+static int clear_recording(const record *r, contents *c) {
+    static const char *const lists[] = {"frames.json", "transforms.json"};
+    int error = go_through(r->images, c, 1);
+    for (int i = 0; i < 2 && !error; i++) {
+        char path[4096];
+        snprintf(path, sizeof path, "%s/%s", r->o.folder, lists[i]);
+        if (unlink(path) && errno != ENOENT) error = errno;
+    }
+    return error;
+}
+
+/* Whether the frames come out of this folder. */
+static int is_source(const record *r, const char *folder) {
+    static const char scheme[] = "folder:";
+    char path[4096];
+    struct stat a, b;
+    if (strncmp(r->o.source, scheme, strlen(scheme)) != 0) return 0;
+    const char *from = r->o.source + strlen(scheme);
+    snprintf(path, sizeof path, "%.*s", (int)strcspn(from, "?"), from);
+    return !stat(path, &a) && !stat(folder, &b) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+}
+
+/* Nothing is removed before all of it is known to be a recording's. */
 static int clear_folder(record *r) {
     const char *folder = r->o.folder;
+    contents c;
     int error = app_make_folder(r->a, folder);
     if (!error) error = app_make_folder(r->a, r->images);
     if (error) return error;
-    int lists = holds(folder, "frames.json", r->o.force) + holds(folder, "transforms.json", r->o.force);
-    long pictures = look_into(r->images, r->o.force);
-    if (pictures < 0) return app_say(r->a, r->images, strerror(errno));
-    if (!pictures && !lists) return 0;
-    return app_say(r->a, lists ? folder : r->images,
-                   r->o.force ? "holds pictures that are no recording's"
-                              : "holds a recording, or other pictures: --force writes over a recording");
+    error = look_into(r, &c);
+    if (error) return app_say(r->a, r->images, strerror(error));
+    if (!c.list && !c.cameras && !c.ours && !c.others) return 0;
+    if (!r->o.force)
+        return app_say(r->a, c.list || c.cameras ? folder : r->images,
+                       "holds a recording, or other pictures: --force writes over a recording");
+    if (c.others || (!c.list && !c.unfinished))
+        return app_say(r->a, r->images, "holds pictures that are no recording's");
+    if (is_source(r, folder) || is_source(r, r->images))
+        return app_say(r->a, folder, "is where the frames come from: --force would remove them");
+    error = clear_recording(r, &c);
+    return error ? app_say(r->a, folder, strerror(error)) : 0;
 }
 
 static int start_thread(record *r) {

@@ -26,6 +26,8 @@ int sf_tags_in_family(const char *family) {
  * texture, and its table takes 18 MB. */
 enum { WRONG_BITS = 1 };
 
+enum { LEAST_SIDE = 8 }; /* px, of a picture that is looked at, after it was reduced */
+
 struct sf_tags {
     sf_context *ctx;
     const char *name;
@@ -117,7 +119,12 @@ static sf_status take_all(sf_tags *t, const zarray_t *found) {
 
 sf_status sf_tags_find(sf_tags *t, const uint8_t *grey, size_t stride, int width, int height,
                        const sf_tag_seen **seen, size_t *count) {
+    const int step = (int)t->detector->quad_decimate;
+    *seen = NULL;
     *count = 0;
+    /* libapriltag reads and writes outside of its memory where a reduced side is less than its tile of 4 px;
+     * no tag is that small. */
+    if ((width - 1) / step + 1 < LEAST_SIDE || (height - 1) / step + 1 < LEAST_SIDE) return SF_OK;
     sf_status status = sf_grow(t->ctx, &t->grey, &t->grey_capacity, 0, (size_t)width * (size_t)height, 1);
     if (status) return status;
     for (size_t y = 0; y < (size_t)height; y++)

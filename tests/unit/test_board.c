@@ -371,6 +371,30 @@ static void find_in(sf_detector *detector, sf_context *ctx, const sf_frame *fram
     assert_true(fabs(corners[2].pixel[0] - 58) < 0.3 && fabs(corners[2].pixel[1] - 60) < 0.3);
 }
 
+/* Reduced to less than libapriltag's tiles of 4 px. */
+static void test_tiny_pictures(void **state) {
+    (void)state;
+    enum { EDGE = 33 };
+    static const uint8_t grey[EDGE * EDGE];
+    sf_context *ctx = test_context();
+    const sf_board_corner *corners;
+    size_t count;
+    sf_board *b;
+    assert_ok(ctx, sf_board_open(ctx, "a4-36h11", 0, &b));
+    for (int decimate = 1; have_tags(ctx) && decimate <= 8; decimate++) {
+        sf_detector *detector;
+        assert_ok(ctx, sf_detector_create(ctx, b, decimate, &detector));
+        for (int32_t w = 1; w <= EDGE; w++)
+            for (int32_t h = 1; h <= EDGE; h += 4) {
+                assert_ok(ctx, sf_detector_find(detector, grey, EDGE, w, h, &corners, &count));
+                assert_int_equal(count, 0);
+            }
+        sf_detector_destroy(&detector);
+    }
+    sf_board_close(&b);
+    sf_context_destroy(&ctx);
+}
+
 static void test_frames(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -437,6 +461,7 @@ int main(void) {
         cmocka_unit_test(test_png),
         cmocka_unit_test(test_refused_drawings),
         cmocka_unit_test(test_detector_arguments),
+        cmocka_unit_test(test_tiny_pictures),
         cmocka_unit_test(test_frames),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

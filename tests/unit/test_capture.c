@@ -48,6 +48,7 @@ static void become_program(const char *const *args, rlim_t file_limit) {
     command[n++] = program;
     for (; *args && n < MAX_COMMAND - 1; args++) memcpy(&command[n++], args, sizeof *args);
     if (*args || chdir(test_folder())) _exit(99);
+    signal(SIGHUP, SIG_DFL); /* also where the test runs under nohup */
     redirect("/dev/null", O_RDONLY, STDIN_FILENO);
     redirect("captured.out", O_WRONLY | O_CREAT | O_TRUNC, STDOUT_FILENO);
     redirect("captured.err", O_WRONLY | O_CREAT | O_TRUNC, STDERR_FILENO);
@@ -423,27 +424,46 @@ static void test_older_recording(void **state) {
     run(FAILED, "twice/images: holds pictures that are no recording's", "capture", SCENE, "-o", "twice",
         "--quiet", "--force");
     assert_true(test_exists(test_path("twice/images/holiday.jpg")));
+    unlink(test_path("twice/images/holiday.jpg"));
+    forget("twice", 2); /* a refusal removes nothing */
+    run(FAILED, "twice: is where the frames come from", "capture", "folder:twice", "-o", "twice", "--quiet",
+        "--force");
+    run(FAILED, "twice: is where the frames come from", "capture", "folder:twice/images", "-o", "twice",
+        "--quiet", "--force");
+    forget("twice", 2);
+    rename(test_path("twice/frames.json"), test_path("twice/transforms.json")); /* another program's folder */
+    run(FAILED, "twice/images: holds pictures that are no recording's", "capture", SCENE, "-o", "twice",
+        "--quiet", "--force");
+    assert_true(test_exists(test_path("twice/images/frame_000001.jpg")));
+    assert_true(test_exists(test_path("twice/transforms.json")));
     test_write(test_path("file"), "", 0);
     run(FAILED, "file: ", "capture", SCENE, "-o", "file", "--quiet");
 }
 
-static void test_interrupt(void **state) {
-    (void)state;
+static void end_by(int number, const char *folder) {
     pid_t pid =
-        start(ARGS("capture", "sim:studio?width=16&height=16&fps=50&loop=1", "-o", "endless", "--quiet"), 0);
+        start(ARGS("capture", "sim:studio?width=16&height=16&fps=50&loop=1", "-o", folder, "--quiet"), 0);
+    char images[600];
+    snprintf(images, sizeof images, "%s/images", test_path(folder));
     int turns = TIME_LIMIT * 200;
-    while (test_count_entries(test_path("endless/images")) < 3 && turns-- > 0) pause_a_moment();
-    kill(pid, SIGINT);
+    while (test_count_entries(images) < 3 && turns-- > 0) pause_a_moment();
+    kill(pid, number);
     outcome o = wait_for(pid);
-    assert_int_equal(o.code, 130);
+    assert_int_equal(o.code, 128 + number);
     assert_string_equal(o.err, "");
     free_outcome(&o);
-    json_t *list = json_of("endless", "frames.json");
+    json_t *list = json_of(folder, "frames.json");
     size_t pictures = (size_t)total(list, "kept");
     assert_true(pictures >= 3);
     assert_true(json_is_true(json_object_get(list, "live")));
-    forget("endless", pictures);
+    forget(folder, pictures);
     json_decref(list);
+}
+
+static void test_interrupt(void **state) {
+    (void)state;
+    end_by(SIGINT, "endless");
+    end_by(SIGHUP, "hung-up"); /* the terminal was closed */
 }
 
 /* What cannot be written ends the recording; what was written before is listed. */
