@@ -209,11 +209,17 @@ static void print_fit(const attempt *s, const sf_calibration *c) {
     printf("coverage %.0f %% of 8 x 6 cells; tilts of up to %.0f degrees\n", 100 * c->coverage, c->tilt_most);
 }
 
+/* Standard output is the calibration's where that goes there. */
+static int is_silent(const args *a) {
+    const char *path = args_value(a, "output");
+    return args_value(a, "quiet") || (path && !strcmp(path, "-"));
+}
+
 static int save(const args *a, sf_context *ctx, const sf_calibration *c) {
     const char *path = args_value(a, "output");
     if (!path) return 0;
     if (sf_calibration_save(ctx, c, path)) return app_fail(a, ctx);
-    if (!args_value(a, "quiet")) printf("wrote %s\n", path);
+    if (!is_silent(a)) printf("wrote %s\n", path);
     return 0;
 }
 
@@ -221,7 +227,7 @@ static int conclude(attempt *s) {
     sf_calibration c;
     if (!s->with_board) return app_say(s->a, s->source_name, "no frame shows a tag of the board");
     if (sf_calibrate(s->sightings, &s->options, &c)) return app_fail(s->a, s->ctx);
-    if (!args_value(s->a, "quiet")) {
+    if (!is_silent(s->a)) {
         print_lens(&c);
         print_fit(s, &c);
         const char *advice = sf_sightings_advice(s->sightings);
@@ -243,7 +249,7 @@ static int calibrate(attempt *s) {
 static int convert(const attempt *s, const char *path) {
     sf_calibration c;
     if (sf_calibration_load(s->ctx, path, &c)) return app_fail(s->a, s->ctx);
-    if (!args_value(s->a, "quiet")) print_lens(&c);
+    if (!is_silent(s->a)) print_lens(&c);
     return save(s->a, s->ctx, &c);
 }
 
@@ -255,7 +261,7 @@ static int run(const args *a) {
         return EXIT_USAGE;
     }
     int error = read_options(&s);
-    if (!error) error = progress_start(&s.line, a, stdout);
+    if (!error) error = progress_start(&s.line, a, is_silent(a) ? stderr : stdout);
     if (!error && args_value(a, "output")) error = app_check_output(a, args_value(a, "output"));
     if (!error) error = app_context(a, &s.ctx);
     if (!error) error = path ? convert(&s, path) : calibrate(&s);

@@ -276,6 +276,16 @@ static int has_failed(record *r) {
 
 static int has_all(const record *r) { return r->o.most && r->counts.kept >= r->o.most; }
 
+/* Pictures of a folder, and JPEGs of a pipe, have sizes of their own. Fails where nothing would be left. */
+static int is_too_small(record *r, const sf_frame *f) {
+    char what[128];
+    if (f->width >= r->o.downscale && f->height >= r->o.downscale) return 0;
+    snprintf(what, sizeof what, "frame %llu: %d x %d px cannot be reduced by --downscale %d",
+             (unsigned long long)f->sequence, (int)f->width, (int)f->height, r->o.downscale);
+    fail_with(r, r->o.source, what);
+    return 1;
+}
+
 /* Writes the best of its group. */
 static void write_best(record *r) {
     char name[64], path[4096];
@@ -289,7 +299,8 @@ static void write_best(record *r) {
     snprintf(name, sizeof name, "images/frame_%06llu.%s", (unsigned long long)r->counts.kept + 1,
              ending_of(r, &c->item.frame));
     snprintf(path, sizeof path, "%s/%s", r->o.folder, name);
-    sf_status status = has_failed(r) ? SF_ERR_CANCELLED : write_picture(r, c, path);
+    int failed = has_failed(r) || is_too_small(r, &c->item.frame);
+    sf_status status = failed ? SF_ERR_CANCELLED : write_picture(r, c, path);
     if (status) {
         if (status != SF_ERR_CANCELLED) fail_ctx(r);
         count(r, &r->counts.dropped);

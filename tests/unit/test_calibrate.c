@@ -868,6 +868,11 @@ static void test_convert_command(void **state) {
     free(said);
     assert_ok(ctx, sf_calibration_load(ctx, test_path("converted.json"), &c));
     assert_true(c.lens.fy == 600.5 && c.lens.k2 == -0.02 && c.width == 640);
+    snprintf(arguments, sizeof arguments, "calibrate --convert %s -o -", test_path("cameras.txt"));
+    assert_int_equal(run_program(arguments, &said), 0);
+    test_write(test_path("said.json"), said, strlen(said)); /* nothing but the calibration */
+    assert_ok(ctx, sf_calibration_load(ctx, test_path("said.json"), &c));
+    free(said);
     sf_context_destroy(&ctx);
 }
 

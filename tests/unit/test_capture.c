@@ -410,6 +410,19 @@ static void test_raw(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Pictures of a folder may have other sizes than the first. */
+static void test_too_small(void **state) {
+    (void)state;
+    capture_ok("sim:studio?width=64&height=48&frames=1", "-o", "sizes/1");
+    capture_ok("sim:studio?width=16&height=16&frames=1", "-o", "sizes/2");
+    mkdir(test_path("sizes/all"), 0777);
+    rename(test_path("sizes/1/images/frame_000001.jpg"), test_path("sizes/all/1.jpg"));
+    rename(test_path("sizes/2/images/frame_000001.jpg"), test_path("sizes/all/2.jpg"));
+    run(FAILED, "frame 1: 16 x 16 px cannot be reduced by --downscale 20", "capture", "folder:sizes/all",
+        "-o", "reduced", "--quiet", "--downscale", "20");
+    forget("reduced", 1);
+}
+
 /* 4. Ends of other kinds */
 
 static void test_older_recording(void **state) {
@@ -615,14 +628,23 @@ int main(void) {
     snprintf(program, sizeof program, "%s%s%s", *given == '/' ? "" : top, *given == '/' ? "" : "/", given);
     signal(SIGXFSZ, SIG_IGN);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_pictures),      cmocka_unit_test(test_fit),
-        cmocka_unit_test(test_every),         cmocka_unit_test(test_sharpest),
-        cmocka_unit_test(test_downscale),     cmocka_unit_test(test_jpegs),
-        cmocka_unit_test(test_raw),           cmocka_unit_test(test_older_recording),
-        cmocka_unit_test(test_interrupt),     cmocka_unit_test(test_full_disk),
-        cmocka_unit_test(test_slow_writer),   cmocka_unit_test(test_broken_source),
-        cmocka_unit_test(test_silent_source), cmocka_unit_test(test_lens),
-        cmocka_unit_test(test_wrong_usage),   cmocka_unit_test(test_words),
+        cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_fit),
+        cmocka_unit_test(test_every),
+        cmocka_unit_test(test_sharpest),
+        cmocka_unit_test(test_downscale),
+        cmocka_unit_test(test_jpegs),
+        cmocka_unit_test(test_raw),
+        cmocka_unit_test(test_too_small),
+        cmocka_unit_test(test_older_recording),
+        cmocka_unit_test(test_interrupt),
+        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_slow_writer),
+        cmocka_unit_test(test_broken_source),
+        cmocka_unit_test(test_silent_source),
+        cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_wrong_usage),
+        cmocka_unit_test(test_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
