@@ -78,6 +78,7 @@ typedef struct sf_frame {
     sf_pixel_format format;
     sf_yuv_matrix matrix;
     int full_range;          /* YUV: Y 0..255, chroma 1..255 about 128; otherwise 16..235, 16..240 */
+    int limited_rgb;         /* RGB24, BGR24: 16..235, as some HDMI inputs give; otherwise 0..255 */
     uint64_t sequence;       /* the source's own count: a gap is a dropped frame */
     int64_t time_ns;         /* when it was taken; the monotonic clock for live sources, from 0 otherwise */
     double exposure_s, gain; /* 0: unknown */

@@ -75,6 +75,14 @@ typedef struct conversion {
     size_t stride;
 } conversion;
 
+/* 16..235 of 255 to 0..1: rare, so that it has no kernel of its own. */
+static void widen(float *row, int32_t width) {
+    for (int32_t i = 0; i < width; i++) {
+        float x = (row[i] * 255.0f - 16.0f) / 219.0f;
+        row[i] = x < 0 ? 0 : x > 1 ? 1 : x;
+    }
+}
+
 static void convert_row(const conversion *c, int32_t row) {
     const sf_frame *f = c->frame;
     sf_convert_args args = {.format = f->format, .width = f->width, .yuv = &c->yuv};
@@ -82,6 +90,8 @@ static void convert_row(const conversion *c, int32_t row) {
         args.plane[p] = f->plane[p] + (size_t)(row / layouts[f->format][p].rows) * f->stride[p];
     for (int ch = 0; ch < 3; ch++) args.rgb[ch] = c->rgb[ch] + (size_t)row * c->stride;
     c->kernels->convert(&args);
+    for (int ch = 0; ch < 3 && f->limited_rgb && !sf_format_has_luma(f->format); ch++)
+        widen(args.rgb[ch], f->width);
 }
 
 static void convert_band(void *arg, size_t task, int thread) {

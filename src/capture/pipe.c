@@ -492,6 +492,8 @@ static sf_status open_fd(pipe_source *p) {
     const char *path = p->name + strlen("pipe:");
     struct stat st;
     if (!strcmp(path, "-")) {
+        if (fcntl(STDIN_FILENO, F_GETFD) < 0)
+            return sf_fail(p->ctx, SF_ERR_IO, "%s: standard input is closed", p->name);
         p->stream.fd = STDIN_FILENO;
         return SF_OK;
     }

@@ -236,6 +236,7 @@ static void fill_frame(const v4l2_source *s, const caught *c, sf_frame *frame) {
     frame->format = p->pixels->format;
     frame->matrix = p->matrix;
     frame->full_range = p->full_range;
+    frame->limited_rgb = p->limited_rgb;
     frame->sequence = c->sequence;
     frame->time_ns = a->time_ns;
     frame->exposure_s = s->stream->exposure_s;

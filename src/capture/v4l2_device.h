@@ -103,7 +103,7 @@ typedef struct sf_v4l2_picture {
     int32_t width, height; /* px */
     double fps;            /* 0: unknown */
     sf_yuv_matrix matrix;
-    int full_range;
+    int full_range, limited_rgb;
     uint32_t planes; /* of the picture */
     struct {
         uint32_t memory; /* which plane of memory */

@@ -418,6 +418,7 @@ static void set_colors(sf_context *ctx, const char *path, const given *g, sf_v4l
     if (range == V4L2_QUANTIZATION_DEFAULT)
         range = V4L2_MAP_QUANTIZATION_DEFAULT(rgb, g->colorspace, encoding);
     p->full_range = range == V4L2_QUANTIZATION_FULL_RANGE;
+    p->limited_rgb = rgb && !p->full_range;
     switch (encoding) {
     case V4L2_YCBCR_ENC_709:
     case V4L2_YCBCR_ENC_XV709:
@@ -500,6 +501,10 @@ static sf_status lay_out(sf_v4l2_device *device, const given *g, sf_v4l2_picture
         p->plane[k].memory = memory;
         p->plane[k].offset = offset;
         p->plane[k].stride = stride;
+        if ((uint64_t)offset + (uint64_t)shape[k].rows * stride > SIZE_MAX / 2)
+            return sf_fail(device->ctx, SF_ERR_UNSUPPORTED,
+                           "%s: size: %dx%d with %zu bytes a row is too large", device->path, (int)p->width,
+                           (int)p->height, stride);
         /* the last row ends where its pixels do */
         p->need[memory] = shape[k].rows ? offset + (shape[k].rows - 1) * stride + shape[k].row_bytes : 1;
         offset += shape[k].rows * stride;

@@ -394,11 +394,32 @@ static void test_memory_ends(void **state) {
     assert_int_equal(a.live, 0);
 }
 
+static void test_limited_rgb(void **state) {
+    (void)state;
+    enum { N = 5 };
+    static const uint8_t bytes[3 * N] = {0, 16, 17, 125, 126, 234, 235, 236, 255, 16, 235, 0, 1, 2, 3};
+    sf_context *ctx = test_context();
+    sf_frame f = {.plane = {bytes},
+                  .stride = {3 * N},
+                  .width = N,
+                  .height = 1,
+                  .format = SF_PIXEL_RGB24,
+                  .limited_rgb = 1};
+    float out[3][N], *rgb[3] = {out[0], out[1], out[2]};
+    assert_ok(ctx, sf_frame_convert(ctx, &f, rgb, N));
+    for (size_t i = 0; i < 3 * N; i++) {
+        double truth = fmin(fmax((bytes[i] - 16) / 219.0, 0), 1);
+        assert_true(fabs((double)out[i % 3][i / 3] - truth) < 1e-6);
+    }
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_all_formats_and_sizes),
         cmocka_unit_test(test_threads_change_nothing),
         cmocka_unit_test(test_known_colours),
+        cmocka_unit_test(test_limited_rgb),
         cmocka_unit_test(test_error_is_as_documented),
         cmocka_unit_test(test_jpeg_kinds),
         cmocka_unit_test(test_jpeg_without_tables),

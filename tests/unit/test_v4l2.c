@@ -1093,6 +1093,24 @@ static void test_colors(void **state) {
     }
 }
 
+static void test_limited_rgb(void **state) {
+    (void)state;
+    static const uint32_t ranges[] = {0, V4L2_QUANTIZATION_FULL_RANGE, V4L2_QUANTIZATION_LIM_RANGE};
+    for (size_t i = 0; i < COUNT(ranges); i++) {
+        bench *b = bench_start();
+        fake_node *n = &b->driver.nodes[0];
+        n->colorspace = V4L2_COLORSPACE_SRGB;
+        n->quantization = ranges[i];
+        open_source(b, "v4l2:0?format=YUYV");
+        assert_int_equal(next_frame(b).limited_rgb, 0);
+        close_source(b);
+        set_format(n, V4L2_PIX_FMT_RGB24, 1);
+        open_source(b, "v4l2:0?format=RGB24");
+        assert_int_equal(next_frame(b).limited_rgb, i == 2);
+        bench_end(b);
+    }
+}
+
 static int32_t control_value(bench *b, uint32_t id) { return control_of(&b->driver.nodes[0], id)->value; }
 
 static void test_controls(void **state) {
@@ -1753,6 +1771,7 @@ int main(void) {
         cmocka_unit_test(test_driver_gives_other),
         cmocka_unit_test(test_input),
         cmocka_unit_test(test_colors),
+        cmocka_unit_test(test_limited_rgb),
         cmocka_unit_test(test_controls),
         cmocka_unit_test(test_dmabuf),
         cmocka_unit_test(test_sequence),
