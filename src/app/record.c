@@ -568,8 +568,20 @@ static int tell(const record *r) {
     return EXIT_FAILED;
 }
 
+/* Nothing of it stays: there is nothing to keep from the next try. */
+static void give_up_lists(record *r) {
+    r->frames.error = r->cameras.error = ECANCELED;
+    list_close(&r->frames, NULL);
+    if (r->with_cameras) list_close(&r->cameras, NULL);
+    rmdir(r->images); /* where it is empty */
+}
+
 /* 0 or an exit code, which is told. */
 static int close_lists(record *r, const sf_source_counts *totals) {
+    if (!totals->given) {
+        give_up_lists(r);
+        return tell(r);
+    }
     int error = list_close(&r->frames, totals_json(totals, &r->counts));
     if (error) fail_with(r, "frames.json", strerror(error));
     error = r->with_cameras ? list_close(&r->cameras, NULL) : 0;
@@ -592,11 +604,7 @@ int record_start(const args *a, const record_options *options, record **out) {
     if (!error) {
         open_lists(r);
         error = *r->error ? tell(r) : start_thread(r);
-        if (error) { /* nothing of it stays */
-            r->frames.error = r->cameras.error = ECANCELED;
-            list_close(&r->frames, NULL);
-            if (r->with_cameras) list_close(&r->cameras, NULL);
-        }
+        if (error) give_up_lists(r);
     }
     if (error)
         free_record(r);
