@@ -73,7 +73,8 @@ static sf_status take_capability(sf_v4l2_device *device) {
     struct v4l2_capability what;
     memset(&what, 0, sizeof what);
     if (sf_v4l2_ioctl(device, VIDIOC_QUERYCAP, &what)) {
-        if (errno != ENOTTY && errno != EINVAL) return sf_v4l2_fail(device, "cannot be asked what it is");
+        if (errno != ENOTTY && errno != EINVAL && errno != ENOSYS) /* which qemu-user says */
+            return sf_v4l2_fail(device, "cannot be asked what it is");
         return sf_fail(device->ctx, SF_ERR_UNSUPPORTED, "%s: is no V4L2 device", device->path);
     }
     uint32_t can = what.capabilities & V4L2_CAP_DEVICE_CAPS ? what.device_caps : what.capabilities;
