@@ -409,9 +409,7 @@ static void test_growth_is_not_seen(void **state) {
     int quick = getenv("SPLATFIT_QUICK") != NULL;
     sf_context *ctx = test_context();
     sf_scene *scene;
-    const char *name =
-        quick ? "sim:studio?width=48&height=36&frames=12" : "sim:studio?width=80&height=60&frames=16";
-    assert_ok(ctx, sf_scene_load(ctx, name, NULL, &scene));
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=80&height=60&frames=16", NULL, &scene));
     sf_fit_options options = sf_fit_options_default();
     options.steps = 200;
     options.grow_every = 1000; /* grows when the test says so */
