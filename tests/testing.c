@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 char test_log[65536];
@@ -132,6 +133,21 @@ void test_skip(const char *reason) {
     print_message("skipped: %s\n", reason);
     skip();
 }
+
+json_t *test_json(const char *path) {
+    json_error_t error;
+    json_t *json = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
+    if (!json) fail_msg("%s: line %d: %s", path, error.line, error.text);
+    return json;
+}
+
+double test_number(const json_t *object, const char *key) {
+    const json_t *value = json_object_get(object, key);
+    if (!json_is_number(value)) fail_msg("%s: not a number", key);
+    return json_number_value(value);
+}
+
+void test_pause_ms(long ms) { nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL); }
 
 sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
     sf_quality mean = {0};

@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <jansson.h>
 
 #include <splatfit/splatfit.h>
 
@@ -52,6 +53,13 @@ uint8_t *test_read(const char *path, size_t *size);
 int test_exists(const char *path);
 /* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
 int test_count_entries(const char *path);
+
+/* The JSON of a file, the caller's to release, and a number in an object; where there is none the test fails.
+ */
+json_t *test_json(const char *path);
+double test_number(const json_t *object, const char *key);
+
+void test_pause_ms(long ms);
 
 /* Means of the figures of a fitter's model over the held-out views of its scene. */
 sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);

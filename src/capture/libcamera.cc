@@ -8,6 +8,7 @@
  * one is kept by the kernel: whoever makes a manager holds a lock on the process's own entry in /proc, of
  * which there is one a process, however often this library is in it, and which goes with the process. */
 extern "C" {
+#include "format.h"
 #include "libcamera.h"
 }
 
@@ -262,17 +263,14 @@ bool present(const Devices &devices) {
 struct Request {
     char camera[192];
     char size[32] = "", format[16] = "", exposure[32] = "";
-    int width = 0, height = 0; /* 0: the camera's choice */
+    int32_t width = 0, height = 0; /* 0: the camera's choice */
     double fps = 0, gain = 0;  /* 0: the camera's choice */
     int exposure_us = 0;       /* 0: the camera's choice, -1: automatic */
     unsigned buffers = 4;
 };
 
 sf_status read_size(sf_context *ctx, const char *name, Request *request) {
-    char more;
-    if (!*request->size) return SF_OK;
-    if (sscanf(request->size, "%5dx%5d%c", &request->width, &request->height, &more) != 2 ||
-        request->width < 1 || request->height < 1)
+    if (*request->size && !sf_frame_parse_size(request->size, &request->width, &request->height))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: size: \"%s\" is not WIDTHxHEIGHT", name, request->size);
     return SF_OK;
 }

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format.h"
+
 int sf_v4l2_ioctl(sf_v4l2_device *device, unsigned long request, void *arg) {
     enum { INTERRUPTIONS = 100 };
     int result = -1;
@@ -57,15 +59,7 @@ int sf_v4l2_device_answers(sf_v4l2_device *device) {
 
 int sf_v4l2_parse_size(const char *text, int32_t *width, int32_t *height) {
     enum { MOST = 16384 };
-    char *end;
-    if (*text < '0' || *text > '9') return 0;
-    long w = strtol(text, &end, 10);
-    if (*end != 'x' || end[1] < '0' || end[1] > '9') return 0;
-    long h = strtol(end + 1, &end, 10);
-    if (*end || w < 1 || w > MOST || h < 1 || h > MOST) return 0;
-    *width = (int32_t)w;
-    *height = (int32_t)h;
-    return 1;
+    return sf_frame_parse_size(text, width, height) && *width <= MOST && *height <= MOST;
 }
 
 /* What the node is good for: the type of its buffers. */

@@ -6,6 +6,7 @@
  * is at that size where that is less); where none is, MJPEG; where there is none, the fastest; grey last.
  */
 #ifdef __linux__
+#include "convert.h"
 #include "v4l2_device.h"
 
 #include <errno.h>
@@ -438,42 +439,20 @@ static void set_colors(sf_context *ctx, const char *path, const given *g, sf_v4l
     }
 }
 
-/* Planes of a picture: bytes of a row, rows, and how many times the first plane's stride fits theirs where
+/* A plane of a picture: bytes of a row, rows, and how many times the first plane's stride fits theirs where
  * they lie together. */
 typedef struct plane_shape {
     size_t row_bytes, rows, part;
 } plane_shape;
 
-static uint32_t shape_of(sf_pixel_format format, size_t w, size_t h, plane_shape shape[SF_FRAME_PLANES]) {
-    size_t half_w = (w + 1) / 2, half_h = (h + 1) / 2;
-    switch (format) {
-    case SF_PIXEL_RGB24:
-    case SF_PIXEL_BGR24:
-        shape[0] = (plane_shape){3 * w, h, 1};
-        return 1;
-    case SF_PIXEL_GREY:
-        shape[0] = (plane_shape){w, h, 1};
-        return 1;
-    case SF_PIXEL_YUYV:
-    case SF_PIXEL_UYVY:
-        shape[0] = (plane_shape){4 * half_w, h, 1};
-        return 1;
-    case SF_PIXEL_NV12:
-        shape[0] = (plane_shape){w, h, 1};
-        shape[1] = (plane_shape){2 * half_w, half_h, 1};
-        return 2;
-    case SF_PIXEL_YU12:
-    case SF_PIXEL_422P:
-        shape[0] = (plane_shape){w, h, 1};
-        shape[1] = shape[2] = (plane_shape){half_w, format == SF_PIXEL_YU12 ? half_h : h, 2};
-        return 3;
-    case SF_PIXEL_444P:
-        shape[0] = shape[1] = shape[2] = (plane_shape){w, h, 1};
-        return 3;
-    default:
-        shape[0] = (plane_shape){0, 0, 1};
-        return 1; /* MJPEG: a file */
+/* Of an MJPEG, a file, the one plane has no rows. */
+static uint32_t shape_of(sf_pixel_format format, int32_t w, int32_t h, plane_shape shape[SF_FRAME_PLANES]) {
+    int halves = format == SF_PIXEL_YU12 || format == SF_PIXEL_422P, planes = sf_format_planes(format);
+    for (int i = 0; i < SF_FRAME_PLANES; i++) {
+        sf_pixel_plane(format, w, h, i, &shape[i].row_bytes, &shape[i].rows);
+        shape[i].part = i && halves ? 2 : 1;
     }
+    return planes ? (uint32_t)planes : 1;
 }
 
 static sf_status check_stride(sf_v4l2_device *device, size_t stride, const plane_shape *shape,
@@ -488,7 +467,7 @@ static sf_status check_stride(sf_v4l2_device *device, size_t stride, const plane
 static sf_status lay_out(sf_v4l2_device *device, const given *g, sf_v4l2_picture *p) {
     plane_shape shape[SF_FRAME_PLANES];
     size_t offset = 0;
-    p->planes = shape_of(p->pixels->format, (size_t)p->width, (size_t)p->height, shape);
+    p->planes = shape_of(p->pixels->format, p->width, p->height, shape);
     int together = p->pixels->planes == 1;
     for (uint32_t k = 0; k < p->planes; k++) {
         uint32_t memory = together ? 0 : k;

@@ -129,12 +129,6 @@ static int run_bench(const char *arguments) {
     return system(command);
 }
 
-static double number(const json_t *object, const char *key) {
-    const json_t *value = json_object_get(object, key);
-    if (!json_is_number(value)) fail_msg("%s: not a number", key);
-    return json_number_value(value);
-}
-
 static void check_kernels(const json_t *kernels) {
     size_t i;
     const json_t *kernel;
@@ -142,8 +136,8 @@ static void check_kernels(const json_t *kernels) {
     json_array_foreach(kernels, i, kernel) {
         assert_true(json_is_string(json_object_get(kernel, "kernel")));
         assert_true(json_is_string(json_object_get(kernel, "level")));
-        assert_true(number(kernel, "ns_per_unit") > 0);
-        assert_true(number(kernel, "units") > 0);
+        assert_true(test_number(kernel, "ns_per_unit") > 0);
+        assert_true(test_number(kernel, "units") > 0);
     }
 }
 
@@ -152,20 +146,20 @@ static void check_report(const json_t *report) {
                  *steps = json_object_get(report, "steps"), *accuracy = json_object_get(report, "accuracy");
     size_t i;
     const json_t *item;
-    assert_true(number(machine, "clock_ghz") > 0);
-    assert_true(number(machine, "cpus") >= 1);
-    assert_true(number(json_array_get(json_object_get(roofs, "memory_read_gbs"), 0) ? roofs : NULL,
-                       "memory_array_bytes") > 0);
+    assert_true(test_number(machine, "clock_ghz") > 0);
+    assert_true(test_number(machine, "cpus") >= 1);
+    assert_true(test_number(json_array_get(json_object_get(roofs, "memory_read_gbs"), 0) ? roofs : NULL,
+                            "memory_array_bytes") > 0);
     check_kernels(json_object_get(report, "kernels"));
     assert_true(json_array_size(steps) > 0 && json_array_size(accuracy) > 0);
-    json_array_foreach(steps, i, item) assert_true(number(json_object_get(item, "ms"), "total") > 0);
+    json_array_foreach(steps, i, item) assert_true(test_number(json_object_get(item, "ms"), "total") > 0);
     json_array_foreach(accuracy, i, item) {
         /* the polynomials' own errors: 1.7e-3 at degree 2, 7.5e-5 at 3, 2.6e-6 at 4 */
         static const double most[] = {[2] = 1e-2, [3] = 1e-3, [4] = 1e-4, [5] = 1e-4, [6] = 1e-4};
-        int degree = (int)number(item, "degree");
+        int degree = (int)test_number(item, "degree");
         assert_true(degree >= 2 && degree <= 6);
-        assert_true(number(item, "picture_rms") < most[degree]);
-        assert_true(number(item, "gradient_rms") < 10 * most[degree]);
+        assert_true(test_number(item, "picture_rms") < most[degree]);
+        assert_true(test_number(item, "gradient_rms") < 10 * most[degree]);
     }
 }
 

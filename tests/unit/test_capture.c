@@ -66,11 +66,9 @@ static pid_t start(const char *const *args, rlim_t file_limit) {
     return pid;
 }
 
-static void pause_a_moment(void) { nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL); }
-
 static outcome wait_for(pid_t pid) {
     int status = 0, turns = TIME_LIMIT * 200;
-    while (waitpid(pid, &status, WNOHANG) == 0 && turns-- > 0) pause_a_moment();
+    while (waitpid(pid, &status, WNOHANG) == 0 && turns-- > 0) test_pause_ms(5);
     if (turns < 0) {
         kill(pid, SIGKILL);
         waitpid(pid, &status, 0);
@@ -114,21 +112,12 @@ static void run_limited(const char *const *args, rlim_t file_limit, int code, co
 
 static json_t *json_of(const char *recording, const char *name) {
     char path[256];
-    json_error_t error;
     snprintf(path, sizeof path, "%s/%s", recording, name);
-    json_t *json = json_load_file(test_path(path), JSON_REJECT_DUPLICATES, &error);
-    if (!json) fail_msg("%s: line %d: %s", path, error.line, error.text);
-    return json;
-}
-
-static double number(const json_t *object, const char *key) {
-    const json_t *value = json_object_get(object, key);
-    if (!json_is_number(value)) fail_msg("no number '%s'", key);
-    return json_number_value(value);
+    return test_json(test_path(path));
 }
 
 static double total(const json_t *list, const char *key) {
-    return number(json_object_get(list, "totals"), key);
+    return test_number(json_object_get(list, "totals"), key);
 }
 
 static const json_t *entry(const json_t *list, size_t index) {
@@ -152,8 +141,11 @@ static json_t *assert_recording(const char *recording, size_t pictures) {
         assert_non_null(name);
         snprintf(path, sizeof path, "%s/%s", recording, name);
         assert_true(test_exists(test_path(path)));
-        if (i) assert_true(number(entry(list, i), "sequence") > number(entry(list, i - 1), "sequence"));
-        if (i) assert_true(number(entry(list, i), "time_ns") > number(entry(list, i - 1), "time_ns"));
+        if (i)
+            assert_true(test_number(entry(list, i), "sequence") >
+                        test_number(entry(list, i - 1), "sequence"));
+        if (i)
+            assert_true(test_number(entry(list, i), "time_ns") > test_number(entry(list, i - 1), "time_ns"));
     }
     snprintf(path, sizeof path, "%s/.frames.json.tmp", recording);
     assert_false(test_exists(test_path(path)));
@@ -221,8 +213,8 @@ static void test_pictures(void **state) {
     assert_string_equal(json_string_value(json_object_get(list, "format")), "RGB24");
     assert_string_equal(json_string_value(json_object_get(entry(list, 2), "file")),
                         "images/frame_000003.jpg");
-    assert_true(number(entry(list, 2), "time_ns") == 66666666);
-    assert_true(number(entry(list, 0), "sharpness") > 1);
+    assert_true(test_number(entry(list, 2), "time_ns") == 66666666);
+    assert_true(test_number(entry(list, 0), "sharpness") > 1);
     assert_true(total(list, "dropped") + total(list, "skipped") + total(list, "damaged") == 0);
     json_decref(list);
 }
@@ -263,13 +255,13 @@ static void test_every(void **state) {
     (void)state;
     capture_ok(SCENE, "-o", "every", "--every", "4");
     json_t *list = assert_recording("every", 3);
-    for (size_t i = 0; i < 3; i++) assert_true(number(entry(list, i), "sequence") == (double)(4 * i));
+    for (size_t i = 0; i < 3; i++) assert_true(test_number(entry(list, i), "sequence") == (double)(4 * i));
     assert_true(total(list, "given") == SCENE_FRAMES && total(list, "passed_over") == 6);
     json_decref(list);
 
     capture_ok(SCENE, "-o", "few", "--frames", "2", "--every", "3");
     list = assert_recording("few", 2);
-    assert_true(number(entry(list, 1), "sequence") == 3);
+    assert_true(test_number(entry(list, 1), "sequence") == 3);
     assert_true(total(list, "given") == 4); /* none is taken beyond those */
     json_decref(list);
 
@@ -302,13 +294,13 @@ static void test_sharpest(void **state) {
     capture_ok("folder:stripes", "-o", "sharp", "--every", "3", "--sharpest");
     json_t *list = assert_recording("sharp", 3); /* the last group has two frames */
     static const double best[3] = {1, 4, 7};
-    for (size_t i = 0; i < 3; i++) assert_true(number(entry(list, i), "sequence") == best[i]);
-    assert_true(number(entry(list, 0), "sharpness") > 2 * number(entry(list, 1), "sharpness"));
+    for (size_t i = 0; i < 3; i++) assert_true(test_number(entry(list, i), "sequence") == best[i]);
+    assert_true(test_number(entry(list, 0), "sharpness") > 2 * test_number(entry(list, 1), "sharpness"));
     assert_true(total(list, "passed_over") == 5);
     json_decref(list);
     capture_ok("folder:stripes", "-o", "one", "--every", "3", "--sharpest", "--frames", "1");
     list = assert_recording("one", 1);
-    assert_true(number(entry(list, 0), "sequence") == 1 && total(list, "given") == 3);
+    assert_true(test_number(entry(list, 0), "sequence") == 1 && total(list, "given") == 3);
     json_decref(list);
     sf_context_destroy(&ctx);
 }
@@ -322,7 +314,7 @@ static void test_downscale(void **state) {
     options.downscale = 3;
     capture_ok(SCENE, "-o", "small", "--downscale", "3", "--format", "png", "--frames", "3");
     json_t *list = assert_recording("small", 3);
-    assert_true(number(entry(list, 0), "width") == 10 && number(entry(list, 0), "height") == 8);
+    assert_true(test_number(entry(list, 0), "width") == 10 && test_number(entry(list, 0), "height") == 8);
     json_decref(list);
     assert_ok(ctx, sf_scene_load(ctx, SCENE, &options, &should));
     assert_ok(ctx, sf_scene_load(ctx, test_path("small"), NULL, &is));
@@ -367,7 +359,7 @@ static void test_jpegs(void **state) {
         uint8_t *bytes = test_read(test_path(path), &size);
         assert_int_equal(size, sizes[numbers[i]]);
         assert_memory_equal(bytes, files[numbers[i]], size);
-        assert_true(number(entry(list, i), "sequence") == (double)numbers[i]);
+        assert_true(test_number(entry(list, i), "sequence") == (double)numbers[i]);
         free(bytes);
     }
     json_decref(list);
@@ -464,7 +456,7 @@ static void end_by(int number, const char *folder) {
     char images[600];
     snprintf(images, sizeof images, "%s/images", test_path(folder));
     int turns = TIME_LIMIT * 200;
-    while (test_count_entries(images) < 3 && turns-- > 0) pause_a_moment();
+    while (test_count_entries(images) < 3 && turns-- > 0) test_pause_ms(5);
     kill(pid, number);
     outcome o = wait_for(pid);
     assert_int_equal(o.code, 128 + number);
@@ -556,11 +548,11 @@ static void test_lens(void **state) {
     capture_ok(SCENE, "-o", "lens", "--frames", "1", "--lens", "lens.json", "--downscale", "2");
     json_t *list = assert_recording("lens", 1);
     const json_t *lens = json_object_get(list, "lens");
-    assert_true(number(lens, "w") == 16 && number(lens, "h") == 12);
-    assert_true(number(lens, "fl_x") == 15 && number(lens, "fl_y") == 15.5);
-    assert_true(number(lens, "cx") == 8.25 && number(lens, "cy") == 6.125);
-    assert_true(number(lens, "k1") == 0.1 && number(lens, "k2") == -0.02);
-    assert_true(number(lens, "p1") == 1e-3 && number(lens, "p2") == 2e-3);
+    assert_true(test_number(lens, "w") == 16 && test_number(lens, "h") == 12);
+    assert_true(test_number(lens, "fl_x") == 15 && test_number(lens, "fl_y") == 15.5);
+    assert_true(test_number(lens, "cx") == 8.25 && test_number(lens, "cy") == 6.125);
+    assert_true(test_number(lens, "k1") == 0.1 && test_number(lens, "k2") == -0.02);
+    assert_true(test_number(lens, "p1") == 1e-3 && test_number(lens, "p2") == 2e-3);
     json_decref(list);
     known.width = 640;
     assert_ok(ctx, sf_calibration_save(ctx, &known, test_path("other.json")));

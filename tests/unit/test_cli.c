@@ -89,8 +89,6 @@ static pid_t start_program(const char *const *args, const launch *how) {
     return pid;
 }
 
-static void pause_a_moment(void) { nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL); }
-
 static double now(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
@@ -121,7 +119,7 @@ static outcome take_outcome(int status) {
 static outcome wait_for(pid_t pid) {
     double since = now();
     int status = 0;
-    while (!has_ended(pid, since, &status)) pause_a_moment();
+    while (!has_ended(pid, since, &status)) test_pause_ms(5);
     return take_outcome(status);
 }
 
@@ -189,19 +187,6 @@ static void assert_same_files(const char *a, const char *b) {
     if (x.size != y.size || memcmp(x.data, y.data, x.size)) fail_msg("%s and %s differ", a, b);
     free(x.data);
     free(y.data);
-}
-
-static json_t *json_of(const char *name) {
-    json_error_t error;
-    json_t *json = json_load_file(work(name), JSON_REJECT_DUPLICATES, &error);
-    if (!json) fail_msg("%s: line %d: %s", name, error.line, error.text);
-    return json;
-}
-
-static double number(const json_t *object, const char *key) {
-    const json_t *value = json_object_get(object, key);
-    if (!json_is_number(value)) fail_msg("no number '%s'", key);
-    return json_number_value(value);
 }
 
 /* Gaussians of a model file that must be whole. */
@@ -771,14 +756,14 @@ static void test_help_is_complete(void **state) {
 }
 
 static void check_log(const char *name) {
-    json_t *log = json_of(name), *options = json_object_get(log, "options");
+    json_t *log = test_json(work(name)), *options = json_object_get(log, "options");
     const json_t *curve = json_object_get(log, "curve"), *result = json_object_get(log, "result");
     sf_option_info info;
     for (size_t i = 0; !sf_fit_option_info(i, &info); i++)
         if (!json_object_get(options, info.name)) fail_msg("the log lacks the option %s", info.name);
-    assert_int_equal(number(options, "seed"), 7);
-    assert_int_equal(number(options, "steps"), 30);
-    assert_int_equal(number(log, "threads"), 2);
+    assert_int_equal(test_number(options, "seed"), 7);
+    assert_int_equal(test_number(options, "steps"), 30);
+    assert_int_equal(test_number(log, "threads"), 2);
     assert_true(json_string_length(json_object_get(log, "isa")) > 0);
     assert_string_equal(json_string_value(json_object_get(log, "version")), sf_version());
     assert_string_equal(json_string_value(json_object_get(log, "project")), SCENE);
@@ -787,29 +772,30 @@ static void check_log(const char *name) {
     json_t *point;
     double step = 0, seconds = 0;
     json_array_foreach(curve, i, point) {
-        assert_true(number(point, "step") >= step && number(point, "loss") > 0);
-        assert_true(number(point, "gaussians") <= 400);
-        step = number(point, "step");
+        assert_true(test_number(point, "step") >= step && test_number(point, "loss") > 0);
+        assert_true(test_number(point, "gaussians") <= 400);
+        step = test_number(point, "step");
         with_psnr += json_object_get(point, "psnr") != NULL;
         assert_true(!json_object_get(point, "psnr") == !json_object_get(point, "ssim"));
-        assert_true(number(point, "seconds") > seconds);
-        seconds = number(point, "seconds");
+        assert_true(test_number(point, "seconds") > seconds);
+        seconds = test_number(point, "seconds");
     }
     const json_t *machine = json_object_get(log, "machine"), *scene = json_object_get(log, "scene");
     assert_true(json_string_length(json_object_get(machine, "cpu")) > 0);
-    assert_int_equal(number(machine, "threads"), 2);
+    assert_int_equal(test_number(machine, "threads"), 2);
     assert_string_equal(json_string_value(json_object_get(scene, "name")), "sim:studio");
-    assert_int_equal(number(scene, "width"), SCENE_WIDTH);
-    assert_int_equal(number(scene, "height"), SCENE_HEIGHT);
-    assert_int_equal(number(log, "seed"), 7);
-    assert_true(number(result, "seconds") >= seconds && number(result, "evaluation_seconds") > 0);
-    assert_true(number(result, "setup_seconds") < seconds && number(result, "fit_seconds") <= seconds);
-    assert_in_range((size_t)(1000 * number(result, "needles")), 0, 1000);
+    assert_int_equal(test_number(scene, "width"), SCENE_WIDTH);
+    assert_int_equal(test_number(scene, "height"), SCENE_HEIGHT);
+    assert_int_equal(test_number(log, "seed"), 7);
+    assert_true(test_number(result, "seconds") >= seconds && test_number(result, "evaluation_seconds") > 0);
+    assert_true(test_number(result, "setup_seconds") < seconds &&
+                test_number(result, "fit_seconds") <= seconds);
+    assert_in_range((size_t)(1000 * test_number(result, "needles")), 0, 1000);
     assert_int_equal(step, 30);
     assert_int_equal(with_psnr, 3); /* every 10 steps */
-    assert_int_equal(number(result, "steps"), 30);
-    assert_true(number(result, "psnr") > 5 && number(result, "ssim") > 0);
-    assert_true(number(result, "psnr_corrected") > 5);
+    assert_int_equal(test_number(result, "steps"), 30);
+    assert_true(test_number(result, "psnr") > 5 && test_number(result, "ssim") > 0);
+    assert_true(test_number(result, "psnr_corrected") > 5);
     assert_int_equal(json_array_size(json_object_get(result, "views")), SCENE_HELD_OUT);
     assert_true(json_is_true(json_object_get(result, "complete")));
     json_decref(log);
@@ -828,7 +814,7 @@ static void test_fit_writes_all(void **state) {
     assert_int_equal(test_count_entries(work("out")), 4);
     size_t count = count_in("out/m.ply");
     assert_in_range(count, 1, 400);
-    json_t *cameras = json_of("out/cameras.json");
+    json_t *cameras = test_json(work("out/cameras.json"));
     assert_int_equal(json_array_size(cameras), SCENE_VIEWS);
     json_decref(cameras);
     assert_png("out/c.png", 2 * SCENE_WIDTH, SCENE_HEIGHT);
@@ -843,7 +829,7 @@ static void test_quiet_and_cameras(void **state) {
     assert_string_equal(o.out, "");
     assert_string_equal(o.err, "");
     free_outcome(&o);
-    json_t *cameras = json_of("out/c.json");
+    json_t *cameras = test_json(work("out/c.json"));
     assert_int_equal(json_array_size(cameras), IMAGES);
     json_decref(cameras);
     assert_int_equal(test_count_entries(work("out")), 2);
@@ -858,24 +844,25 @@ static void test_eval(void **state) {
     assert_string_equal(o.err, "");
     test_assert_contains(o.out, "frame_0008", __FILE__, __LINE__);
     free_outcome(&o);
-    json_t *json = json_of("out/e.json"), *views = json_object_get(json, "views"), *view;
+    json_t *json = test_json(work("out/e.json")), *views = json_object_get(json, "views"), *view;
     double psnr = 0, ssim = 0;
     size_t i;
     assert_int_equal(json_array_size(views), SCENE_HELD_OUT);
     json_array_foreach(views, i, view) {
         assert_true(json_is_string(json_object_get(view, "name")));
-        psnr += number(view, "psnr") / SCENE_HELD_OUT;
-        ssim += number(view, "ssim") / SCENE_HELD_OUT;
+        psnr += test_number(view, "psnr") / SCENE_HELD_OUT;
+        ssim += test_number(view, "ssim") / SCENE_HELD_OUT;
     }
-    assert_true(fabs(number(json, "psnr") - psnr) < 1e-9 && fabs(number(json, "ssim") - ssim) < 1e-9);
+    assert_true(fabs(test_number(json, "psnr") - psnr) < 1e-9 &&
+                fabs(test_number(json, "ssim") - ssim) < 1e-9);
     content model = content_of("good.ply");
-    assert_int_equal(number(json, "gaussians"), 5);
-    assert_int_equal(number(json, "bytes"), model.size);
+    assert_int_equal(test_number(json, "gaussians"), 5);
+    assert_int_equal(test_number(json, "bytes"), model.size);
     free(model.data);
     json_decref(json);
 
     run_quietly(ARGS("eval", "good.ply", SCENE, "--split", "all", "--json", "out/e.json"));
-    json = json_of("out/e.json");
+    json = test_json(work("out/e.json"));
     assert_int_equal(json_array_size(json_object_get(json, "views")), SCENE_VIEWS);
     json_decref(json);
 }
@@ -899,7 +886,7 @@ static void test_render(void **state) {
     assert_int_equal(test_count_entries(work("out/r")), SCENE_VIEWS + 1);
     assert_png("out/r/frame_0000.png", SCENE_WIDTH, SCENE_HEIGHT);
     assert_png("out/r/frame_0008.png", SCENE_WIDTH, SCENE_HEIGHT);
-    json_t *cameras = json_of("out/r/cameras.json");
+    json_t *cameras = test_json(work("out/r/cameras.json"));
     assert_int_equal(json_array_size(cameras), SCENE_VIEWS);
     json_decref(cameras);
     remove_renders("out/r");
@@ -962,9 +949,9 @@ static void test_progress_as_json(void **state) {
         *end = 0;
         json_t *json = json_loads(line, 0, &error);
         if (!json) fail_msg("\"%s\": %s", line, error.text);
-        assert_true(number(json, "step") >= step && number(json, "steps") == 20);
-        assert_true(number(json, "gaussians") > 0 && json_is_number(json_object_get(json, "loss")));
-        step = number(json, "step");
+        assert_true(test_number(json, "step") >= step && test_number(json, "steps") == 20);
+        assert_true(test_number(json, "gaussians") > 0 && json_is_number(json_object_get(json, "loss")));
+        step = test_number(json, "step");
         json_decref(json);
     }
     assert_true(lines >= 1);
@@ -1031,7 +1018,7 @@ static void test_model_to_a_pipe(void **state) {
         if (n > 0) continue;
         if (ended) break; /* nothing more after its end */
         ended = has_ended(pid, since, &status);
-        if (!ended) pause_a_moment();
+        if (!ended) test_pause_ms(5);
     }
     close(fd);
     outcome o = take_outcome(status);
@@ -1067,8 +1054,8 @@ static void test_from(void **state) {
     for (int i = 0; i < 2; i++) {
         run_quietly(
             ARGS("eval", i ? "out/b.ply" : "out/a.ply", SCENE, "--split", "train", "--json", "out/e.json"));
-        json_t *json = json_of("out/e.json");
-        psnr[i] = number(json, "psnr");
+        json_t *json = test_json(work("out/e.json"));
+        psnr[i] = test_number(json, "psnr");
         json_decref(json);
     }
     print_message("%.2f dB, after a third more steps %.2f dB\n", psnr[0], psnr[1]);
@@ -1086,7 +1073,7 @@ static void wait_for_text(pid_t pid, const char *text) {
         found = strstr(out, text) != NULL;
         free(out);
         if (!found && has_ended(pid, since, &status)) fail_msg("ended before it said \"%s\"", text);
-        if (!found) pause_a_moment();
+        if (!found) test_pause_ms(5);
     }
 }
 
@@ -1110,8 +1097,8 @@ static void test_resume(void **state) {
     test_assert_contains(o.out, "going on after step ", __FILE__, __LINE__);
     free_outcome(&o);
     assert_same_files("out/a.ply", "out/b.ply");
-    json_t *log = json_of("out/log.json");
-    assert_true(number(json_object_get(log, "options"), "max_gaussians") == 400);
+    json_t *log = test_json(work("out/log.json"));
+    assert_true(test_number(json_object_get(log, "options"), "max_gaussians") == 400);
     json_decref(log);
 
     assert_int_equal(rename(work("out/c"), work("c")), 0);
@@ -1168,10 +1155,11 @@ static void test_replay(void **state) {
     run_quietly(ARGS("fit", SCENE, "-o", "out/b.ply", "--replay", "out/a.json", "--threads", "1", "--log",
                      "out/b.json", "--cameras", "none"));
     assert_same_files("out/a.ply", "out/b.ply");
-    json_t *a = json_of("out/a.json"), *b = json_of("out/b.json"), *times = json_object_get(a, "plan");
+    json_t *a = test_json(work("out/a.json")), *b = test_json(work("out/b.json")),
+           *times = json_object_get(a, "plan");
     assert_true(json_equal(times, json_object_get(b, "plan")));
     assert_true(json_equal(json_object_get(a, "options"), json_object_get(b, "options")));
-    assert_true(number(times, "steps") == number(json_object_get(a, "result"), "steps"));
+    assert_true(test_number(times, "steps") == test_number(json_object_get(a, "result"), "steps"));
     write_changed("other.json", a, "isa", json_string("abacus"));
     write_changed("version.json", a, "version", json_string("0"));
     write_changed("planless.json", a, "plan", NULL);
@@ -1201,8 +1189,8 @@ static void test_replay(void **state) {
 
 /* MB that the program has had resident, by its log. */
 static double peak_in(const char *name) {
-    json_t *log = json_of(name);
-    double peak = number(json_object_get(log, "result"), "peak_memory_mb");
+    json_t *log = test_json(work(name));
+    double peak = test_number(json_object_get(log, "result"), "peak_memory_mb");
     json_decref(log);
     return peak;
 }
@@ -1221,9 +1209,10 @@ static void test_memory(void **state) {
     test_assert_contains(o.out, "memory: about ", __FILE__, __LINE__);
     test_assert_contains(o.err, "max_gaussians lowered from 1000000 to ", __FILE__, __LINE__);
     free_outcome(&o);
-    json_t *log = json_of("out/log.json"), *options = json_object_get(log, "options");
-    assert_true(number(options, "max_gaussians") > 1000 && number(options, "max_gaussians") < 200000);
-    assert_true(number(options, "memory") == allowed * 1048576);
+    json_t *log = test_json(work("out/log.json")), *options = json_object_get(log, "options");
+    assert_true(test_number(options, "max_gaussians") > 1000 &&
+                test_number(options, "max_gaussians") < 200000);
+    assert_true(test_number(options, "memory") == allowed * 1048576);
     json_decref(log);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     assert_true(peak_in("out/log.json") <= allowed);
@@ -1251,9 +1240,9 @@ static void check_signal(int number_of_signal) {
     free_outcome(&o);
     assert_true(count_in("out/m.ply") > 0);
     assert_int_equal(test_count_entries(work("out")), 3);
-    json_t *log = json_of("out/log.json"), *result = json_object_get(log, "result");
+    json_t *log = test_json(work("out/log.json")), *result = json_object_get(log, "result");
     assert_true(json_is_false(json_object_get(result, "complete")));
-    assert_true(number(result, "steps") >= 1 && number(result, "steps") < 100000000);
+    assert_true(test_number(result, "steps") >= 1 && test_number(result, "steps") < 100000000);
     json_decref(log);
 }
 

@@ -335,8 +335,6 @@ static void test_bad_names(void **state) {
 
 /* Sources that keep time. */
 
-static void pause_ms(long ms) { nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL); }
-
 /* Frames are due on the clock: each is given, skipped or dropped, and none comes before it is due. */
 static void keep_time(sf_context *ctx, sf_source *source, int newest) {
     sf_frame frame;
@@ -345,7 +343,7 @@ static void keep_time(sf_context *ctx, sf_source *source, int newest) {
     int64_t first_ns = 0;
     for (int i = 0; i < 12; i++) {
         struct timespec now;
-        if (i % 4 == 3) pause_ms(20); /* 20 frames */
+        if (i % 4 == 3) test_pause_ms(20); /* 20 frames */
         assert_ok(ctx, newest ? sf_source_newest(source, -1, &frame) : sf_source_next(source, -1, &frame));
         clock_gettime(CLOCK_MONOTONIC, &now);
         if (!i)
@@ -410,7 +408,7 @@ static void test_not_due(void **state) {
     assert_ok(ctx, sf_source_open(ctx, "sim:studio?width=16&height=16&frames=10&fps=1000", &source));
     assert_ok(ctx, sf_source_next(source, -1, &frame));
     sf_source_release(source, &frame);
-    pause_ms(20);
+    test_pause_ms(20);
     for (uint64_t i = 10 - SF_PACE_WAITING; i < 10; i++) {
         assert_ok(ctx, sf_source_next(source, -1, &frame));
         assert_int_equal(frame.sequence, i);

@@ -473,8 +473,6 @@ static const char *fifo_name(const char *options) {
     return name;
 }
 
-static void pause_ms(long ms) { nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL); }
-
 /* A process that writes frames first .. first+count-1 into the fifo. */
 static pid_t start_writer(const char *header, uint64_t first, uint64_t count, long pause) {
     const char *path = test_path("fifo");
@@ -488,7 +486,7 @@ static pid_t start_writer(const char *header, uint64_t first, uint64_t count, lo
     for (uint64_t k = first; k < first + count; k++) {
         for (size_t i = 0; i < SMALL; i++) bytes[i] = pixel(k, i);
         if (write(fd, bytes, SMALL) != SMALL) _exit(1);
-        if (pause) pause_ms(pause);
+        if (pause) test_pause_ms(pause);
     }
     _exit(0);
 }
@@ -526,7 +524,7 @@ static void test_nothing_is_lost(void **state) {
     sf_source *source = open_source(ctx, fifo_name(SMALL_OPTIONS));
     pid_t writer = start_writer("", 0, FRAMES, 0);
     for (uint64_t i = 0; i < FRAMES; i++) {
-        if (i % 20 == 0) pause_ms(5);
+        if (i % 20 == 0) test_pause_ms(5);
         assert_ok(ctx, sf_source_newest(source, -1, &frame)); /* not live: the next */
         assert_int_equal(frame.sequence, i);
         assert_pixels(&frame, i);
