@@ -264,8 +264,8 @@ struct Request {
     char camera[192];
     char size[32] = "", format[16] = "", exposure[32] = "";
     int32_t width = 0, height = 0; /* 0: the camera's choice */
-    double fps = 0, gain = 0;  /* 0: the camera's choice */
-    int exposure_us = 0;       /* 0: the camera's choice, -1: automatic */
+    double fps = 0, gain = 0;      /* 0: the camera's choice */
+    int exposure_us = 0;           /* 0: the camera's choice, -1: automatic */
     unsigned buffers = 4;
 };
 
