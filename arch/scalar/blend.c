@@ -159,3 +159,61 @@ void sf_blend_bwd_scalar(const sf_blend_args *a) {
         }
     }
 }
+
+void sf_blend_worth_scalar(const sf_blend_args *a) {
+    float T[SF_TILE_PIXELS], d_rgb[SF_TILE_PIXELS][3], behind[SF_TILE_PIXELS][3]; /* C - S_i */
+    float weight[SF_TILE_PIXELS], error[SF_TILE_PIXELS];
+    uint32_t last = 0;
+    for (int y = 0; y < SF_TILE; y++)
+        for (int x = 0; x < SF_TILE; x++) {
+            int px = y * SF_TILE + x;
+            size_t at = (size_t)y * a->stride + (size_t)x;
+            T[px] = 1.0f;
+            weight[px] = a->weight[at];
+            error[px] = 0.0f;
+            for (int ch = 0; ch < 3; ch++) {
+                d_rgb[px][ch] = a->d_rgb[ch][at];
+                behind[px][ch] = a->rgb[ch][at];
+                error[px] += d_rgb[px][ch] * d_rgb[px][ch];
+            }
+            if (a->last[px] > last) last = a->last[px];
+        }
+
+    for (uint32_t e = 0; e < a->count; e++) {
+        float *sums = a->sums + (size_t)a->slots[e] * SF_SUMS;
+        for (int k = 0; k < SF_WORTH_SUMS; k++) sums[k] = 0.0f;
+        if (e >= last) continue;
+        const sf_splat *g = &a->splats[a->entries[e]];
+        for (int y = first_row_of(g, a), y_end = end_row_of(g, a); y < y_end; y++) {
+            row_span row = row_of(g, a, y);
+            for (int x = row.x0; x < row.x1; x++) {
+                int px = y * SF_TILE + x;
+                if (e >= a->last[px]) continue;
+                /* 1. o g in base 2 */
+                float t = row.t_row + g->l00 * (row.dx0 + (float)x);
+                float power = g->log2_opacity - (t * t + row.ss);
+                if (power < -8.0f) continue;
+                /* 2. opacity at this pixel */
+                float alpha = sf_exp2(power);
+                if (alpha < SF_ALPHA_MIN) continue;
+                if (alpha > SF_ALPHA_MAX) alpha = SF_ALPHA_MAX;
+                /* 3. what the pixel has of it, and what it hides */
+                float w = alpha * T[px], ratio = alpha / (1.0f - alpha), square = 0, along = 0;
+                for (int ch = 0; ch < 3; ch++) {
+                    behind[px][ch] -= w * g->rgb[ch];
+                    float part = w * g->rgb[ch] - ratio * behind[px][ch];
+                    sums[ch] += w * d_rgb[px][ch];
+                    along += part * d_rgb[px][ch];
+                    square += part * part;
+                }
+                T[px] *= 1.0f - alpha;
+                /* 4. sums */
+                sums[3] += along;
+                sums[4] += weight[px] * square;
+                sums[5] += weight[px] * w * w;
+                sums[6] += w * error[px];
+                sums[7] += weight[px] * w;
+            }
+        }
+    }
+}

@@ -310,6 +310,52 @@ VEC void blend_bwd_pair(const chunk *c, int i, const pairs *r, int k, int opaque
     sums[8] = vf_fma(qs, r->s[k], sums[8]);
 }
 
+/* What blend_worth keeps of a block's pixels beside those: what lies behind the entries so far, C - S_i, the
+ * weight, and the weighted square error. */
+typedef struct worth_pixels {
+    vf behind[3], weight, error;
+} worth_pixels;
+
+static void load_worth(const sf_blend_args *a, const pixels p[BLOCKS], worth_pixels q[BLOCKS]) {
+    for (int block = 0; block < BLOCKS; block++, p++, q++) {
+        size_t at = (size_t)(block / ACROSS * VB_ROWS) * a->stride + (size_t)(block % ACROSS * VB_COLUMNS);
+        q->weight = vf_load_block(a->weight + at, a->stride);
+        q->error = vf_set(0);
+        for (int ch = 0; ch < 3; ch++) {
+            q->behind[ch] = vf_load_block(a->rgb[ch] + at, a->stride);
+            q->error = vf_fma(p->d_rgb[ch], p->d_rgb[ch], q->error);
+        }
+    }
+}
+
+/* Pair k of Gaussian i: its part of the sums of blend_worth. */
+VEC void blend_worth_pair(const chunk *c, int i, const pairs *r, int k, pixels *p, worth_pixels *q,
+                          vf sums[SF_WORTH_SUMS]) {
+    p += r->block[k], q += r->block[k];
+    /* 2. opacity at this pixel */
+    vf alpha = vf_min(r->og[k], vf_set(SF_ALPHA_MAX)), T = p->T, next = vf_fnma(T, alpha, T);
+    p->T = next;
+    vm open = vf_ge(next, vf_set(SF_T_STOP));
+    /* 3. what the pixel has of it, and what it hides */
+    vf w = vf_keep(open, vf_mul(T, alpha)), along = vf_set(0), square = vf_set(0);
+    vf ratio = vf_keep(open, vf_mul(alpha, vf_reciprocal(vf_sub(vf_set(1), alpha))));
+    for (int ch = 0; ch < 3; ch++) {
+        vf of_it = vf_mul(w, vf_set(c->rgb[ch][i])), behind = vf_sub(q->behind[ch], of_it);
+        q->behind[ch] = behind;
+        vf part = vf_fnma(ratio, behind, of_it);
+        sums[ch] = vf_fma(w, p->d_rgb[ch], sums[ch]);
+        along = vf_fma(part, p->d_rgb[ch], along);
+        square = vf_fma(part, part, square);
+    }
+    /* 4. sums */
+    vf weighted = vf_mul(q->weight, w);
+    sums[3] = vf_add(sums[3], along);
+    sums[4] = vf_fma(q->weight, square, sums[4]);
+    sums[5] = vf_fma(weighted, w, sums[5]);
+    sums[6] = vf_fma(w, q->error, sums[6]);
+    sums[7] = vf_add(sums[7], weighted);
+}
+
 /* The blocks that are still open at entry e; *until: the entry at which that changes. Without branches: which
  * blocks they are is not foreseeable. */
 static uint64_t open_blocks(const uint32_t *last, uint32_t e, uint32_t *until) {
@@ -324,11 +370,14 @@ static uint64_t open_blocks(const uint32_t *last, uint32_t e, uint32_t *until) {
     return open;
 }
 
-void KERNEL(sf_blend_bwd)(const sf_blend_args *a) {
+/* The sums of each entry over its pairs: those of blend_bwd, or of blend_worth. */
+VEC void gather_sums(const sf_blend_args *a, int worth) {
     chunk c;
     pixels p[BLOCKS];
+    worth_pixels q[BLOCKS];
     pairs r;
     load_pixels(a, p);
+    if (worth) load_worth(a, p, q);
     uint32_t until = 0, count = 0;
     uint64_t open = 0;
     for (int block = 0; block < BLOCKS; block++) count = a->last[block] > count ? a->last[block] : count;
@@ -348,7 +397,9 @@ void KERNEL(sf_blend_bwd)(const sf_blend_args *a) {
             for (int g = first, k = 0; g < i; g++) {
                 vf sums[9];
                 for (int j = 0; j < 9; j++) sums[j] = vf_set(0);
-                if (c.power[g] > LOG2_ALPHA_MAX)
+                if (worth)
+                    for (; k < end[g - first]; k++) blend_worth_pair(&c, g, &r, k, p, q, sums);
+                else if (c.power[g] > LOG2_ALPHA_MAX)
                     for (; k < end[g - first]; k++) blend_bwd_pair(&c, g, &r, k, 1, p, sums);
                 else
                     for (; k < end[g - first]; k++) blend_bwd_pair(&c, g, &r, k, 0, p, sums);
@@ -361,3 +412,9 @@ void KERNEL(sf_blend_bwd)(const sf_blend_args *a) {
     for (uint32_t e = count; e < a->count; e++)
         for (int k = 0; k < 9; k++) a->sums[(size_t)a->slots[e] * SF_SUMS + (size_t)k] = 0;
 }
+
+void KERNEL(sf_blend_bwd)(const sf_blend_args *a) { gather_sums(a, 0); }
+
+#if !defined(SF_BLEND_VARIANT)
+void KERNEL(sf_blend_worth)(const sf_blend_args *a) { gather_sums(a, 1); }
+#endif

@@ -22,6 +22,7 @@ static sf_blend_args tile_args(const sf_workspace *ws, size_t tile) {
                           .transmittance = ws->transmittance + at,
                           .last = ws->last + tile * SF_TILE_PIXELS,
                           .parts = ws->entry_parts + begin,
+                          .weight = ws->weight ? ws->weight + at : NULL,
                           .sums = ws->sums};
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         args.background[ch] = ws->background[ch];
@@ -52,13 +53,24 @@ static void blend_bwd_task(void *ws_pointer, size_t tile, int thread) {
     ws->ctx->kernels->blend_bwd(&args);
 }
 
-sf_status sf_stage_blend_bwd(sf_workspace *ws) {
+static void blend_worth_task(void *ws_pointer, size_t tile, int thread) {
+    (void)thread;
+    sf_workspace *ws = ws_pointer;
+    sf_blend_args args = tile_args(ws, tile);
+    ws->ctx->kernels->blend_worth(&args);
+}
+
+/* A task for each tile, which fills the sums of its slots. */
+static sf_status fill_slots(sf_workspace *ws, sf_task_fn task) {
     size_t slots = ws->slot[ws->count];
     sf_status status = sf_grow(ws->ctx, &ws->sums, &ws->sums_capacity, 0, slots, SF_SUMS * sizeof(float));
     if (status) return status;
-    sf_pool_run(ws->ctx->pool, (size_t)ws->eye.tiles_x * (size_t)ws->eye.tiles_y, blend_bwd_task, ws);
+    sf_pool_run(ws->ctx->pool, (size_t)ws->eye.tiles_x * (size_t)ws->eye.tiles_y, task, ws);
     return SF_OK;
 }
+
+sf_status sf_stage_blend_bwd(sf_workspace *ws) { return fill_slots(ws, blend_bwd_task); }
+sf_status sf_stage_blend_worth(sf_workspace *ws) { return fill_slots(ws, blend_worth_task); }
 
 static void background_task(void *ws_pointer, size_t row, int thread) {
     (void)thread;

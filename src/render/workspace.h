@@ -97,6 +97,8 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double weight_sum, int with_
                    sf_loss_value *value);
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws);
+/* The sums of blend_worth in the slots, of ws->d_rgb and ws->weight, which is 0 beyond the picture. */
+sf_status sf_stage_blend_worth(sf_workspace *ws);
 /* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
  * grads' arrays. Called on the pool's threads, for each block once. */
 typedef void (*sf_grads_fn)(void *user, const sf_params *grads, size_t first, size_t end);
