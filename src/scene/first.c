@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "nearest.h"
 #include "random.h"
 #include "sweep.h"
 

@@ -26,8 +26,4 @@ typedef struct sf_first_options {
  * SF_FIRST_POINTS in a scene without points. */
 sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
 
-/* distances[i] = mean distance from point i of [n][3] to its (up to) 3 nearest others; 0 if there is no
- * other. */
-sf_status sf_nearest_distances(sf_context *ctx, const float *points, size_t n, float *distances);
-
 #endif

@@ -1,11 +1,11 @@
-/* nearest.c - distances to the nearest points, by a balanced k-d tree kept in one array. */
-#include "first.h"
+/* nearest.c - the nearest points, by a balanced k-d tree kept in one array. */
+#include "nearest.h"
 
 #include <math.h>
 
 #include "../base/pool.h"
 
-enum { NEIGHBOURS = 3, LEAF = 8, CHUNK = 512 };
+enum { LEAF = 8, CHUNK = 512 };
 
 /* A node is a range of `order`; where it is longer than a leaf, its middle element splits it along
  * axis[middle]. */
@@ -14,7 +14,8 @@ typedef struct tree {
     uint32_t *order;
     uint8_t *axis;
     size_t n;
-    float *distances;
+    int wanted;
+    sf_nearest *nearest;
 } tree;
 
 static float coordinate(const tree *t, size_t k, int axis) {
@@ -77,22 +78,24 @@ static void build(tree *t, size_t begin, size_t end) {
     }
 }
 
-/* The nearest so far, squared, ascending. */
+/* The nearest so far, ascending, by the square of the distance. */
 typedef struct query {
     const float *point;
     uint32_t self;
-    float nearest[NEIGHBOURS];
+    int wanted;
+    sf_nearest *nearest;
 } query;
 
 static void consider(const tree *t, size_t k, query *q) {
     if (t->order[k] == q->self) return;
     const float *p = t->points + 3 * (size_t)t->order[k];
-    float x = p[0] - q->point[0], y = p[1] - q->point[1], z = p[2] - q->point[2], d = x * x + y * y + z * z;
-    for (int i = 0; i < NEIGHBOURS; i++)
-        if (d < q->nearest[i]) {
-            float keep = q->nearest[i];
-            q->nearest[i] = d;
-            d = keep;
+    float x = p[0] - q->point[0], y = p[1] - q->point[1], z = p[2] - q->point[2];
+    sf_nearest one = {t->order[k], x * x + y * y + z * z};
+    for (int i = 0; i < q->wanted; i++)
+        if (one.distance < q->nearest[i].distance) {
+            sf_nearest keep = q->nearest[i];
+            q->nearest[i] = one;
+            one = keep;
         }
 }
 
@@ -106,7 +109,7 @@ static void visit(const tree *t, size_t begin, size_t end, query *q) {
     int left_first = across < 0;
     visit(t, left_first ? begin : middle + 1, left_first ? middle : end, q);
     consider(t, middle, q);
-    if (across * across < q->nearest[NEIGHBOURS - 1]) /* what is as far does not come nearer */
+    if (across * across < q->nearest[q->wanted - 1].distance) /* what is as far does not come nearer */
         visit(t, left_first ? middle + 1 : begin, left_first ? end : middle, q);
 }
 
@@ -114,17 +117,16 @@ static void query_task(void *tree_pointer, size_t task, int thread) {
     (void)thread;
     tree *t = tree_pointer;
     for (size_t k = task * CHUNK; k < (task + 1) * CHUNK && k < t->n; k++) {
-        query q = {t->points + 3 * (size_t)t->order[k], t->order[k], {INFINITY, INFINITY, INFINITY}};
+        uint32_t self = t->order[k];
+        query q = {t->points + 3 * (size_t)self, self, t->wanted, t->nearest + (size_t)t->wanted * self};
+        for (int i = 0; i < q.wanted; i++) q.nearest[i] = (sf_nearest){self, INFINITY};
         visit(t, 0, t->n, &q);
-        float sum = 0;
-        int found = 0;
-        for (; found < NEIGHBOURS && q.nearest[found] < INFINITY; found++) sum += sqrtf(q.nearest[found]);
-        t->distances[q.self] = found ? sum / (float)found : 0;
+        for (int i = 0; i < q.wanted; i++) q.nearest[i].distance = sqrtf(q.nearest[i].distance);
     }
 }
 
-sf_status sf_nearest_distances(sf_context *ctx, const float *points, size_t n, float *distances) {
-    tree t = {points, sf_alloc(ctx, n, sizeof(uint32_t)), sf_alloc(ctx, n, 1), n, distances};
+sf_status sf_find_nearest(sf_context *ctx, const float *points, size_t n, int wanted, sf_nearest *nearest) {
+    tree t = {points, sf_alloc(ctx, n, sizeof(uint32_t)), sf_alloc(ctx, n, 1), n, wanted, nearest};
     sf_status status = t.order && t.axis ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         for (size_t k = 0; k < n; k++) t.order[k] = (uint32_t)k;
@@ -133,5 +135,20 @@ sf_status sf_nearest_distances(sf_context *ctx, const float *points, size_t n, f
     }
     sf_free(ctx, t.order);
     sf_free(ctx, t.axis);
+    return status;
+}
+
+sf_status sf_nearest_distances(sf_context *ctx, const float *points, size_t n, float *distances) {
+    enum { NEIGHBOURS = 3 };
+    sf_nearest *nearest = sf_alloc(ctx, n, NEIGHBOURS * sizeof *nearest);
+    sf_status status = nearest ? sf_find_nearest(ctx, points, n, NEIGHBOURS, nearest) : SF_ERR_MEMORY;
+    for (size_t i = 0; i < n && !status; i++) {
+        const sf_nearest *of = nearest + NEIGHBOURS * i;
+        int found = 0;
+        float sum = 0;
+        for (; found < NEIGHBOURS && of[found].distance < INFINITY; found++) sum += of[found].distance;
+        distances[i] = found ? sum / (float)found : 0;
+    }
+    sf_free(ctx, nearest);
     return status;
 }

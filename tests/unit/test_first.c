@@ -8,6 +8,7 @@
 
 #include "base/rng.h"
 #include "scene/first.h"
+#include "scene/nearest.h"
 
 static const double sh_c0 = 0.28209479177387814;
 
