@@ -31,6 +31,11 @@ typedef enum sf_growth {
     SF_GROWTH_RELOCATE  /* faint ones move to live ones, and new ones join them (3DGS-MCMC) */
 } sf_growth;
 
+typedef enum sf_size {
+    SF_SIZE_AUTO, /* what pays for itself, up to max_gaussians */
+    SF_SIZE_CAP   /* as many as max_gaussians */
+} sf_size;
+
 typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_format;
 
 /* Every hyperparameter, once: kind, name, default, least, greatest, unit or values, meaning. The struct, its
@@ -48,7 +53,9 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
         "every n-th training view is kept out of the training, to stop and to choose by; 0: none")           \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run", "end where they have gained nothing for so long; 0: never")     \
-    INT(max_gaussians, 60000, 1, 100000000, "", "hard cap on the number of Gaussians")                       \
+    INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
+    ENUM(size, 0, "auto|cap", "Gaussians: those that pay for themselves, or as many as max_gaussians")       \
+    REAL(quality, 1, 0.001, 1000, "", "size auto: decibels against bits; the price is divided by it")        \
     INT(memory, 0, 0, 1000000000000000, "bytes",                                                             \
         "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \
     INT(seed, 1, 0, INT64_MAX, "", "seed of every random choice")                                            \
@@ -108,7 +115,7 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     REAL(reg_scale, 0, 0, 1e6, "1/extents", "weight in the loss of the mean scale")                          \
     REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
     REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
-    REAL(grow_most, 13, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
+    REAL(grow_most, 50, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
     INT(grow_every, 100, 1, 100000000, "steps", "steps between growths")                                     \
     REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
          "least mean screen gradient (device units) or error (px) of what grows")                            \

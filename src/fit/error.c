@@ -18,9 +18,6 @@ enum {
 /* Less weight than this in all views together, in pixels, is none. */
 #define LEAST_WEIGHT 0.05f
 
-/* Of each growth's views the first is this part of all views further on than the last time. */
-static const double golden = 0.6180339887498949;
-
 /* Of one Gaussian. */
 typedef struct share {
     double logs;  /* sum over the views of the logarithm of its error, px */
@@ -31,7 +28,8 @@ typedef struct share {
 typedef struct gather_job {
     const sf_workspace *ws;
     share *shares;
-    float pixel; /* pixels of the full resolution in one of the picture */
+    float pixel;  /* pixels of the full resolution in one of the picture */
+    size_t views; /* that are not masked altogether */
 } gather_job;
 
 /* The mean absolute error of the channels to d_rgb[0], 1 to d_rgb[1]; 0 beyond the picture. */
@@ -71,45 +69,17 @@ static void gather_task(void *job_pointer, size_t task, int thread) {
     }
 }
 
-/* *views: counts those that are not masked altogether. */
-static sf_status look_at(sf_fitter *f, const sf_view *view, share *shares, size_t *views) {
+static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
+    gather_job *job = job_pointer;
     sf_workspace *ws = &f->workspace;
-    sf_view_state *state = sf_view_state_of(&f->views, view->id);
-    int level = f->level;
-    double weight_sum;
-    f->level = sf_level_within(level, view->camera.width, view->camera.height);
-    gather_job job = {ws, shares, (float)(1 << 2 * f->level)};
-    sf_status status = sf_draw_view(f, view, state, &weight_sum);
-    f->level = level;
-    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
-    ++*views;
+    job->views++;
+    job->pixel = (float)pixels;
     sf_pool_run(f->ctx->pool, ws->plane_rows, error_row, ws);
     if (state && f->options.exposure) sf_expose_swap(&f->exposure, ws);
-    status = sf_stage_blend_bwd(ws);
+    sf_status status = sf_stage_blend_bwd(ws);
     if (status) return status;
-    sf_pool_run(f->ctx->pool, (ws->count + GATHER - 1) / GATHER, gather_task, &job);
+    sf_pool_run(f->ctx->pool, (ws->count + GATHER - 1) / GATHER, gather_task, job);
     return SF_OK;
-}
-
-/* Training views, spread over all of them, others at each growth. */
-static sf_status look_at_some(sf_fitter *f, share *shares, size_t *views) {
-    uint32_t *ids;
-    size_t n, kept = 0, wanted = (size_t)f->options.error_views;
-    sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
-    if (status) return status;
-    for (size_t i = 0; i < n; i++)
-        if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
-    if (wanted > kept) wanted = kept;
-    double growth = (double)(f->step / f->options.grow_every), shift = fmod(golden * growth, 1);
-    for (size_t k = 0; k < wanted && !status; k++) {
-        size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
-        sf_view *view = sf_scene_retain_id(f->scene, ids[at < kept ? at : kept - 1]);
-        if (!view) continue; /* gone since */
-        status = look_at(f, view, shares, views);
-        sf_view_release(view);
-    }
-    sf_free(f->ctx, ids);
-    return status;
 }
 
 /* The geometric mean: where views disagree, what one alone shows counts for little. */
@@ -119,10 +89,12 @@ static double score_of(const share *s, unsigned least) {
 }
 
 sf_status sf_score_errors(sf_fitter *f) {
-    size_t count = f->model->count, views = 0;
+    size_t count = f->model->count;
     share *shares = sf_calloc(f->ctx, count, sizeof *shares);
-    sf_status status = shares ? look_at_some(f, shares, &views) : SF_ERR_MEMORY;
-    unsigned least = views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
+    gather_job job = {.ws = &f->workspace, .shares = shares};
+    sf_status status =
+        shares ? sf_look_at_views(f, (size_t)f->options.error_views, look_at, &job, NULL) : SF_ERR_MEMORY;
+    unsigned least = job.views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
     for (size_t i = 0; i < count && !status; i++) {
         f->screen_sum[i] = score_of(&shares[i], least);
         f->screen_seen[i] = f->screen_sum[i] > 0;

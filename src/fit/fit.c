@@ -8,6 +8,7 @@
 #include "../base/pool.h"
 #include "../io/cameras_json.h"
 #include "../scene/first.h"
+#include "price.h"
 #include "refine.h"
 
 enum {
@@ -332,7 +333,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
         f->skipped_values += f->workspace.not_finite;
     }
     note_progress(f, loss.loss);
-    if (sf_growth_due(f, fraction)) {
+    if (sf_growth_due(f, fraction) || sf_charging_due(f, fraction)) {
         sf_fitter_watch_memory(f);
         sf_grow_and_prune(f, fraction);
     }

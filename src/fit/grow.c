@@ -12,6 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "price.h"
+
 /* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
  * middle. */
 #define CLONE_SPREAD 0.3
@@ -204,14 +206,16 @@ static size_t find_room(sf_fitter *f, double fraction) {
 }
 
 void sf_grow_and_prune(sf_fitter *f, double fraction) {
-    int kind = f->options.growth;
+    int kind = f->options.growth, growing = sf_growth_due(f, fraction);
     if (kind == SF_GROWTH_RELOCATE) {
         if (sf_relocate(f, find_room(f, fraction)) && !f->growth_ended) end_growth(f);
     } else {
-        if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
+        if (growing && kind == SF_GROWTH_ERROR && sf_score_errors(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
+        if (sf_charging_due(f, fraction) && sf_charge(f))
+            sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
         prune(f);
-        size_t wanted = find_room(f, fraction);
+        size_t wanted = growing ? find_room(f, fraction) : 0;
         if (wanted) grow(f, wanted);
     }
     memset(f->screen_sum, 0, f->capacity * sizeof *f->screen_sum);

@@ -1,132 +1,120 @@
-/* worth.c - what each Gaussian, and each band of its spherical harmonics, is worth to the training views.
+/* worth.c - what each Gaussian is worth to the training views.
  *
- * The picture is linear in each Gaussian's opacity at a pixel, and in each colour: what taking one out, or
- * changing its colour, does to the squared error is known without drawing it again (README, Worth).
+ * A pixel is linear in the opacity that each Gaussian has there: what taking one out does to the squared
+ * error is known without drawing it again (README, Size).
  */
 #include "worth.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "../base/pool.h"
-#include "grow.h"
 
 enum { GATHER = 1024 /* Gaussians a task */ };
 
 typedef struct weigh_job {
-    sf_fitter *fitter;
+    sf_workspace *ws;
     sf_worth *worth;
-    double *tiles; /* [rows of tiles][3]: squares, weights, squared sums of tiles */
-    double scale;  /* values of the full resolution in one of the picture */
+    double *sums;  /* [rows of the picture][2]: squares, weights */
+    double pixels; /* of the full resolution in one of the picture */
 } weigh_job;
 
-/* One row of tiles: the residual, times the weight, and the weight itself, 0 beyond the picture. */
+/* The residual, times the weight, and the weight itself, 0 beyond the picture. */
 static void residual_task(void *job_pointer, size_t row, int thread) {
     (void)thread;
     const weigh_job *job = job_pointer;
-    sf_workspace *ws = &job->fitter->workspace;
-    double *sums = job->tiles + 3 * row;
-    sums[0] = sums[1] = sums[2] = 0;
-    for (size_t tile = 0; tile < (size_t)ws->eye.tiles_x; tile++) {
-        double sum = 0;
-        for (size_t y = row * SF_TILE; y < (row + 1) * SF_TILE; y++)
-            for (size_t x = tile * SF_TILE; x < (tile + 1) * SF_TILE; x++) {
-                size_t at = y * ws->stride + x;
-                int inside = y < (size_t)ws->eye.height && x < (size_t)ws->eye.width;
-                float weight = !inside ? 0.0f : ws->has_weight ? ws->weight[at] : 1.0f;
-                ws->weight[at] = weight;
-                for (int ch = 0; ch < SF_CHANNELS; ch++) {
-                    float r = inside ? weight * ws->rgb[ch][at] - ws->target[ch][at] : 0.0f;
-                    ws->d_rgb[ch][at] = r;
-                    sums[0] += (double)(r * r);
-                    sums[1] += (double)weight;
-                    sum += (double)r;
-                }
-            }
-        sums[2] += sum * sum;
+    sf_workspace *ws = job->ws;
+    size_t from = row * ws->stride, width = row < (size_t)ws->eye.height ? (size_t)ws->eye.width : 0;
+    double squares = 0, weights = 0;
+    for (size_t x = 0; x < ws->stride; x++) {
+        size_t at = from + x;
+        float weight = x >= width ? 0.0f : ws->has_weight ? ws->weight[at] : 1.0f;
+        ws->weight[at] = weight;
+        weights += (double)weight;
+        for (int ch = 0; ch < SF_CHANNELS; ch++) {
+            float r = x < width ? weight * ws->rgb[ch][at] - ws->target[ch][at] : 0.0f;
+            ws->d_rgb[ch][at] = r;
+            squares += (double)r * (double)r;
+        }
     }
+    job->sums[2 * row] = squares;
+    job->sums[2 * row + 1] = weights;
 }
 
-static void gather(const weigh_job *job, size_t i) {
-    const sf_workspace *ws = &job->fitter->workspace;
+static void weigh_in(const weigh_job *job, size_t i) {
+    const sf_workspace *ws = job->ws;
     sf_worth *w = job->worth;
     double sums[SF_WORTH_SUMS] = {0};
     if (ws->state[i] != SF_SEEN || ws->slot[i] == ws->slot[i + 1]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++)
         for (int k = 0; k < SF_WORTH_SUMS; k++)
             sums[k] += (double)ws->sums[(size_t)slot * SF_SUMS + (size_t)k];
-    w->removal[i] += (float)(job->scale * (sums[4] - 2 * sums[3]));
-    w->share[i] += (float)(job->scale * sums[6]);
-    w->weight[i] += (float)(job->scale * sums[7]);
-    w->views[i]++;
+    w->removal[i] += (float)(job->pixels * (sums[4] - 2 * sums[3]));
+    w->effect[i] += (float)(job->pixels * sums[4]);
+    w->share[i] += (float)(job->pixels * sums[6]);
+    w->shown[i]++;
 }
 
 static void gather_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     const weigh_job *job = job_pointer;
-    size_t first = task * GATHER,
-           end = first + GATHER < job->worth->count ? first + GATHER : job->worth->count;
-    for (size_t i = first; i < end; i++) gather(job, i);
+    size_t count = job->worth->count;
+    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < count; i++) weigh_in(job, i);
 }
 
-static sf_status look_at(sf_fitter *f, const sf_view *view, weigh_job *job) {
-    sf_workspace *ws = &f->workspace;
-    sf_view_state *state = sf_view_state_of(&f->views, view->id);
-    double weight_sum;
-    int level = f->level;
-    f->level = sf_level_within(level, view->camera.width, view->camera.height);
-    job->scale = (double)(1 << 2 * f->level);
-    sf_status status = sf_draw_view(f, view, state, &weight_sum);
-    f->level = level;
-    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
-    size_t rows = (size_t)ws->eye.tiles_y;
-    job->tiles = sf_alloc(f->ctx, rows, 3 * sizeof *job->tiles);
-    if (!job->tiles) return SF_ERR_MEMORY;
+static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
+    (void)state;
+    weigh_job *job = job_pointer;
+    size_t rows = job->ws->plane_rows;
+    job->pixels = pixels;
+    job->sums = sf_alloc(f->ctx, rows, 2 * sizeof *job->sums);
+    if (!job->sums) return SF_ERR_MEMORY;
     sf_pool_run(f->ctx->pool, rows, residual_task, job);
     for (size_t row = 0; row < rows; row++) {
-        job->worth->squares += job->scale * job->tiles[3 * row];
-        job->worth->values += job->scale * job->tiles[3 * row + 1];
-        job->worth->clumping += job->tiles[3 * row + 2];
+        job->worth->squares += pixels * job->sums[2 * row];
+        job->worth->values += pixels * SF_CHANNELS * job->sums[2 * row + 1];
     }
-    sf_free(f->ctx, job->tiles);
-    status = sf_stage_blend_worth(ws);
+    sf_free(f->ctx, job->sums);
+    sf_status status = sf_stage_blend_worth(job->ws);
     if (status) return status;
-    sf_pool_run(f->ctx->pool, (f->model->count + GATHER - 1) / GATHER, gather_task, job);
+    sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
+    job->worth->views++;
     return SF_OK;
 }
 
 static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
-    size_t n = f->model->count + 1;
-    *w = (sf_worth){.count = f->model->count,
+    size_t n = f->model->count;
+    *w = (sf_worth){.count = n,
                     .removal = sf_calloc(f->ctx, n, sizeof *w->removal),
+                    .effect = sf_calloc(f->ctx, n, sizeof *w->effect),
                     .share = sf_calloc(f->ctx, n, sizeof *w->share),
-                    .weight = sf_calloc(f->ctx, n, sizeof *w->weight),
-                    .views = sf_calloc(f->ctx, n, sizeof *w->views)};
-    return w->removal && w->share && w->weight && w->views ? SF_OK : SF_ERR_MEMORY;
+                    .shown = sf_calloc(f->ctx, n, sizeof *w->shown)};
+    return w->removal && w->effect && w->share && w->shown ? SF_OK : SF_ERR_MEMORY;
 }
 
-sf_status sf_weigh(sf_fitter *f, sf_worth *w) {
-    sf_status status = make_arrays(f, w);
-    uint32_t *ids;
-    size_t n;
-    weigh_job job = {.fitter = f, .worth = w};
-    if (!status) status = sf_scene_training_ids(f->scene, &ids, &n);
-    if (status) return status;
-    for (size_t k = 0; k < n && !status; k++) {
-        sf_view *view = sf_validates(f, ids[k]) ? NULL : sf_scene_retain_id(f->scene, ids[k]);
-        if (!view) continue; /* gone since, or kept out */
-        status = look_at(f, view, &job);
-        sf_view_release(view);
+/* To as many views as are trained on. */
+static void scale_up(sf_worth *w, double factor) {
+    w->squares *= factor;
+    w->values *= factor;
+    for (size_t i = 0; i < w->count; i++) {
+        w->removal[i] *= (float)factor;
+        w->effect[i] *= (float)factor;
+        w->share[i] *= (float)factor;
     }
-    sf_free(f->ctx, ids);
-    if (w->squares > 0) w->clumping = w->clumping / (w->squares / job.scale);
+}
+
+sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
+    weigh_job job = {.ws = &f->workspace, .worth = w};
+    sf_status status = make_arrays(f, w);
+    size_t there = 0;
+    if (!status) status = sf_look_at_views(f, views, look_at, &job, &there);
+    if (!status && views && views < there) scale_up(w, (double)there / (double)views);
     return status;
 }
 
 void sf_worth_free(sf_context *ctx, sf_worth *w) {
     sf_free(ctx, w->removal);
+    sf_free(ctx, w->effect);
     sf_free(ctx, w->share);
-    sf_free(ctx, w->weight);
-    sf_free(ctx, w->views);
+    sf_free(ctx, w->shown);
     memset(w, 0, sizeof *w);
 }

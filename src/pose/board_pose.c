@@ -4,7 +4,7 @@
 
 #include "../base/context.h"
 #include "../io/undistort.h"
-#include "linear.h"
+#include "../base/linear.h"
 #include "view.h"
 
 enum { LEAST_CORNERS = 4, ROUNDS = 3 };

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "../io/undistort.h"
-#include "linear.h"
+#include "../base/linear.h"
 #include "sightings.h"
 
 enum { N = SF_LENS_PARAMETERS, LEAST_VIEWS = 3, LEAST_CORNERS = 6, ROUNDS = 8, STEPS = 100 };

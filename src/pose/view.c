@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "linear.h"
+#include "../base/linear.h"
 
 /* Rigid motions. */
 

@@ -10,7 +10,7 @@
 
 #include "../../src/base/rng.h"
 #include "../../src/io/picture.h"
-#include "../../src/pose/linear.h"
+#include "../../src/base/linear.h"
 #include "../../src/pose/tags.h"
 #include "../../src/pose/view.h"
 

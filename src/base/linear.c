@@ -69,13 +69,17 @@ static int is_diagonal(int n, const double *A) {
     return off <= 1e-32 * on;
 }
 
-void sf_least_eigenvector(int n, double *A, double *x) {
+void sf_eigen(int n, double *A, double *V) {
     enum { SWEEPS = 16 }; /* quadratic: six or so do */
-    double V[SF_EIGEN_MOST * SF_EIGEN_MOST];
     for (int i = 0; i < n * n; i++) V[i] = i / n == i % n;
     for (int sweep = 0; sweep < SWEEPS && !is_diagonal(n, A); sweep++)
         for (int p = 0; p < n; p++)
             for (int q = p + 1; q < n; q++) jacobi_turn(n, A, V, p, q);
+}
+
+void sf_least_eigenvector(int n, double *A, double *x) {
+    double V[SF_EIGEN_MOST * SF_EIGEN_MOST];
+    sf_eigen(n, A, V);
     int least = 0;
     for (int i = 1; i < n; i++)
         if (A[i * n + i] < A[least * n + least]) least = i;

@@ -1,6 +1,6 @@
-/* linear.h - the small dense algebra of poses and calibration, in float64. */
-#ifndef SF_POSE_LINEAR_H
-#define SF_POSE_LINEAR_H
+/* linear.h - small dense algebra, in float64. */
+#ifndef SF_BASE_LINEAR_H
+#define SF_BASE_LINEAR_H
 
 /* Matrices are row-major. */
 
@@ -14,6 +14,9 @@ void sf_cholesky_solve(int n, const double *L, double *x);
 /* inverse = A^-1 (n x n, whole), with L from above. */
 void sf_cholesky_invert(int n, const double *L, double *inverse);
 
+/* A (symmetric, n x n, n <= SF_EIGEN_MOST) becomes V^T A V, diagonal: its eigenvalues; the columns of V are
+ * their unit vectors. */
+void sf_eigen(int n, double *A, double *V);
 /* The unit vector x for which x^T A x is least (A symmetric, n x n, n <= SF_EIGEN_MOST; destroyed). */
 void sf_least_eigenvector(int n, double *A, double *x);
 

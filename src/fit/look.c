@@ -1,0 +1,41 @@
+/* look.c - the training views, looked at between two steps. */
+#include "fitter.h"
+
+#include <math.h>
+
+/* Each time the first is this part of all views further on than the last time. */
+static const double golden = 0.6180339887498949;
+
+static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user) {
+    sf_view *view = sf_scene_retain_id(f->scene, id);
+    if (!view) return SF_OK; /* gone since */
+    sf_view_state *state = sf_view_state_of(&f->views, id);
+    double weight_sum;
+    int level = f->level;
+    f->level = sf_level_within(level, view->camera.width, view->camera.height);
+    double pixels = ldexp(1, 2 * f->level);
+    sf_status status = sf_draw_view(f, view, state, &weight_sum);
+    f->level = level;
+    status = status ? (status == SF_ERR_EMPTY ? SF_OK : status) : look(f, state, pixels, user);
+    sf_view_release(view);
+    return status;
+}
+
+sf_status sf_look_at_views(sf_fitter *f, size_t wanted, sf_look_fn look, void *user, size_t *there) {
+    uint32_t *ids;
+    size_t n, kept = 0;
+    sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
+    if (status) return status;
+    for (size_t i = 0; i < n; i++)
+        if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
+    if (there) *there = kept;
+    if (!wanted || wanted > kept) wanted = kept;
+    double turn = (double)(f->step / f->options.grow_every),
+           shift = wanted < kept ? fmod(golden * turn, 1) : 0;
+    for (size_t k = 0; k < wanted && !status; k++) {
+        size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
+        status = look_at(f, ids[at < kept ? at : kept - 1], look, user);
+    }
+    sf_free(f->ctx, ids);
+    return status;
+}

@@ -1,0 +1,241 @@
+/* merge.c - two Gaussians that do the work of one become one.
+ *
+ * Each of two that lie on each other is needed as long as the other is as it is: what taking one out would
+ * cost says nothing. What one in the place of both would leave out does (README, Size).
+ */
+#include "merge.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "../base/linear.h"
+#include "../base/pool.h"
+#include "../scene/nearest.h"
+#include "grow.h"
+
+enum {
+    CLOSE = 8,  /* neighbours that each is tried with */
+    CHUNK = 256 /* Gaussians a task */
+};
+
+/* Added to the variances, as a part of the largest: none is flat. */
+#define LEAST_VARIANCE 1e-8
+
+/* A Gaussian as a function in space: opacity and colour at its mean, and its covariance. */
+typedef struct blob {
+    double mean[3], C[9], det;
+    double opacity, rgb[3];
+    double mass; /* opacity times the area that it covers, but for a factor */
+} blob;
+
+typedef struct pair {
+    double misfit;
+    uint32_t a, b;
+} pair;
+
+typedef struct merge_job {
+    const sf_fitter *fitter;
+    const sf_nearest *nearest; /* [count][CLOSE] */
+    const float *worth;
+    double misfit, most;
+    pair *best; /* [count] of each Gaussian; misfit INFINITY: none */
+} merge_job;
+
+static double determinant(const double C[9]) {
+    double row[3];
+    sf_cross3(C + 3, C + 6, row);
+    return sf_dot3(C, row);
+}
+
+static double area_of(double det) { return cbrt(det); } /* its mean over the directions, but for a factor */
+
+static void weigh_in(blob *b) {
+    b->det = determinant(b->C);
+    b->mass = b->opacity * area_of(b->det);
+}
+
+static blob blob_of(const sf_params *p, size_t i) {
+    blob b = {.opacity = (double)sf_opacity(p->field[SF_FIELD_logit_opacity][i])};
+    double most = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        float direction[3];
+        double variance = exp(2 * (double)*sf_value(p, SF_FIELD_log_scale, i, axis));
+        most = fmax(most, variance);
+        sf_axis_of(p, i, axis, direction);
+        for (int k = 0; k < 9; k++) b.C[k] += variance * (double)direction[k / 3] * (double)direction[k % 3];
+    }
+    for (int k = 0; k < 3; k++) {
+        b.C[4 * k] += LEAST_VARIANCE * most;
+        b.mean[k] = (double)*sf_value(p, SF_FIELD_mean, i, k);
+        b.rgb[k] = fmax(0.5 + SF_SH_C0 * (double)*sf_value(p, SF_FIELD_sh0, i, k), 0);
+    }
+    weigh_in(&b);
+    return b;
+}
+
+/* The integral of the product of both, opacities and opacities times colours, in units of (2 pi)^1.5. */
+static double product(const blob *a, const blob *b) {
+    double C[9], d[3], x[3], colours = 1;
+    for (int k = 0; k < 9; k++) C[k] = a->C[k] + b->C[k];
+    for (int k = 0; k < 3; k++) {
+        x[k] = d[k] = a->mean[k] - b->mean[k];
+        colours += a->rgb[k] * b->rgb[k];
+    }
+    double det = determinant(C);
+    if (!sf_cholesky(3, C)) return 0;
+    sf_cholesky_solve(3, C, x);
+    return a->opacity * b->opacity * colours * sqrt(a->det * b->det / det) * exp(-0.5 * sf_dot3(d, x));
+}
+
+/* The one with the mass, the mean and the covariance of both. */
+static blob fused(const blob *a, const blob *b) {
+    blob m = {0};
+    double part = a->mass / (a->mass + b->mass), rest = 1 - part, d[3];
+    for (int k = 0; k < 3; k++) {
+        m.mean[k] = part * a->mean[k] + rest * b->mean[k];
+        m.rgb[k] = part * a->rgb[k] + rest * b->rgb[k];
+        d[k] = a->mean[k] - b->mean[k];
+    }
+    for (int k = 0; k < 9; k++) m.C[k] = part * a->C[k] + rest * b->C[k] + part * rest * d[k / 3] * d[k % 3];
+    /* no more opaque than one behind the other */
+    double both = 1 - (1 - a->opacity) * (1 - b->opacity);
+    m.opacity = fmin((a->mass + b->mass) / area_of(determinant(m.C)), both);
+    weigh_in(&m);
+    return m;
+}
+
+/* The part of the square integral of both that their one does not have. */
+static double misfit_of(const blob *a, const blob *b) {
+    blob m = fused(a, b);
+    double both = product(a, a) + product(b, b) + 2 * product(a, b);
+    return fmax(both + product(&m, &m) - 2 * (product(a, &m) + product(b, &m)), 0) / both;
+}
+
+static int is_going(const sf_fitter *f, size_t i) { return f->screen_sum[i] < 0; }
+
+static pair best_of(const merge_job *job, size_t i) {
+    const sf_fitter *f = job->fitter;
+    const sf_params *p = &f->model->params;
+    pair best = {INFINITY, (uint32_t)i, (uint32_t)i};
+    if (is_going(f, i)) return best;
+    blob a = blob_of(p, i);
+    double reach = sqrt(fmax(fmax(a.C[0], a.C[4]), a.C[8]));
+    for (const sf_nearest *n = job->nearest + CLOSE * i, *end = n + CLOSE; n < end; n++) {
+        if (!((double)n->distance <= 2 * reach)) break;
+        if (is_going(f, n->point)) continue;
+        blob b = blob_of(p, n->point);
+        double misfit = misfit_of(&a, &b);
+        double rise = misfit * ((double)job->worth[i] + (double)job->worth[n->point]);
+        if (misfit < job->misfit && misfit < best.misfit && rise <= job->most)
+            best = (pair){misfit, (uint32_t)i, n->point};
+    }
+    return best;
+}
+
+static void find_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const merge_job *job = job_pointer;
+    size_t count = job->fitter->model->count;
+    for (size_t i = task * CHUNK; i < (task + 1) * CHUNK && i < count; i++) job->best[i] = best_of(job, i);
+}
+
+/* A total order, so that any sort gives the same. */
+static int by_misfit(const void *a, const void *b) {
+    const pair *x = a, *y = b;
+    if (x->misfit != y->misfit) return x->misfit < y->misfit ? -1 : 1;
+    return (x->a > y->a) - (x->a < y->a);
+}
+
+/* The quaternion (w x y z) of a rotation whose columns are V's: through its largest component, which no
+ * cancellation spoils. */
+static void quaternion_of(const double V[9], double q[4]) {
+    double trace = V[0] + V[4] + V[8], square[4] = {1 + trace};
+    int best = 0;
+    for (int k = 0; k < 3; k++) square[k + 1] = 1 + 2 * V[4 * k] - trace;
+    for (int k = 1; k < 4; k++)
+        if (square[k] > square[best]) best = k;
+    const double turn[3] = {V[7] - V[5], V[2] - V[6], V[3] - V[1]};
+    double root = sqrt(square[best]), inverse = 0.5 / root;
+    q[best] = 0.5 * root;
+    for (int k = 0; k < 3; k++) {
+        if (best == 0)
+            q[k + 1] = turn[k] * inverse;
+        else if (k == best - 1)
+            q[0] = turn[k] * inverse;
+        else
+            q[k + 1] = (V[3 * k + best - 1] + V[3 * (best - 1) + k]) * inverse;
+    }
+}
+
+static void set_shape(const sf_params *p, size_t i, const blob *m) {
+    double C[9], V[9], q[4];
+    for (int k = 0; k < 9; k++) C[k] = m->C[k];
+    sf_eigen(3, C, V);
+    if (determinant(V) < 0)
+        for (int k = 0; k < 3; k++) V[3 * k + 2] = -V[3 * k + 2];
+    quaternion_of(V, q);
+    for (int k = 0; k < 3; k++) {
+        *sf_value(p, SF_FIELD_mean, i, k) = (float)m->mean[k];
+        *sf_value(p, SF_FIELD_log_scale, i, k) = (float)(0.5 * log(C[4 * k]));
+    }
+    for (int k = 0; k < 4; k++) *sf_value(p, SF_FIELD_quat, i, k) = (float)q[k];
+    sf_set_opacity(p, i, (float)m->opacity);
+}
+
+/* Gaussian a becomes the one of both, b is to go. */
+static void merge(sf_fitter *f, size_t a, size_t b) {
+    const sf_params *p = &f->model->params;
+    blob of_a = blob_of(p, a), of_b = blob_of(p, b), m = fused(&of_a, &of_b);
+    float part = (float)(of_a.mass / (of_a.mass + of_b.mass));
+    for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT && p->field[field]; field++)
+        for (int c = 0; c < sf_field_components(field); c++) {
+            float *x = sf_value(p, field, a, c);
+            *x = part * *x + (1 - part) * *sf_value(p, field, b, c);
+        }
+    set_shape(p, a, &m);
+    sf_moments_forget(&f->moments, a);
+    f->screen_sum[b] = -1;
+}
+
+/* The closest first, each Gaussian once. */
+static sf_status merge_closest(sf_fitter *f, pair *pairs, size_t *merged) {
+    size_t count = f->model->count, n = 0;
+    uint8_t *taken = sf_calloc(f->ctx, count, 1);
+    if (!taken) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < count; i++)
+        if (pairs[i].misfit < INFINITY) pairs[n++] = pairs[i];
+    qsort(pairs, n, sizeof *pairs, by_misfit);
+    for (size_t k = 0; k < n; k++) {
+        size_t a = pairs[k].a, b = pairs[k].b;
+        if (taken[a] || taken[b]) continue;
+        taken[a] = taken[b] = 1;
+        merge(f, a, b);
+        ++*merged;
+    }
+    sf_free(f->ctx, taken);
+    return SF_OK;
+}
+
+sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *worth, double most, size_t *merged) {
+    size_t count = f->model->count;
+    *merged = 0;
+    float *points = sf_alloc(f->ctx, count, 3 * sizeof *points);
+    sf_nearest *nearest = sf_alloc(f->ctx, count, CLOSE * sizeof *nearest);
+    pair *best = sf_alloc(f->ctx, count, sizeof *best);
+    sf_status status = points && nearest && best ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; i < count && !status; i++)
+        for (int k = 0; k < 3; k++) {
+            float x = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
+            points[3 * i + (size_t)k] = isfinite(x) ? x : 0; /* it is nobody's pair */
+        }
+    if (!status) status = sf_find_nearest(f->ctx, points, count, CLOSE, nearest);
+    if (!status) {
+        merge_job job = {f, nearest, worth, misfit, most, best};
+        sf_pool_run(f->ctx->pool, (count + CHUNK - 1) / CHUNK, find_task, &job);
+        status = merge_closest(f, best, merged);
+    }
+    sf_free(f->ctx, points);
+    sf_free(f->ctx, nearest);
+    sf_free(f->ctx, best);
+    return status;
+}
