@@ -31,6 +31,8 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(gone_on)                                                                                               \
     F(first_count)                                                                                           \
     F(growth_ended)                                                                                          \
+    F(grown_out)                                                                                             \
+    F(growths_in_vain)                                                                                       \
     F(order_at)                                                                                              \
     F(following)                                                                                             \
     F(plan_lost)                                                                                             \
@@ -41,7 +43,9 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(steps_per_second)                                                                                      \
     F(best_fraction)                                                                                         \
     F(next_validation)                                                                                       \
-    F(settle_from)
+    F(settle_from)                                                                                           \
+    F(least_squares)                                                                                         \
+    F(charged_squares)
 
 #define COUNT_ONE(name) +1
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };

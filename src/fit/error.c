@@ -93,7 +93,7 @@ sf_status sf_score_errors(sf_fitter *f) {
     share *shares = sf_calloc(f->ctx, count, sizeof *shares);
     gather_job job = {.ws = &f->workspace, .shares = shares};
     sf_status status =
-        shares ? sf_look_at_views(f, (size_t)f->options.error_views, look_at, &job, NULL) : SF_ERR_MEMORY;
+        shares ? sf_look_at_views(f, (size_t)f->options.error_views, 1, look_at, &job, NULL) : SF_ERR_MEMORY;
     unsigned least = job.views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
     for (size_t i = 0; i < count && !status; i++) {
         f->screen_sum[i] = score_of(&shares[i], least);

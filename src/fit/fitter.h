@@ -32,7 +32,11 @@ struct sf_fitter {
                            by error the score, below 0 for what is to go */
     uint32_t *screen_seen; /* [capacity] views in which it was seen */
     size_t capacity;
-    int growth_ended; /* memory ran out: said once, and N stays */
+    int grown_out;        /* price.c: growth no longer pays */
+    int growths_in_vain;  /* since the one with least_squares */
+    double least_squares; /* error of some views at full resolution, the least after a growth; 0: none yet */
+    double charged_squares; /* squared error before the last charge; 0: there was none */
+    int growth_ended;       /* memory ran out: said once, and N stays */
 
     /* validate.c */
     double validation_psnr, best_psnr; /* dB; NAN before the first */
@@ -139,13 +143,14 @@ sf_status sf_fitter_room(sf_fitter *fitter, size_t count);
 /* Removes what is faint or not finite, then clones and splits up to the plan; or relocates. */
 void sf_grow_and_prune(sf_fitter *fitter, double fraction);
 
-/* look.c: draws `wanted` of the views that are trained on, spread over all of them and others each time; 0:
- * all. At the level, degree and background of the moment, with the cameras and exposures learned. `look` is
- * called after each that is not masked altogether, as sf_draw_view leaves it; a failure of it ends the
- * looking. pixels: of the full resolution in one of the picture; *there (may be NULL): how many views there
- * are. */
+/* look.c: draws `wanted` of the views that are trained on, spread over all of them, the same each time or,
+ * with `others`, others each time; 0: all. At the level, degree and background of the moment, with the
+ * cameras and exposures learned. `look` is called after each that is not masked altogether, as sf_draw_view
+ * leaves it; a failure of it ends the looking. pixels: of the full resolution in one of the picture; *there
+ * (may be NULL): how many views there are. */
 typedef sf_status (*sf_look_fn)(sf_fitter *fitter, sf_view_state *state, double pixels, void *user);
-sf_status sf_look_at_views(sf_fitter *fitter, size_t wanted, sf_look_fn look, void *user, size_t *there);
+sf_status sf_look_at_views(sf_fitter *fitter, size_t wanted, int others, sf_look_fn look, void *user,
+                           size_t *there);
 
 /* error.c: puts in the place of the statistics each Gaussian's part in the error of several training views,
  * and below 0 what none of them shows. On failure they stay as they are. */

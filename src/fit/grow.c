@@ -214,8 +214,9 @@ void sf_grow_and_prune(sf_fitter *f, double fraction) {
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
         if (sf_charging_due(f, fraction) && sf_charge(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
+        if (growing && sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
         prune(f);
-        size_t wanted = growing ? find_room(f, fraction) : 0;
+        size_t wanted = growing && !f->grown_out ? find_room(f, fraction) : 0;
         if (wanted) grow(f, wanted);
     }
     memset(f->screen_sum, 0, f->capacity * sizeof *f->screen_sum);

@@ -21,7 +21,8 @@ static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user)
     return status;
 }
 
-sf_status sf_look_at_views(sf_fitter *f, size_t wanted, sf_look_fn look, void *user, size_t *there) {
+sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn look, void *user,
+                           size_t *there) {
     uint32_t *ids;
     size_t n, kept = 0;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
@@ -31,7 +32,7 @@ sf_status sf_look_at_views(sf_fitter *f, size_t wanted, sf_look_fn look, void *u
     if (there) *there = kept;
     if (!wanted || wanted > kept) wanted = kept;
     double turn = (double)(f->step / f->options.grow_every),
-           shift = wanted < kept ? fmod(golden * turn, 1) : 0;
+           shift = others && wanted < kept ? fmod(golden * turn, 1) : 0;
     for (size_t k = 0; k < wanted && !status; k++) {
         size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
         status = look_at(f, ids[at < kept ? at : kept - 1], look, user);

@@ -29,16 +29,16 @@ typedef struct blob {
 } blob;
 
 typedef struct pair {
-    double misfit;
+    double rise; /* of the squared error, as expected; INFINITY: there is none */
     uint32_t a, b;
 } pair;
 
 typedef struct merge_job {
     const sf_fitter *fitter;
     const sf_nearest *nearest; /* [count][CLOSE] */
-    const float *worth;
-    double misfit, most;
-    pair *best; /* [count] of each Gaussian; misfit INFINITY: none */
+    const float *effect;
+    double misfit;
+    pair *best; /* [count] of each Gaussian */
 } merge_job;
 
 static double determinant(const double C[9]) {
@@ -125,9 +125,8 @@ static pair best_of(const merge_job *job, size_t i) {
         if (is_going(f, n->point)) continue;
         blob b = blob_of(p, n->point);
         double misfit = misfit_of(&a, &b);
-        double rise = misfit * ((double)job->worth[i] + (double)job->worth[n->point]);
-        if (misfit < job->misfit && misfit < best.misfit && rise <= job->most)
-            best = (pair){misfit, (uint32_t)i, n->point};
+        double rise = misfit * ((double)job->effect[i] + (double)job->effect[n->point]);
+        if (misfit < job->misfit && rise < best.rise) best = (pair){rise, (uint32_t)i, n->point};
     }
     return best;
 }
@@ -140,9 +139,9 @@ static void find_task(void *job_pointer, size_t task, int thread) {
 }
 
 /* A total order, so that any sort gives the same. */
-static int by_misfit(const void *a, const void *b) {
+static int by_rise(const void *a, const void *b) {
     const pair *x = a, *y = b;
-    if (x->misfit != y->misfit) return x->misfit < y->misfit ? -1 : 1;
+    if (x->rise != y->rise) return x->rise < y->rise ? -1 : 1;
     return (x->a > y->a) - (x->a < y->a);
 }
 
@@ -197,17 +196,18 @@ static void merge(sf_fitter *f, size_t a, size_t b) {
     f->screen_sum[b] = -1;
 }
 
-/* The closest first, each Gaussian once. */
-static sf_status merge_closest(sf_fitter *f, pair *pairs, size_t *merged) {
+/* The cheapest first, each Gaussian once. */
+static sf_status merge_cheapest(sf_fitter *f, pair *pairs, double budget, size_t *merged) {
     size_t count = f->model->count, n = 0;
     uint8_t *taken = sf_calloc(f->ctx, count, 1);
     if (!taken) return SF_ERR_MEMORY;
     for (size_t i = 0; i < count; i++)
-        if (pairs[i].misfit < INFINITY) pairs[n++] = pairs[i];
-    qsort(pairs, n, sizeof *pairs, by_misfit);
-    for (size_t k = 0; k < n; k++) {
+        if (pairs[i].rise < INFINITY) pairs[n++] = pairs[i];
+    qsort(pairs, n, sizeof *pairs, by_rise);
+    for (size_t k = 0; k < n && budget > 0; k++) {
         size_t a = pairs[k].a, b = pairs[k].b;
         if (taken[a] || taken[b]) continue;
+        budget -= pairs[k].rise;
         taken[a] = taken[b] = 1;
         merge(f, a, b);
         ++*merged;
@@ -216,7 +216,7 @@ static sf_status merge_closest(sf_fitter *f, pair *pairs, size_t *merged) {
     return SF_OK;
 }
 
-sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *worth, double most, size_t *merged) {
+sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *effect, double budget, size_t *merged) {
     size_t count = f->model->count;
     *merged = 0;
     float *points = sf_alloc(f->ctx, count, 3 * sizeof *points);
@@ -230,9 +230,9 @@ sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *worth, double
         }
     if (!status) status = sf_find_nearest(f->ctx, points, count, CLOSE, nearest);
     if (!status) {
-        merge_job job = {f, nearest, worth, misfit, most, best};
+        merge_job job = {f, nearest, effect, misfit, best};
         sf_pool_run(f->ctx->pool, (count + CHUNK - 1) / CHUNK, find_task, &job);
-        status = merge_closest(f, best, merged);
+        status = merge_cheapest(f, best, budget, merged);
     }
     sf_free(f->ctx, points);
     sf_free(f->ctx, nearest);

@@ -7,6 +7,10 @@
 /* Whether Gaussians have to pay for themselves: `size` is auto, and none is relocated. */
 int sf_is_priced(const sf_fitter *fitter);
 
+/* Looks, before a growth, whether those before it have taken away from the error: where several have not,
+ * growth ends (grown_out). SF_ERR_MEMORY: nothing has changed. */
+sf_status sf_consider_growth(sf_fitter *fitter);
+
 /* Whether this step ends with charging: after growth, until the model must be left to settle. */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 

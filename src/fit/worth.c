@@ -11,6 +11,23 @@
 
 enum { GATHER = 1024 /* Gaussians a task */ };
 
+/* In rows' order, so that the sum is the same for any number of threads. */
+double sf_squares(const sf_workspace *ws) {
+    double squares = 0;
+    for (size_t y = 0; y < (size_t)ws->eye.height; y++)
+        for (int ch = 0; ch < SF_CHANNELS; ch++) {
+            const float *x = ws->rgb[ch] + y * ws->stride, *target = ws->target[ch] + y * ws->stride;
+            const float *weight = ws->has_weight ? ws->weight + y * ws->stride : NULL;
+            float row = 0;
+            for (size_t i = 0; i < (size_t)ws->eye.width; i++) {
+                float r = (weight ? weight[i] * x[i] : x[i]) - target[i];
+                row += r * r;
+            }
+            squares += (double)row;
+        }
+    return squares;
+}
+
 typedef struct weigh_job {
     sf_workspace *ws;
     sf_worth *worth;
@@ -106,7 +123,7 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status) status = sf_look_at_views(f, views, look_at, &job, &there);
+    if (!status) status = sf_look_at_views(f, views, 1, look_at, &job, &there);
     if (!status && views && views < there) scale_up(w, (double)there / (double)views);
     return status;
 }

@@ -25,4 +25,7 @@ typedef struct sf_worth {
 sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
+/* The squared error of the picture that was drawn last (sf_draw_view). */
+double sf_squares(const sf_workspace *ws);
+
 #endif
