@@ -45,7 +45,7 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(next_validation)                                                                                       \
     F(settle_from)                                                                                           \
     F(least_squares)                                                                                         \
-    F(charged_squares)
+    F(merged_squares)
 
 #define COUNT_ONE(name) +1
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };

@@ -32,11 +32,11 @@ struct sf_fitter {
                            by error the score, below 0 for what is to go */
     uint32_t *screen_seen; /* [capacity] views in which it was seen */
     size_t capacity;
-    int grown_out;        /* price.c: growth no longer pays */
-    int growths_in_vain;  /* since the one with least_squares */
-    double least_squares; /* error of some views at full resolution, the least after a growth; 0: none yet */
-    double charged_squares; /* squared error before the last charge; 0: there was none */
-    int growth_ended;       /* memory ran out: said once, and N stays */
+    int grown_out;         /* price.c: growth no longer pays */
+    int growths_in_vain;   /* since the one with least_squares */
+    double least_squares;  /* error of some views at full resolution, the least after a growth; 0: none yet */
+    double merged_squares; /* squared error before the last merging; 0: there was none */
+    int growth_ended;      /* memory ran out: said once, and N stays */
 
     /* validate.c */
     double validation_psnr, best_psnr; /* dB; NAN before the first */

@@ -212,7 +212,7 @@ void sf_grow_and_prune(sf_fitter *f, double fraction) {
     } else {
         if (growing && kind == SF_GROWTH_ERROR && sf_score_errors(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
-        if (sf_charging_due(f, fraction) && sf_charge(f))
+        if (sf_charging_due(f, fraction) && sf_charge(f, fraction >= f->settle_from))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
         if (growing && sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
         prune(f);

@@ -12,9 +12,11 @@
 #include "../base/pool.h"
 #include "../scene/nearest.h"
 #include "grow.h"
+#include "worth.h"
 
 enum {
     CLOSE = 8,  /* neighbours that each is tried with */
+    PASSES = 4, /* what has merged may merge again */
     CHUNK = 256 /* Gaussians a task */
 };
 
@@ -35,10 +37,12 @@ typedef struct pair {
 
 typedef struct merge_job {
     const sf_fitter *fitter;
-    const sf_nearest *nearest; /* [count][CLOSE] */
+    const uint32_t *left; /* [count] those that are there */
+    size_t count;
+    const sf_nearest *nearest; /* [count][CLOSE], by place in `left` */
     const float *effect;
     double misfit;
-    pair *best; /* [count] of each Gaussian */
+    pair *best; /* [count] the cheapest of each Gaussian */
 } merge_job;
 
 static double determinant(const double C[9]) {
@@ -111,22 +115,33 @@ static double misfit_of(const blob *a, const blob *b) {
     return fmax(both + product(&m, &m) - 2 * (product(a, &m) + product(b, &m)), 0) / both;
 }
 
-static int is_going(const sf_fitter *f, size_t i) { return f->screen_sum[i] < 0; }
+/* Those that are not marked to go, and where they are; what is not finite is nobody's. */
+static size_t list_left(const sf_fitter *f, uint32_t *left, float *points) {
+    size_t n = 0;
+    for (size_t i = 0; i < f->model->count; i++) {
+        int finite = 1;
+        for (int k = 0; k < 3; k++) {
+            points[3 * n + (size_t)k] = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
+            finite &= isfinite(points[3 * n + (size_t)k]) != 0;
+        }
+        if (finite && !(f->screen_sum[i] < 0)) left[n++] = (uint32_t)i;
+    }
+    return n;
+}
 
-static pair best_of(const merge_job *job, size_t i) {
-    const sf_fitter *f = job->fitter;
-    const sf_params *p = &f->model->params;
-    pair best = {INFINITY, (uint32_t)i, (uint32_t)i};
-    if (is_going(f, i)) return best;
+static pair best_of(const merge_job *job, size_t k) {
+    const sf_params *p = &job->fitter->model->params;
+    uint32_t i = job->left[k];
+    pair best = {INFINITY, i, i};
     blob a = blob_of(p, i);
     double reach = sqrt(fmax(fmax(a.C[0], a.C[4]), a.C[8]));
-    for (const sf_nearest *n = job->nearest + CLOSE * i, *end = n + CLOSE; n < end; n++) {
+    for (const sf_nearest *n = job->nearest + CLOSE * k, *end = n + CLOSE; n < end; n++) {
         if (!((double)n->distance <= 2 * reach)) break;
-        if (is_going(f, n->point)) continue;
-        blob b = blob_of(p, n->point);
-        double misfit = misfit_of(&a, &b);
-        double rise = misfit * ((double)job->effect[i] + (double)job->effect[n->point]);
-        if (misfit < job->misfit && rise < best.rise) best = (pair){rise, (uint32_t)i, n->point};
+        uint32_t other = job->left[n->point];
+        blob b = blob_of(p, other);
+        double misfit = misfit_of(&a, &b),
+               rise = misfit * ((double)job->effect[i] + (double)job->effect[other]);
+        if (misfit < job->misfit && rise < best.rise) best = (pair){rise, i, other};
     }
     return best;
 }
@@ -134,8 +149,8 @@ static pair best_of(const merge_job *job, size_t i) {
 static void find_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     const merge_job *job = job_pointer;
-    size_t count = job->fitter->model->count;
-    for (size_t i = task * CHUNK; i < (task + 1) * CHUNK && i < count; i++) job->best[i] = best_of(job, i);
+    for (size_t k = task * CHUNK; k < (task + 1) * CHUNK && k < job->count; k++)
+        job->best[k] = best_of(job, k);
 }
 
 /* A total order, so that any sort gives the same. */
@@ -181,61 +196,92 @@ static void set_shape(const sf_params *p, size_t i, const blob *m) {
     sf_set_opacity(p, i, (float)m->opacity);
 }
 
-/* Gaussian a becomes the one of both, b is to go. */
-static void merge(sf_fitter *f, size_t a, size_t b) {
-    const sf_params *p = &f->model->params;
-    blob of_a = blob_of(p, a), of_b = blob_of(p, b), m = fused(&of_a, &of_b);
-    float part = (float)(of_a.mass / (of_a.mass + of_b.mass));
+/* Gaussian a becomes the one of both, b is not to be seen. */
+static void merge(const sf_params *p, const pair *q) {
+    blob a = blob_of(p, q->a), b = blob_of(p, q->b), m = fused(&a, &b);
+    float part = (float)(a.mass / (a.mass + b.mass));
     for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT && p->field[field]; field++)
         for (int c = 0; c < sf_field_components(field); c++) {
-            float *x = sf_value(p, field, a, c);
-            *x = part * *x + (1 - part) * *sf_value(p, field, b, c);
+            float *x = sf_value(p, field, q->a, c);
+            *x = part * *x + (1 - part) * *sf_value(p, field, q->b, c);
         }
-    set_shape(p, a, &m);
-    sf_moments_forget(&f->moments, a);
-    f->screen_sum[b] = -1;
+    set_shape(p, q->a, &m);
+    p->field[SF_FIELD_logit_opacity][q->b] = SF_INVISIBLE;
 }
 
-/* The cheapest first, each Gaussian once. */
-static sf_status merge_cheapest(sf_fitter *f, pair *pairs, double budget, size_t *merged) {
-    size_t count = f->model->count, n = 0;
-    uint8_t *taken = sf_calloc(f->ctx, count, 1);
-    if (!taken) return SF_ERR_MEMORY;
+/* Leaves each Gaussian in its cheapest pair alone; returns how many pairs there are. */
+static size_t choose(pair *pairs, size_t count, uint8_t *taken) {
+    size_t n = 0, chosen = 0;
     for (size_t i = 0; i < count; i++)
         if (pairs[i].rise < INFINITY) pairs[n++] = pairs[i];
     qsort(pairs, n, sizeof *pairs, by_rise);
-    for (size_t k = 0; k < n && budget > 0; k++) {
-        size_t a = pairs[k].a, b = pairs[k].b;
-        if (taken[a] || taken[b]) continue;
-        budget -= pairs[k].rise;
-        taken[a] = taken[b] = 1;
-        merge(f, a, b);
-        ++*merged;
+    for (size_t k = 0; k < n; k++) {
+        if (taken[pairs[k].a] || taken[pairs[k].b]) continue;
+        taken[pairs[k].a] = taken[pairs[k].b] = 1;
+        pairs[chosen++] = pairs[k];
     }
-    sf_free(f->ctx, taken);
-    return SF_OK;
+    return chosen;
 }
 
-sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *effect, double budget, size_t *merged) {
+/* Merges the pairs, and takes the dearer half of them back as long as the squared error is above `most`. */
+static sf_status merge_within(sf_fitter *f, const pair *pairs, size_t n, double most, size_t *merged) {
+    const sf_params *p = &f->model->params;
+    sf_model *before;
+    double squares = INFINITY;
+    sf_status status = sf_model_copy(f->model, f->model->count, f->model->sh_degree, &before);
+    if (status) return status;
+    for (size_t k = 0; k < n; k++) merge(p, &pairs[k]);
+    while (n) {
+        status = sf_look_for_squares(f, &squares);
+        if (!status && squares <= most) break;
+        size_t kept = status ? 0 : n / 2;
+        for (size_t k = kept; k < n; k++) {
+            sf_params_copy(&before->params, pairs[k].a, p, pairs[k].a);
+            sf_params_copy(&before->params, pairs[k].b, p, pairs[k].b);
+        }
+        n = kept;
+    }
+    for (size_t k = 0; k < n; k++) {
+        sf_moments_forget(&f->moments, pairs[k].a);
+        f->screen_sum[pairs[k].b] = -1;
+    }
+    sf_model_destroy(&before);
+    *merged = n;
+    return status;
+}
+
+/* One pass over what is left. */
+static sf_status merge_once(sf_fitter *f, double misfit, const float *effect, double most, size_t *merged) {
     size_t count = f->model->count;
-    *merged = 0;
     float *points = sf_alloc(f->ctx, count, 3 * sizeof *points);
     sf_nearest *nearest = sf_alloc(f->ctx, count, CLOSE * sizeof *nearest);
-    pair *best = sf_alloc(f->ctx, count, sizeof *best);
-    sf_status status = points && nearest && best ? SF_OK : SF_ERR_MEMORY;
-    for (size_t i = 0; i < count && !status; i++)
-        for (int k = 0; k < 3; k++) {
-            float x = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
-            points[3 * i + (size_t)k] = isfinite(x) ? x : 0; /* it is nobody's pair */
-        }
-    if (!status) status = sf_find_nearest(f->ctx, points, count, CLOSE, nearest);
+    pair *pairs = sf_alloc(f->ctx, count, sizeof *pairs);
+    uint8_t *taken = sf_calloc(f->ctx, count, 1);
+    uint32_t *left = sf_alloc(f->ctx, count, sizeof *left);
+    sf_status status = points && nearest && pairs && taken && left ? SF_OK : SF_ERR_MEMORY;
+    size_t n = status ? 0 : list_left(f, left, points);
+    if (!status) status = sf_find_nearest(f->ctx, points, n, CLOSE, nearest);
     if (!status) {
-        merge_job job = {f, nearest, effect, misfit, best};
-        sf_pool_run(f->ctx->pool, (count + CHUNK - 1) / CHUNK, find_task, &job);
-        status = merge_cheapest(f, best, budget, merged);
+        merge_job job = {f, left, n, nearest, effect, misfit, pairs};
+        sf_pool_run(f->ctx->pool, (n + CHUNK - 1) / CHUNK, find_task, &job);
+        status = merge_within(f, pairs, choose(pairs, n, taken), most, merged);
     }
     sf_free(f->ctx, points);
     sf_free(f->ctx, nearest);
-    sf_free(f->ctx, best);
+    sf_free(f->ctx, pairs);
+    sf_free(f->ctx, taken);
+    sf_free(f->ctx, left);
+    return status;
+}
+
+sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *effect, double most, size_t *merged) {
+    size_t once = 1;
+    sf_status status = SF_OK;
+    *merged = 0;
+    for (int pass = 0; pass < PASSES && once && !status; pass++) {
+        once = 0;
+        status = merge_once(f, misfit, effect, most, &once);
+        *merged += once;
+    }
     return status;
 }

@@ -9,10 +9,13 @@
 
 #include "../base/pool.h"
 
-enum { GATHER = 1024 /* Gaussians a task */ };
+enum {
+    GATHER = 1024, /* Gaussians a task */
+    TRIED = 16     /* views that a change is tried on */
+};
 
-/* In rows' order, so that the sum is the same for any number of threads. */
-double sf_squares(const sf_workspace *ws) {
+/* Of the picture that was drawn last. */
+static double squares_of(const sf_workspace *ws) {
     double squares = 0;
     for (size_t y = 0; y < (size_t)ws->eye.height; y++)
         for (int ch = 0; ch < SF_CHANNELS; ch++) {
@@ -26,6 +29,17 @@ double sf_squares(const sf_workspace *ws) {
             squares += (double)row;
         }
     return squares;
+}
+
+static sf_status add_squares(sf_fitter *f, sf_view_state *state, double pixels, void *squares) {
+    (void)state;
+    *(double *)squares += pixels * squares_of(&f->workspace);
+    return SF_OK;
+}
+
+sf_status sf_look_for_squares(sf_fitter *f, double *squares) {
+    *squares = 0;
+    return sf_look_at_views(f, TRIED, 0, add_squares, squares, NULL);
 }
 
 typedef struct weigh_job {

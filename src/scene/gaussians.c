@@ -7,8 +7,6 @@
 static const int field_components[] = {SF_FIELDS(COMPONENTS)};
 #undef COMPONENTS
 
-#define NEUTRAL_LOGIT (-20.0f)
-
 int sf_field_components(int field) { return field_components[field]; }
 
 int sf_field_stored(int field, int sh_degree) { return field <= SF_FIELD_sh0 + sh_degree; }
@@ -43,7 +41,7 @@ static void set_neutral(sf_model *model, size_t i) {
         for (int c = 0; model->params.field[f] && c < field_components[f]; c++)
             model->params.field[f][sf_at(i, field_components[f], c)] = 0;
     model->params.field[SF_FIELD_quat][sf_at(i, 4, 0)] = 1;
-    model->params.field[SF_FIELD_logit_opacity][i] = NEUTRAL_LOGIT;
+    model->params.field[SF_FIELD_logit_opacity][i] = SF_INVISIBLE;
 }
 
 sf_status sf_model_create_room(sf_context *ctx, size_t capacity, int sh_degree, sf_model **out) {

@@ -7,6 +7,9 @@
 
 #include <splatfit/model.h>
 
+/* The logit-opacity of what is not to be seen. */
+#define SF_INVISIBLE (-20.0f)
+
 /* Greatest |log-scale|: beyond it a file hurts other tools, and is not written. */
 #define SF_LOG_SCALE_MOST 20.0f
 
