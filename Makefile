@@ -53,7 +53,7 @@ INSTALL_DEPS := $(filter demo test test-golden test-scenes check check-cpus buil
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
-OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera)
+OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libzstd)
 ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECMDGOALS))),)
 $(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
 endif
@@ -144,7 +144,7 @@ endif
 MODULES      := libturbojpeg spng jansson zlib
 MODULES      += $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
-                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA)
+                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 MODULE_FLAGS :=
 SPNG         :=
