@@ -54,6 +54,9 @@ static sf_status add_renders(const job *j, const sf_camera *camera, const char *
         sf_image_out out = {.rgb = drawn[i]};
         status = sf_render(j->renderer, j->models[i], camera, &j->options, &out);
     }
+    /* The first one's render stands for a picture. */
+    size_t values = 3 * (size_t)camera->width * (size_t)camera->height;
+    for (size_t i = 0; i < values; i++) drawn[0][i] = fmaxf(0, fminf(drawn[0][i], 1));
     if (!status)
         status = sf_compare(j->renderer, camera->width, camera->height, drawn[1], drawn[0], NULL, &q);
     if (status) return status;

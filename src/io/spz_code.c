@@ -52,9 +52,9 @@ static void encode_rotation(const float quat[4], uint8_t *to) {
     uint32_t word = largest;
     for (uint32_t i = 0; i < 4; i++) {
         if (i == largest) continue;
-        uint32_t negative = (xyzw[i] < 0) != (xyzw[largest] < 0);
         uint32_t magnitude =
             (uint32_t)lround(sqrt(2) * ROTATION_MOST * fabs((double)xyzw[i]) / ROTATION_STEP);
+        uint32_t negative = magnitude && (xyzw[i] < 0) != (xyzw[largest] < 0);
         magnitude *= ROTATION_STEP;
         if (magnitude > ROTATION_MOST) magnitude = ROTATION_MOST;
         word = word << ROTATION_BITS | negative << (ROTATION_BITS - 1) | magnitude;
