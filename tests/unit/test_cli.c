@@ -1324,7 +1324,7 @@ static void test_formats(void **state) {
         o = run_ok("eval", models[i], SCENE);
         test_assert_contains(o.out, "mean", __FILE__, __LINE__);
         free_outcome(&o);
-        run_quietly(ARGS("render", models[i], SCENE, "--out", "out/r", "-q"));
+        run_quietly(ARGS("render", models[i], SCENE, "--out", "rendered", "-q"));
         run_quietly(ARGS(FIT, "--from", models[i], "-o", "out/from.ply", "--cameras", "none", "-q"));
     }
 }
