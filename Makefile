@@ -13,6 +13,7 @@
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time of a set of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
 # make charts-quick  whether that works: build/charts-quick; seconds
+# make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
@@ -53,7 +54,7 @@ INSTALL_DEPS := $(filter demo test test-golden test-scenes check check-cpus buil
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
-OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera)
+OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libzstd)
 ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECMDGOALS))),)
 $(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
 endif
@@ -144,7 +145,7 @@ endif
 MODULES      := libturbojpeg spng jansson zlib
 MODULES      += $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
-                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA)
+                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 MODULE_FLAGS :=
 SPNG         :=
@@ -279,7 +280,7 @@ $(FEED): $(FEED).o
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
@@ -320,6 +321,8 @@ soak: $(PROGRAM) $(FEED)
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
+test-outside: $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/outside/splat_transform.sh
 test-static: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/static.sh
 

@@ -80,6 +80,7 @@ done
 step soak "${make[@]}" soak SECONDS=20
 step vm "${make[@]}" test-vm
 step install "${make[@]}" test-install
+step outside "${make[@]}" test-outside
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
 

@@ -40,14 +40,51 @@ SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 SF_API sf_status sf_model_set(sf_model *model, size_t first, size_t count, const sf_gaussians *from);
 SF_API sf_status sf_model_get(const sf_model *model, size_t first, size_t count, const sf_gaussians *to);
 
-/* Reads an INRIA .ply (by property name, any order, with or without normals, f_rest and comments). Gaussians
- * with a non-finite value, a zero quaternion or |log-scale| > 20 are left out, counted and reported to the
- * log. */
+/* Files that hold a model. */
+typedef enum sf_model_format {
+    SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, else .ply); read: .splat by the extension,
+                      .spz and .ply by their first bytes */
+    SF_MODEL_PLY,  /* INRIA's .ply: raw float values, exact */
+    SF_MODEL_SPZ, /* .spz: quantised columns, compressed; the fields' errors are listed in src/io/README.md */
+    SF_MODEL_SPLAT /* .splat: 32 bytes a Gaussian without higher SH bands, for previews */
+} sf_model_format;
+
+/* The axes that a .spz is in: nothing in the file tells. */
+typedef enum sf_spz_frame {
+    SF_SPZ_FRAME_OWN, /* the model's, as in a .ply: what widespread writers and readers do */
+    SF_SPZ_FRAME_RUB  /* right, up, back of a model with right, down, front: y and z are negated on the way */
+} sf_spz_frame;
+
+/* How a model is written and read. Start from sf_model_file_options_default(). */
+typedef struct sf_model_file_options {
+    sf_model_format format;
+    int sh_degree;  /* bands above it are left out, 0..3; -1: as many as there are */
+    int sh_bits[2]; /* .spz, written: bits kept of each SH value of band 1 and of the bands above, 1..8:
+                       values lie 2^(1 - bits) apart in -1..1. Both 0: more of Gaussians that cover
+                       much of a picture, fewer of the others */
+    sf_spz_frame spz_frame; /* .spz, read and written */
+} sf_model_file_options;
+
+/* SF_MODEL_AUTO, all bands, bits by what each Gaussian covers, the model's own frame. */
+SF_API sf_model_file_options sf_model_file_options_default(void);
+
+/* Reads a model: an INRIA .ply (by property name, any order, with or without normals, f_rest and comments), a
+ * .spz (gzip, versions 1 to 3; version 4 where the library is built with libzstd) or a .splat. Gaussians with
+ * a non-finite value, a zero quaternion or |log-scale| > 20 are left out, counted and reported to the log,
+ * and so is what is not read of a .spz: band 4, extensions. options NULL: the defaults. SF_ERR_IO,
+ * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT (an option out of its
+ * range). */
+SF_API sf_status sf_model_load_as(sf_context *context, const char *path, const sf_model_file_options *options,
+                                  sf_model **model);
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);
 
-/* Writes an INRIA .ply under a temporary name and renames it; a device, a pipe and "-" (standard output) are
- * written directly. Refuses (SF_ERR_ARGUMENT) a model with values that hurt other tools: see sf_model_load.
- * On failure the file that stood at `path` still stands. */
+/* Writes a model under a temporary name and renames it; a device, a pipe and "-" (standard output) are
+ * written directly. Refuses (SF_ERR_ARGUMENT) a model with values that hurt other tools: see
+ * sf_model_load_as. What a .spz cannot hold is moved to the nearest that it can, counted and reported to the
+ * log. The Gaussians of a .spz are in the order of their places, those of a .splat in that of their weight.
+ * On failure the file that stood at `path` still stands. options NULL: the defaults. */
+SF_API sf_status sf_model_save_as(const sf_model *model, const char *path,
+                                  const sf_model_file_options *options);
 SF_API sf_status sf_model_save(const sf_model *model, const char *path);
 
 #ifdef __cplusplus

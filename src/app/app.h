@@ -10,7 +10,7 @@
 #include "args.h"
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
-    command_capture, command_board, command_calibrate, command_bench, command_chart;
+    command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
@@ -28,8 +28,8 @@ int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene)
 /* "R,G,B" (0..1) or the names black and white. 0 if it is none. */
 int app_color(const char *text, float color[3]);
 
-/* How to render a model in a scene: background and near plane, as --background and --near-plane say. 0 or an
- * exit code. */
+/* How to render a model in a scene (NULL: in none): background and near plane, as --background and
+ * --near-plane say. 0 or an exit code. */
 int app_render_options(const args *a, sf_scene *scene, sf_render_options *options);
 
 /* Whether a view is meant by --split (test, train, all; `otherwise` where it was not given). */
@@ -38,6 +38,9 @@ int app_split_check(const args *a);
 
 /* Whether `path` can be written, as far as that can be told without writing. 0 or an exit code. */
 int app_check_output(const args *a, const char *path);
+
+/* Whether a path ends as the files of models do: .ply, .spz, .splat. */
+int app_names_model(const char *path);
 
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);

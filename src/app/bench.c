@@ -10,7 +10,7 @@ static const arg_option own_options[] = {
     {"json", 0, "FILE", "write all figures as JSON"},
     {"svg", 0, "DIR", "write the charts bench-accuracy.svg and bench-roofs.svg into a folder"},
     {"only", 0, "LIST", "measure only these of roofs,kernels,accuracy,steps"},
-    {"model", 0, "FILE", "measure whole steps of this model too (.ply; needs --project)"},
+    {"model", 0, "FILE", "measure whole steps of this model too (needs --project)"},
     {"project", 0, "PATH", "the project whose training views the model's steps take"},
     {"quick", 0, NULL, "small scenes and few rounds: whether all of it works, not how fast"},
     {"once", 0, NULL, "run each kernel once at --isa and print its units, for counting instructions"},

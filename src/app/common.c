@@ -102,8 +102,10 @@ int app_color(const char *text, float color[3]) {
 int app_render_options(const args *a, sf_scene *scene, sf_render_options *options) {
     *options = sf_render_options_default();
     sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    options->near_plane = (float)(sf_fit_options_default().near_plane * info.extent);
+    if (scene) {
+        sf_scene_get_info(scene, &info);
+        options->near_plane = (float)(sf_fit_options_default().near_plane * info.extent);
+    }
     const char *near_plane = args_value(a, "near-plane"), *background = args_value(a, "background");
     if (background && !app_color(background, options->background)) {
         app_say(a, "--background", "neither black, white nor R,G,B in 0..1");
@@ -135,6 +137,11 @@ int app_split_check(const args *a) {
 int app_split_wants(const args *a, const char *otherwise, sf_split split) {
     const char *wanted = split_or(a, otherwise);
     return !strcmp(wanted, "all") || !strcmp(wanted, split == SF_SPLIT_TEST ? "test" : "train");
+}
+
+int app_names_model(const char *path) {
+    const char *dot = strrchr(path, '.');
+    return dot && (!strcmp(dot, ".ply") || !strcmp(dot, ".spz") || !strcmp(dot, ".splat"));
 }
 
 char *app_folder(const char *path) {

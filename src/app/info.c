@@ -116,7 +116,7 @@ static int info_cpu(const sf_context *ctx) {
 
 static int run(const args *a) {
     sf_context *ctx = NULL;
-    const char *path = a->positional[0], *dot = path ? strrchr(path, '.') : NULL;
+    const char *path = a->positional[0];
     int cpu = args_value(a, "cpu") != NULL;
     if (!path && !cpu) {
         app_say(a, "an argument is missing", "a model or a project, or --cpu");
@@ -127,7 +127,7 @@ static int run(const args *a) {
     if (cpu)
         error = info_cpu(ctx);
     else
-        error = dot && !strcmp(dot, ".ply") ? info_model(a, ctx, path) : info_project(a, ctx, path);
+        error = app_names_model(path) ? info_model(a, ctx, path) : info_project(a, ctx, path);
     sf_context_destroy(&ctx);
     return error;
 }

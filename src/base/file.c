@@ -73,6 +73,15 @@ sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_
     return status;
 }
 
+size_t sf_read_start(const char *path, uint8_t *data, size_t most) {
+    struct stat st;
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (fd < 0) return 0;
+    ssize_t got = !fstat(fd, &st) && S_ISREG(st.st_mode) ? read(fd, data, most) : 0;
+    close(fd);
+    return got > 0 ? (size_t)got : 0;
+}
+
 /* Writing. */
 
 static sf_status writer_fail(sf_writer *w, const char *doing, int error) {

@@ -12,6 +12,9 @@
  * not count. SF_ERR_IO: cannot be opened or read, is a folder; SF_ERR_FORMAT: larger than limit. */
 sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_t **data, size_t *size);
 
+/* The first bytes of a regular file, at most `most`; returns how many, 0 also where it cannot be read. */
+size_t sf_read_start(const char *path, uint8_t *data, size_t most);
+
 /* A file being written: to a temporary name, buffered; nothing is at `path` before sf_writer_commit. */
 typedef struct sf_writer {
     sf_context *ctx;

@@ -18,8 +18,9 @@ enum {
     SHOWN_PLANES = 7 /* and whoever evaluates it: the picture, its weight, the render */
 };
 
-/* Bytes of a Gaussian that growth takes while it goes on: relocation most. */
-enum { GROWING = 24 };
+/* Bytes of a Gaussian that growth takes while it goes on: relocation most; and writing the result: a .spz
+ * most. */
+enum { GROWING = 24, WRITING = 24 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5
@@ -82,7 +83,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     return (bill_rates){.gaussians =
                             models * values + sizeof *f->screen_sum + sizeof *f->screen_seen + GROWING,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
-                        .results = values,
+                        .results = values + WRITING,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),
                         .planes = pictures,
                         .evaluation = pictures + pixels * SHOWN_PLANES * sizeof(float)};

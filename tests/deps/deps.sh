@@ -63,6 +63,7 @@ need_optional() {
     need g++ program "${CXX%% *}"
     need libcamera-dev pkg-config --exists libcamera
     need libapriltag-dev pkg-config --exists apriltag
+    need libzstd-dev pkg-config --exists libzstd
 }
 
 # The tools for a Debian sysroot and programs of another machine.

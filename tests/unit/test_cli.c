@@ -1274,6 +1274,78 @@ static void test_file_too_large(void **state) {
     assert_int_equal(test_count_entries(work("out")), 1);
 }
 
+/* Models in other formats. */
+
+static void test_convert(void **state) {
+    (void)state;
+    clear_out();
+    outcome o = run_ok("convert", "good.ply", "out/m.spz", SCENE, "--json", "out/c.json");
+    test_assert_contains(o.out, "good.ply: ", __FILE__, __LINE__);
+    test_assert_contains(o.out, "5 Gaussians, SH degree 1", __FILE__, __LINE__);
+    test_assert_contains(o.out, "2 views held out: PSNR ", __FILE__, __LINE__);
+    test_assert_contains(o.out, "7 views to train on: PSNR ", __FILE__, __LINE__);
+    free_outcome(&o);
+    json_t *json = test_json(work("out/c.json")), *compared = json_object_get(json, "compared");
+    content in = content_of("good.ply"), out = content_of("out/m.spz");
+    assert_true(test_number(json, "bytes_in") == (double)in.size);
+    assert_true(test_number(json, "bytes_out") == (double)out.size);
+    assert_int_equal(json_array_size(json_object_get(compared, "views")), SCENE_VIEWS);
+    assert_true(test_number(json_array_get(json_object_get(compared, "means"), 0), "psnr") > 30);
+    json_decref(json);
+    free(in.data);
+    free(out.data);
+    assert_int_equal(count_in("out/m.spz"), 5);
+
+    o = run_ok("convert", "out/m.spz", "out/m.splat", "--sh-degree", "0");
+    test_assert_contains(o.out, "8 views from a ring around the model: PSNR ", __FILE__, __LINE__);
+    free_outcome(&o);
+    assert_int_equal(count_in("out/m.splat"), 5);
+    run_quietly(ARGS("convert", "good.ply", "out/same.ply", "-q"));
+    assert_same_files("good.ply", "out/same.ply");
+    run_quietly(ARGS("convert", "good.ply", "out/rub.spz", "--spz-frame", "rub", "--sh-bits", "8,8"));
+    run_quietly(ARGS("convert", "good.ply", "out/own.spz", "--sh-bits", "8,8"));
+    run_quietly(ARGS("convert", "out/rub.spz", "out/rub.ply", "--spz-frame", "rub"));
+    run_quietly(ARGS("convert", "out/own.spz", "out/own.ply"));
+    run_quietly(ARGS("convert", "good.ply", "/dev/null"));
+    assert_int_equal(count_in("out/rub.ply"), 5);
+}
+
+/* All commands take all formats. */
+static void test_formats(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS(FIT, "-o", "out/m.spz", "--cameras", "none"));
+    run_quietly(ARGS("convert", "out/m.spz", "out/m.splat", "-q"));
+    static const char *const models[] = {"out/m.spz", "out/m.splat"};
+    for (size_t i = 0; i < COUNT(models); i++) {
+        outcome o = run_ok("info", models[i]);
+        test_assert_contains(o.out, i ? "SH degree 0" : "SH degree 3", __FILE__, __LINE__);
+        free_outcome(&o);
+        o = run_ok("eval", models[i], SCENE);
+        test_assert_contains(o.out, "mean", __FILE__, __LINE__);
+        free_outcome(&o);
+        run_quietly(ARGS("render", models[i], SCENE, "--out", "rendered", "-q"));
+        run_quietly(ARGS(FIT, "--from", models[i], "-o", "out/from.ply", "--cameras", "none", "-q"));
+    }
+}
+
+static void test_convert_refuses(void **state) {
+    (void)state;
+    clear_out();
+    assert_refused(ARGS("convert", "good.ply"), USAGE, "convert", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--sh-bits", "5"), USAGE, "--sh-bits", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--sh-bits", "5,9"), USAGE, "--sh-bits", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--sh-degree", "4"), USAGE, "sh-degree", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--spz-frame", "luf"), USAGE, "--spz-frame", 0);
+    assert_refused(ARGS("convert", "good.ply", "absent/a.spz"), FAILED, "absent", 0);
+    assert_refused(ARGS("convert", "absent.spz", "out/a.ply"), FAILED, "absent.spz: ", 0);
+    write_text("bad.spz", "\x1f\x8b");
+    assert_refused(ARGS("convert", "bad.spz", "out/a.ply"), FAILED, "bad.spz: truncated", 0);
+    assert_refused(ARGS("eval", "bad.spz", SCENE), FAILED, "bad.spz: truncated", 0);
+    write_text("bad.splat", "123");
+    assert_refused(ARGS("info", "bad.splat"), FAILED, "bad.splat: size", 0);
+}
+
 /* What all tests share. */
 
 static int find_program(void) {
@@ -1353,6 +1425,9 @@ int main(void) {
         cmocka_unit_test(test_interrupted),
         cmocka_unit_test(test_terminated),
         cmocka_unit_test(test_file_too_large),
+        cmocka_unit_test(test_convert),
+        cmocka_unit_test(test_formats),
+        cmocka_unit_test(test_convert_refuses),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }

@@ -106,6 +106,16 @@ typedef struct subject {
 typedef sf_status (*write_fn)(const subject *s, const char *path);
 
 static sf_status write_model(const subject *s, const char *path) { return sf_model_save(s->model, path); }
+static sf_status write_spz(const subject *s, const char *path) {
+    sf_model_file_options options = sf_model_file_options_default();
+    options.format = SF_MODEL_SPZ;
+    return sf_model_save_as(s->model, path, &options);
+}
+static sf_status write_splat(const subject *s, const char *path) {
+    sf_model_file_options options = sf_model_file_options_default();
+    options.format = SF_MODEL_SPLAT;
+    return sf_model_save_as(s->model, path, &options);
+}
 static sf_status write_cameras(const subject *s, const char *path) {
     return sf_scene_save_cameras(s->scene, path);
 }
@@ -241,6 +251,19 @@ static void test_model(void **state) {
     check_short_writes(write_model, 7);
 }
 
+static void test_spz(void **state) {
+    (void)state;
+    check_every_call(write_spz, 0);
+    check_every_call(write_spz, 20);
+    check_short_writes(write_spz, 7);
+}
+
+static void test_splat(void **state) {
+    (void)state;
+    check_every_call(write_splat, 0);
+    check_every_call(write_splat, 20);
+}
+
 static void test_file(void **state) {
     (void)state;
     check_every_call(write_bytes, 0);
@@ -284,8 +307,9 @@ static void test_cameras(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_model),      cmocka_unit_test(test_file),    cmocka_unit_test(test_unsynced),
-        cmocka_unit_test(test_empty_file), cmocka_unit_test(test_picture), cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_model),   cmocka_unit_test(test_spz),      cmocka_unit_test(test_splat),
+        cmocka_unit_test(test_file),    cmocka_unit_test(test_unsynced), cmocka_unit_test(test_empty_file),
+        cmocka_unit_test(test_picture), cmocka_unit_test(test_cameras),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,113 @@
+/* gaussian.c - one Gaussian on its way between a file and a model: its values, what is wrong with them. */
+#include "gaussian.h"
+
+#include <math.h>
+#include <stdio.h>
+
+/* Where the fields begin in sf_gaussian.values. */
+enum { MEAN = 0, QUAT = 3, LOG_SCALE = 7, LOGIT_OPACITY = 10, SH = 11 };
+
+static const double min_quat_norm = 1e-12;
+
+sf_gaussians sf_gaussian_fields(sf_gaussian *g) {
+    float *v = g->values;
+    return (sf_gaussians){v + MEAN, v + QUAT, v + LOG_SCALE, v + LOGIT_OPACITY, v + SH};
+}
+
+static sf_value *add(sf_value *to, const char *format, int number, int at) {
+    snprintf(to->name, sizeof to->name, format, number);
+    to->at = at;
+    return to + 1;
+}
+
+/* A file holds all reds of the higher bands, then all greens, then all blues; a model keeps RGB innermost. */
+int sf_gaussian_values(int sh_degree, sf_value list[SF_GAUSSIAN_MOST]) {
+    int higher = sf_coefficients(sh_degree) - 1;
+    sf_value *to = list;
+    for (int k = 0; k < 3; k++) to = add(to, "%c", 'x' + k, MEAN + k);
+    for (int c = 0; c < 3; c++) to = add(to, "f_dc_%d", c, SH + c);
+    for (int i = 0; i < 3 * higher; i++) to = add(to, "f_rest_%d", i, SH + 3 * (i % higher + 1) + i / higher);
+    to = add(to, "opacity", 0, LOGIT_OPACITY);
+    for (int k = 0; k < 3; k++) to = add(to, "scale_%d", k, LOG_SCALE + k);
+    for (int k = 0; k < 4; k++) to = add(to, "rot_%d", k, QUAT + k);
+    return (int)(to - list);
+}
+
+/* What each SH coefficient is odd in, of y and z together. With D = diag(1, -1, -1) the covariance becomes
+ * D R S S R^T D, which D R D has as its rotation: the quaternion's y and z change their signs too. */
+static const unsigned char sh_is_odd[SF_MAX_COEFFICIENTS] = {0, 1, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0};
+
+void sf_gaussian_turn(sf_gaussian *g, int sh_degree) {
+    float *v = g->values;
+    for (int k = 1; k < 3; k++) {
+        v[MEAN + k] = -v[MEAN + k];
+        v[QUAT + 1 + k] = -v[QUAT + 1 + k];
+    }
+    for (int i = 0; i < 3 * sf_coefficients(sh_degree); i++)
+        if (sh_is_odd[i / 3]) v[SH + i] = -v[SH + i];
+}
+
+int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_value *list, int values, sf_fault *found) {
+    const float *v = g->values, *q = v + QUAT;
+    for (int i = 0; i < values; i++) {
+        int at = list[i].at, is_scale = at >= LOG_SCALE && at < LOG_SCALE + 3;
+        if (isfinite(v[at]) && !(is_scale && fabsf(v[at]) > SF_LOG_SCALE_MOST)) continue;
+        snprintf(found->text, sizeof found->text, "%s is %g", list[i].name, (double)v[at]);
+        return 1;
+    }
+    double w = q[0], x = q[1], y = q[2], z = q[3];
+    if (sqrt(w * w + x * x + y * y + z * z) >= min_quat_norm) return 0;
+    snprintf(found->text, sizeof found->text, "rot_0..3 are a zero quaternion");
+    return 1;
+}
+
+sf_status sf_model_check(const sf_model *model, const char *path) {
+    sf_value list[SF_GAUSSIAN_MOST];
+    int values = sf_gaussian_values(sf_model_sh_degree(model), list);
+    sf_gaussian g;
+    sf_gaussians fields = sf_gaussian_fields(&g);
+    sf_fault found;
+    for (size_t i = 0; i < sf_model_count(model); i++) {
+        sf_status status = sf_model_get(model, i, 1, &fields);
+        if (status) return status;
+        if (sf_gaussian_is_faulty(&g, list, values, &found))
+            return sf_fail(model->ctx, SF_ERR_ARGUMENT, "%s: not written: Gaussian #%zu: %s", path, i,
+                           found.text);
+    }
+    return SF_OK;
+}
+
+/* ---- In ---- */
+
+sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree) {
+    *in = (sf_intake){.ctx = ctx, .path = path};
+    in->values = sf_gaussian_values(sh_degree, in->list);
+    return sf_model_create(ctx, count, sh_degree, &in->model);
+}
+
+sf_status sf_intake_put(sf_intake *in, sf_gaussian *g) {
+    sf_fault found;
+    size_t index = in->offered++;
+    if (sf_gaussian_is_faulty(g, in->list, in->values, &found)) {
+        if (in->kept < index) return SF_OK;
+        in->first_skipped = index;
+        in->first_fault = found;
+        return SF_OK;
+    }
+    sf_gaussians fields = sf_gaussian_fields(g);
+    return sf_model_set(in->model, in->kept++, 1, &fields);
+}
+
+sf_model *sf_intake_end(sf_intake *in, int antialiased) {
+    sf_model *model = in->model;
+    if (in->kept < in->offered)
+        sf_log(in->ctx, SF_LOG_WARNING,
+               "%s: skipped %zu of %zu Gaussians with values not finite or out of range (first: #%zu, %s)",
+               in->path, in->offered - in->kept, in->offered, in->first_skipped, in->first_fault.text);
+    sf_model_resize(model, in->kept);
+    sf_model_set_antialiased(model, antialiased);
+    in->model = NULL;
+    return model;
+}
+
+void sf_intake_abandon(sf_intake *in) { sf_model_destroy(&in->model); }

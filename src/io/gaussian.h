@@ -1,0 +1,65 @@
+/* gaussian.h - one Gaussian on its way between a file and a model. */
+#ifndef SF_IO_GAUSSIAN_H
+#define SF_IO_GAUSSIAN_H
+
+#include "../scene/gaussians.h"
+
+enum {
+    SF_MAX_COEFFICIENTS = (SF_MAX_SH_DEGREE + 1) * (SF_MAX_SH_DEGREE + 1),
+    /* Of a Gaussian: mean, quaternion, log-scales, logit-opacity, SH. */
+    SF_GAUSSIAN_MOST = 11 + 3 * SF_MAX_COEFFICIENTS
+};
+
+typedef struct sf_gaussian {
+    float values[SF_GAUSSIAN_MOST];
+} sf_gaussian;
+
+/* The fields of a Gaussian, SH with as many coefficients as the degree at hand has. */
+sf_gaussians sf_gaussian_fields(sf_gaussian *g);
+
+/* SH coefficients of a degree. */
+static inline int sf_coefficients(int sh_degree) { return (sh_degree + 1) * (sh_degree + 1); }
+
+/* A value as INRIA's .ply has it: its name, and where it is in `values`. */
+typedef struct sf_value {
+    char name[24];
+    int at;
+} sf_value;
+
+/* The values of a degree, in the order of the file (which has normals after the first three); returns how
+ * many. */
+int sf_gaussian_values(int sh_degree, sf_value list[SF_GAUSSIAN_MOST]);
+
+/* Turns a Gaussian by half a turn about x: y and z of its frame are negated. */
+void sf_gaussian_turn(sf_gaussian *g, int sh_degree);
+
+/* Whether a Gaussian would hurt whoever reads it, and by which value. */
+typedef struct sf_fault {
+    char text[64];
+} sf_fault;
+
+int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_value *list, int values, sf_fault *found);
+
+/* SF_ERR_ARGUMENT: a Gaussian of the model is faulty; the message says that `path` was not written. */
+sf_status sf_model_check(const sf_model *model, const char *path);
+
+/* Gaussians of a file becoming a model: faulty ones are left out and counted. */
+typedef struct sf_intake {
+    sf_context *ctx;
+    const char *path;
+    sf_model *model;
+    sf_value list[SF_GAUSSIAN_MOST];
+    int values;
+    size_t offered, kept, first_skipped;
+    sf_fault first_fault;
+} sf_intake;
+
+/* A model with room for `count` Gaussians of a degree. */
+sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree);
+sf_status sf_intake_put(sf_intake *in, sf_gaussian *g);
+/* After the last one: reports what was left out, and gives the model away. */
+sf_model *sf_intake_end(sf_intake *in, int antialiased);
+/* After a failure. */
+void sf_intake_abandon(sf_intake *in);
+
+#endif

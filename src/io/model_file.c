@@ -1,0 +1,96 @@
+/* model_file.c - models in and out: which format, and what all of them share. */
+#include "model_file.h"
+
+#include <string.h>
+
+#include "spz.h"
+
+typedef sf_status (*load_fn)(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                             sf_model **model);
+typedef sf_status (*put_fn)(sf_writer *w, const sf_model *model, int sh_degree,
+                            const sf_model_file_options *options);
+
+static const struct {
+    const char *extension;
+    load_fn load;
+    put_fn put;
+} formats[] = {
+    [SF_MODEL_PLY] = {".ply", sf_ply_load, sf_ply_put},
+    [SF_MODEL_SPZ] = {".spz", sf_spz_load, sf_spz_put},
+    [SF_MODEL_SPLAT] = {".splat", sf_splat_load, sf_splat_put},
+};
+
+sf_model_file_options sf_model_file_options_default(void) { return (sf_model_file_options){.sh_degree = -1}; }
+
+static sf_status check_range(sf_context *ctx, const char *name, int value, int least, int most) {
+    if (value >= least && value <= most) return SF_OK;
+    return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %d is not in %d..%d", name, value, least, most);
+}
+
+static sf_status check_options(sf_context *ctx, const sf_model_file_options *o) {
+    sf_status status = check_range(ctx, "format", (int)o->format, SF_MODEL_AUTO, SF_MODEL_SPLAT);
+    if (!status) status = check_range(ctx, "sh_degree", o->sh_degree, -1, SF_MAX_SH_DEGREE);
+    for (int i = 0; i < 2 && !status; i++) status = check_range(ctx, "sh_bits", o->sh_bits[i], 0, 8);
+    if (!status && !o->sh_bits[0] != !o->sh_bits[1])
+        status = sf_fail(ctx, SF_ERR_ARGUMENT, "sh_bits: %d and %d: both are 0, or none", o->sh_bits[0],
+                         o->sh_bits[1]);
+    if (!status)
+        status = check_range(ctx, "spz_frame", (int)o->spz_frame, SF_SPZ_FRAME_OWN, SF_SPZ_FRAME_RUB);
+    return status;
+}
+
+int sf_kept_degree(int sh_degree, const sf_model_file_options *options) {
+    return options->sh_degree >= 0 && options->sh_degree < sh_degree ? options->sh_degree : sh_degree;
+}
+
+static int has_extension(const char *path, const char *extension) {
+    size_t n = strlen(path), m = strlen(extension);
+    return n > m && !strcmp(path + n - m, extension);
+}
+
+static sf_model_format format_to_write(const char *path) {
+    for (sf_model_format f = SF_MODEL_SPZ; f <= SF_MODEL_SPLAT; f++)
+        if (has_extension(path, formats[f].extension)) return f;
+    return SF_MODEL_PLY;
+}
+
+/* A .splat has nothing in it that tells. What cannot be read is the .ply reader's to refuse. */
+static sf_model_format format_to_read(const char *path) {
+    uint8_t first[4] = {0};
+    if (has_extension(path, formats[SF_MODEL_SPLAT].extension)) return SF_MODEL_SPLAT;
+    size_t size = sf_read_start(path, first, sizeof first);
+    if (sf_spz_begins(first, size)) return SF_MODEL_SPZ;
+    return has_extension(path, formats[SF_MODEL_SPZ].extension) && memcmp(first, "ply", 3) ? SF_MODEL_SPZ
+                                                                                           : SF_MODEL_PLY;
+}
+
+sf_status sf_model_load_as(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                           sf_model **model) {
+    sf_model_file_options o = options ? *options : sf_model_file_options_default();
+    *model = NULL;
+    sf_status status = check_options(ctx, &o);
+    if (status) return status;
+    return formats[o.format ? o.format : format_to_read(path)].load(ctx, path, &o, model);
+}
+
+sf_status sf_model_load(sf_context *ctx, const char *path, sf_model **model) {
+    return sf_model_load_as(ctx, path, NULL, model);
+}
+
+sf_status sf_model_save_as(const sf_model *model, const char *path, const sf_model_file_options *options) {
+    sf_model_file_options o = options ? *options : sf_model_file_options_default();
+    sf_writer w;
+    sf_status status = check_options(model->ctx, &o);
+    if (!status) status = sf_model_check(model, path);
+    if (!status) status = sf_writer_open(&w, model->ctx, path);
+    if (status) return status;
+    put_fn put = formats[o.format ? o.format : format_to_write(path)].put;
+    status = put(&w, model, sf_kept_degree(sf_model_sh_degree(model), &o), &o);
+    if (!status) return sf_writer_commit(&w);
+    sf_writer_abandon(&w);
+    return status;
+}
+
+sf_status sf_model_save(const sf_model *model, const char *path) {
+    return sf_model_save_as(model, path, NULL);
+}

@@ -1,0 +1,31 @@
+/* model_file.h - what each format of model files has to offer to sf_model_load_as and sf_model_save_as. */
+#ifndef SF_IO_MODEL_FILE_H
+#define SF_IO_MODEL_FILE_H
+
+#include "../base/file.h"
+#include "gaussian.h"
+
+/* Largest file that is read. */
+#define SF_MODEL_FILE_MOST ((uint64_t)1 << 40)
+
+/* Readers. On failure *model is NULL. */
+sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                      sf_model **model);
+sf_status sf_spz_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                      sf_model **model);
+sf_status sf_splat_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                        sf_model **model);
+
+/* Writers of a model without faults to an open file that the caller commits or abandons; `sh_degree` is of
+ * the bands to write. */
+sf_status sf_ply_put(sf_writer *w, const sf_model *model, int sh_degree,
+                     const sf_model_file_options *options);
+sf_status sf_spz_put(sf_writer *w, const sf_model *model, int sh_degree,
+                     const sf_model_file_options *options);
+sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
+                       const sf_model_file_options *options);
+
+/* The bands to keep of a file or model that has `sh_degree`. */
+int sf_kept_degree(int sh_degree, const sf_model_file_options *options);
+
+#endif

@@ -1,0 +1,134 @@
+/* splat.c - Gaussians in and out, as the .splat of previews: 32 bytes each, without higher bands of SH.
+ *
+ * float mean[3], float scale[3] (standard deviations), u8 rgb[3] = 255 (0.5 + C0 f_dc), u8 alpha = 255
+ * opacity, u8 quat[4] = 128 + 128 q, of the unit quaternion w x y z. The file has neither a header nor an
+ * end.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../base/bytes.h"
+#include "model_file.h"
+#include "quantise.h"
+
+enum { ROW = 32, SCALES_AT = 12, COLORS_AT = 24, ALPHA_AT = 27, QUAT_AT = 28 };
+
+static const double sh_c0 = 0.28209479177387814;
+
+/* ---- In ---- */
+
+static void decode(const uint8_t *row, sf_gaussian *g) {
+    sf_gaussians f = sf_gaussian_fields(g);
+    sf_bytes b = {.data = row, .size = ROW};
+    for (int k = 0; k < 3; k++) f.means[k] = sf_bytes_f32(&b);
+    for (int k = 0; k < 3; k++) f.log_scales[k] = logf(sf_bytes_f32(&b));
+    for (int k = 0; k < 3; k++) f.sh[k] = (float)((row[COLORS_AT + k] / 255.0 - 0.5) / sh_c0);
+    f.logit_opacities[0] = sf_logit_of_byte(row[ALPHA_AT]);
+    for (int k = 0; k < 4; k++) f.quats[k] = (float)((row[QUAT_AT + k] - 128) / 128.0);
+}
+
+static sf_status decode_all(sf_intake *in, const uint8_t *data, size_t count) {
+    sf_gaussian g;
+    sf_status status = SF_OK;
+    for (size_t i = 0; i < count && !status; i++) {
+        decode(data + ROW * i, &g);
+        status = sf_intake_put(in, &g);
+    }
+    return status;
+}
+
+sf_status sf_splat_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                        sf_model **model) {
+    uint8_t *data;
+    size_t size;
+    sf_intake in = {0};
+    (void)options;
+    sf_status status = sf_read_file(ctx, path, SF_MODEL_FILE_MOST, &data, &size);
+    if (!status && size % ROW)
+        status =
+            sf_fail(ctx, SF_ERR_FORMAT,
+                    "%s: size: %zu bytes are not a multiple of %d: truncated, or no .splat", path, size, ROW);
+    if (!status) status = sf_intake_begin(&in, ctx, path, size / ROW, 0);
+    if (!status) status = decode_all(&in, data, size / ROW);
+    if (status)
+        sf_intake_abandon(&in);
+    else
+        *model = sf_intake_end(&in, 0);
+    sf_free(ctx, data);
+    return status;
+}
+
+/* ---- Out ---- */
+
+typedef struct weighed {
+    float weight;
+    uint32_t index;
+} weighed;
+
+/* Heaviest first, then in the model's order. */
+static int by_weight(const void *a, const void *b) {
+    const weighed *x = a, *y = b;
+    if (x->weight != y->weight) return x->weight < y->weight ? 1 : -1;
+    return x->index > y->index ? 1 : -1;
+}
+
+/* Readers that stop early, and viewers before they sort, show what covers most first. */
+static sf_status weigh(const sf_model *model, weighed *list) {
+    for (size_t i = 0; i < sf_model_count(model); i++) {
+        float log_scales[3], logit;
+        const sf_gaussians f = {.log_scales = log_scales, .logit_opacities = &logit};
+        sf_status status = sf_model_get(model, i, 1, &f);
+        if (status) return status;
+        list[i].index = (uint32_t)i;
+        list[i].weight = log_scales[0] + log_scales[1] + log_scales[2] + logf((float)sf_sigmoid(logit));
+    }
+    qsort(list, sf_model_count(model), sizeof *list, by_weight);
+    return SF_OK;
+}
+
+static void put_float(uint8_t *to, float value) {
+    uint32_t u;
+    memcpy(&u, &value, sizeof u);
+    for (int b = 0; b < 4; b++) to[b] = (uint8_t)(u >> (8 * b));
+}
+
+static void encode(sf_gaussian *g, uint8_t row[ROW]) {
+    sf_gaussians f = sf_gaussian_fields(g);
+    float unit[4];
+    sf_unit_quat(f.quats, unit);
+    for (int k = 0; k < 3; k++) {
+        put_float(row + 4 * k, f.means[k]);
+        put_float(row + SCALES_AT + 4 * k, expf(f.log_scales[k]));
+        row[COLORS_AT + k] = sf_byte_of(255 * (0.5 + sh_c0 * (double)f.sh[k]), NULL);
+    }
+    row[ALPHA_AT] = sf_byte_of(255 * sf_sigmoid(f.logit_opacities[0]), NULL);
+    for (int k = 0; k < 4; k++) row[QUAT_AT + k] = sf_byte_of(128 + 128 * (double)unit[k], NULL);
+}
+
+static sf_status put_all(sf_writer *w, const sf_model *model, const weighed *list) {
+    sf_gaussian g;
+    sf_gaussians fields = sf_gaussian_fields(&g);
+    uint8_t row[ROW];
+    for (size_t i = 0; i < sf_model_count(model); i++) {
+        sf_status status = sf_model_get(model, list[i].index, 1, &fields);
+        if (status) return status;
+        encode(&g, row);
+        sf_writer_put(w, row, ROW);
+    }
+    return SF_OK;
+}
+
+sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
+                       const sf_model_file_options *options) {
+    (void)options;
+    weighed *list = sf_alloc(w->ctx, sf_model_count(model) + 1, sizeof *list);
+    if (!list) return SF_ERR_MEMORY;
+    if (sh_degree > 0)
+        sf_log(w->ctx, SF_LOG_INFO, "%s: bands 1 to %d of the SH are left out: a .splat has none", w->path,
+               sh_degree);
+    sf_status status = weigh(model, list);
+    if (!status) status = put_all(w, model, list);
+    sf_free(w->ctx, list);
+    return status;
+}

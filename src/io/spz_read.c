@@ -1,0 +1,289 @@
+/* spz_read.c - Gaussians in, from .spz: versions 1 to 3 in a stream of gzip, version 4 in streams of zstd. */
+#include <stdio.h>
+#ifdef SF_HAVE_ZSTD
+#include <zstd.h>
+#endif
+
+#include "../base/bytes.h"
+#include "gzip.h"
+#include "model_file.h"
+#include "spz.h"
+
+enum {
+    DEGREE_MOST = 4,
+    FRACTION_MOST = 30,
+    FLAG_ANTIALIASED = 1,
+    FLAG_EXTENDED = 2,
+    EXTENSIONS_MOST = 1 << 20, /* bytes that are read over behind the columns */
+    STREAMS_HEADER = 32,
+    STREAM_ENTRY = 16,    /* of the table of streams: packed and unpacked bytes */
+    ZSTD_BLOCK = 1 << 17, /* what a block of zstd unpacks to at most, */
+    ZSTD_BLOCK_LEAST = 4  /* and what it takes at least */
+};
+
+typedef struct spz_in {
+    sf_context *ctx;
+    const char *path;
+    const uint8_t *data; /* of the file */
+    size_t size;
+    sf_spz_header header;
+    const uint8_t *columns[SF_SPZ_COLUMNS];
+    uint8_t *body; /* the columns, one behind the other */
+} spz_in;
+
+static sf_status refuse(const spz_in *s, sf_status status, const char *field, unsigned long value,
+                        const char *why) {
+    return sf_fail(s->ctx, status, "%s: %s: %lu %s", s->path, field, value, why);
+}
+
+/* The first 16 bytes of all versions. */
+static sf_status parse_header(spz_in *s, const uint8_t *data) {
+    sf_bytes b = {.data = data, .size = SF_SPZ_HEADER};
+    sf_spz_header *h = &s->header;
+    if (!sf_spz_begins(data, 4) || data[0] != 'N')
+        return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: is not a .spz file: it does not begin with NGSP", s->path);
+    b.at = 4;
+    h->version = sf_bytes_u32(&b);
+    h->count = sf_bytes_u32(&b);
+    h->sh_degree = sf_bytes_u8(&b);
+    h->fraction = sf_bytes_u8(&b);
+    int flags = sf_bytes_u8(&b);
+    h->antialiased = (flags & FLAG_ANTIALIASED) != 0;
+    h->extended = (flags & FLAG_EXTENDED) != 0;
+    if (h->version < 1 || h->version > SF_SPZ_STREAMS)
+        return refuse(s, SF_ERR_UNSUPPORTED, "version", h->version, "is none of 1 to 4");
+    if (h->sh_degree > DEGREE_MOST)
+        return refuse(s, SF_ERR_FORMAT, "SH degree", (unsigned long)h->sh_degree, "is not in 0..4");
+    if (h->fraction > FRACTION_MOST)
+        return refuse(s, SF_ERR_FORMAT, "fractional bits", (unsigned long)h->fraction, "are more than 30");
+    if (h->count > INT32_MAX - SF_LANES)
+        return refuse(s, SF_ERR_UNSUPPORTED, "count", h->count, "Gaussians are more than 2^31 - 17");
+    return SF_OK;
+}
+
+static uint64_t column_bytes(const spz_in *s, sf_spz_column column) {
+    return (uint64_t)s->header.count * (uint64_t)sf_spz_width(&s->header, column);
+}
+
+static uint64_t body_bytes(const spz_in *s) {
+    uint64_t bytes = 0;
+    for (sf_spz_column c = SF_SPZ_MEANS; c < SF_SPZ_COLUMNS; c++) bytes += column_bytes(s, c);
+    return bytes;
+}
+
+static sf_status truncated(const spz_in *s, uint64_t have, uint64_t need) {
+    return sf_fail(s->ctx, SF_ERR_FORMAT,
+                   "%s: truncated: at most %llu of the %llu bytes of its %lu Gaussians", s->path,
+                   (unsigned long long)have, (unsigned long long)need, (unsigned long)s->header.count);
+}
+
+/* Room for the columns, once the file is long enough to hold them. */
+static sf_status allocate_body(spz_in *s, uint64_t most) {
+    uint64_t bytes = body_bytes(s);
+    if (bytes > most) return truncated(s, most, bytes);
+    if (bytes >= SIZE_MAX)
+        return sf_fail(s->ctx, SF_ERR_MEMORY, "%s: %lu Gaussians are more than this machine can address",
+                       s->path, (unsigned long)s->header.count);
+    s->body = sf_alloc(s->ctx, (size_t)bytes + 1, 1);
+    if (!s->body) return SF_ERR_MEMORY;
+    const uint8_t *at = s->body;
+    for (sf_spz_column c = SF_SPZ_MEANS; c < SF_SPZ_COLUMNS; c++) {
+        s->columns[c] = at;
+        at += column_bytes(s, c);
+    }
+    return SF_OK;
+}
+
+/* ---- Versions 1 to 3 ---- */
+
+/* Whatever more there is behind the columns: extensions where the header says so, else none may be. */
+static sf_status read_over(const spz_in *s, sf_gzip_in *in) {
+    uint8_t scratch[4096];
+    size_t got, over = 0;
+    while (!in->ended) {
+        sf_status status = sf_gzip_take(in, scratch, sizeof scratch, &got);
+        if (status) return status;
+        if (!got && !in->ended)
+            return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: the end of the gzip stream is missing",
+                           s->path);
+        over += got;
+        if (over > (s->header.extended ? EXTENSIONS_MOST : 0))
+            return sf_fail(s->ctx, SF_ERR_FORMAT,
+                           "%s: gzip: unpacks to more than the %llu bytes of its %lu Gaussians", s->path,
+                           (unsigned long long)body_bytes(s), (unsigned long)s->header.count);
+    }
+    if (over) sf_log(s->ctx, SF_LOG_WARNING, "%s: extensions ignored: %zu bytes", s->path, over);
+    if (sf_gzip_rest(in))
+        sf_log(s->ctx, SF_LOG_WARNING, "%s: %zu bytes after the end ignored", s->path, sf_gzip_rest(in));
+    return SF_OK;
+}
+
+static sf_status unpack_gzip_open(spz_in *s, sf_gzip_in *in) {
+    uint8_t header[SF_SPZ_HEADER];
+    size_t got, bytes;
+    sf_status status = sf_gzip_take(in, header, sizeof header, &got);
+    if (!status && got < sizeof header)
+        return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: %zu of the header's %d bytes", s->path, got,
+                       SF_SPZ_HEADER);
+    if (!status) status = parse_header(s, header);
+    if (!status && s->header.version == SF_SPZ_STREAMS)
+        return refuse(s, SF_ERR_FORMAT, "version", s->header.version, "in a stream of gzip");
+    if (!status) status = allocate_body(s, (uint64_t)s->size * SF_GZIP_RATIO);
+    if (status) return status;
+    bytes = (size_t)body_bytes(s);
+    status = sf_gzip_take(in, s->body, bytes, &got);
+    if (!status && got < bytes) return truncated(s, got, bytes);
+    return status ? status : read_over(s, in);
+}
+
+static sf_status unpack_gzip(spz_in *s) {
+    sf_gzip_in in;
+    sf_status status = sf_gzip_open(&in, s->ctx, s->path, s->data, s->size);
+    if (status) return status;
+    status = unpack_gzip_open(s, &in);
+    sf_gzip_close(&in);
+    return status;
+}
+
+/* ---- Version 4 ---- */
+
+#ifdef SF_HAVE_ZSTD
+
+/* Where the table of streams is, and the first stream. */
+typedef struct streams {
+    size_t table, number, at;
+} streams;
+
+static sf_status find_streams(const spz_in *s, streams *found) {
+    sf_bytes b = {.data = s->data, .size = s->size, .at = SF_SPZ_HEADER - 1};
+    found->number = sf_bytes_u8(&b);
+    found->table = sf_bytes_u32(&b);
+    if (s->size < STREAMS_HEADER)
+        return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: %zu of the header's %d bytes", s->path, s->size,
+                       STREAMS_HEADER);
+    if (found->number != (s->header.sh_degree ? SF_SPZ_COLUMNS : SF_SPZ_COLUMNS - 1))
+        return refuse(s, SF_ERR_FORMAT, "streams", found->number, "are not one a column");
+    if (found->table < STREAMS_HEADER || found->table > s->size ||
+        found->number * STREAM_ENTRY > s->size - found->table)
+        return refuse(s, SF_ERR_FORMAT, "table of streams at", found->table,
+                      "is not in the file: truncated, or damaged");
+    found->at = found->table + found->number * STREAM_ENTRY;
+    if (found->table > STREAMS_HEADER)
+        sf_log(s->ctx, SF_LOG_WARNING, "%s: extensions ignored: %zu bytes", s->path,
+               found->table - STREAMS_HEADER);
+    return SF_OK;
+}
+
+/* The sizes that the table gives are those of the columns, and fit the file. */
+static sf_status check_streams(const spz_in *s, const streams *found) {
+    sf_bytes b = {.data = s->data, .size = s->size, .at = found->table};
+    uint64_t left = s->size - found->at;
+    for (size_t i = 0; i < found->number; i++) {
+        uint64_t packed = sf_bytes_u64(&b), bytes = sf_bytes_u64(&b);
+        if (bytes != column_bytes(s, (sf_spz_column)i))
+            return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: stream %zu: %llu bytes, not the %llu of %lu Gaussians",
+                           s->path, i, (unsigned long long)bytes,
+                           (unsigned long long)column_bytes(s, (sf_spz_column)i),
+                           (unsigned long)s->header.count);
+        if (packed > left)
+            return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: stream %zu: %llu of %llu bytes", s->path, i,
+                           (unsigned long long)left, (unsigned long long)packed);
+        left -= packed;
+    }
+    if (left)
+        sf_log(s->ctx, SF_LOG_WARNING, "%s: %llu bytes after the end ignored", s->path,
+               (unsigned long long)left);
+    return SF_OK;
+}
+
+static sf_status unpack_stream(const spz_in *s, size_t i, const uint8_t *data, size_t packed) {
+    size_t bytes = (size_t)column_bytes(s, (sf_spz_column)i);
+    uint8_t *to = s->body + (s->columns[i] - s->body);
+    size_t got = ZSTD_decompress(to, bytes, data, packed);
+    if (ZSTD_isError(got))
+        return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: stream %zu: zstd: %s", s->path, i, ZSTD_getErrorName(got));
+    return got == bytes ? SF_OK
+                        : sf_fail(s->ctx, SF_ERR_FORMAT, "%s: stream %zu: unpacks to %zu of %zu bytes",
+                                  s->path, i, got, bytes);
+}
+
+static sf_status unpack_streams(spz_in *s) {
+    streams found = {0};
+    sf_status status = find_streams(s, &found);
+    if (!status) status = check_streams(s, &found);
+    if (!status) status = allocate_body(s, (uint64_t)s->size * (ZSTD_BLOCK / ZSTD_BLOCK_LEAST));
+    sf_bytes b = {.data = s->data, .size = s->size, .at = found.table};
+    for (size_t i = 0; i < found.number && !status; i++) {
+        size_t packed = (size_t)sf_bytes_u64(&b);
+        sf_bytes_u64(&b);
+        status = unpack_stream(s, i, s->data + found.at, packed);
+        found.at += packed;
+    }
+    return status;
+}
+
+#else
+
+static sf_status unpack_streams(spz_in *s) {
+    return sf_fail(s->ctx, SF_ERR_UNSUPPORTED,
+                   "%s: version: 4 is packed by zstd, which this build is without", s->path);
+}
+
+#endif
+
+/* ---- All ---- */
+
+static sf_status unpack(spz_in *s) {
+    if (!sf_spz_begins(s->data, s->size))
+        return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: is not a .spz file: neither gzip nor NGSP", s->path);
+    if (s->data[0] != 'N') return unpack_gzip(s);
+    if (s->size < SF_SPZ_HEADER)
+        return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: %zu of the header's %d bytes", s->path, s->size,
+                       STREAMS_HEADER);
+    sf_status status = parse_header(s, s->data);
+    if (!status && s->header.version < SF_SPZ_STREAMS)
+        return refuse(s, SF_ERR_FORMAT, "version", s->header.version, "without gzip");
+    return status ? status : unpack_streams(s);
+}
+
+static sf_status decode_all(const spz_in *s, int sh_degree, int turned, sf_intake *in) {
+    sf_gaussian g;
+    sf_gaussians fields = sf_gaussian_fields(&g);
+    sf_status status = SF_OK;
+    for (size_t i = 0; i < s->header.count && !status; i++) {
+        for (sf_spz_column c = SF_SPZ_MEANS; c < SF_SPZ_COLUMNS; c++)
+            sf_spz_decode(&s->header, c, sh_degree, s->columns[c] + i * (size_t)sf_spz_width(&s->header, c),
+                          &fields);
+        if (turned) sf_gaussian_turn(&g, sh_degree);
+        status = sf_intake_put(in, &g);
+    }
+    return status;
+}
+
+static sf_status make_model(const spz_in *s, const sf_model_file_options *options, sf_model **model) {
+    sf_intake in = {0};
+    int kept = s->header.sh_degree > SF_MAX_SH_DEGREE ? SF_MAX_SH_DEGREE : s->header.sh_degree;
+    if (kept < s->header.sh_degree)
+        sf_log(s->ctx, SF_LOG_WARNING, "%s: band %d of the SH is left out", s->path, s->header.sh_degree);
+    kept = sf_kept_degree(kept, options);
+    sf_status status = sf_intake_begin(&in, s->ctx, s->path, s->header.count, kept);
+    if (!status) status = decode_all(s, kept, options->spz_frame == SF_SPZ_FRAME_RUB, &in);
+    if (status)
+        sf_intake_abandon(&in);
+    else
+        *model = sf_intake_end(&in, s->header.antialiased);
+    return status;
+}
+
+sf_status sf_spz_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                      sf_model **model) {
+    spz_in s = {.ctx = ctx, .path = path};
+    uint8_t *data;
+    sf_status status = sf_read_file(ctx, path, SF_MODEL_FILE_MOST, &data, &s.size);
+    s.data = data;
+    if (!status) status = unpack(&s);
+    if (!status) status = make_model(&s, options, model);
+    sf_free(ctx, s.body);
+    sf_free(ctx, data);
+    return status;
+}
