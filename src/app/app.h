@@ -82,6 +82,11 @@ sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *v
 sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
                          void *user, const char *path);
 
+/* facts.c: what a model takes, into the result of a log: gaussians, parameters (floats that describe it),
+ * sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be NULL)
+ * is a regular one. */
+void app_log_model(json_t *result, const sf_model *model, const char *path);
+
 /* progress.c: one line a moment about what goes on. */
 typedef struct progress_line {
     enum { PROGRESS_BAR, PROGRESS_PLAIN, PROGRESS_JSON, PROGRESS_NONE } kind;

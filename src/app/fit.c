@@ -46,7 +46,8 @@ typedef struct fit_run {
     progress_line line;
     watch watch;
     int stopped;    /* the number of the signal that ended the run early; 0: none */
-    double seconds; /* that the steps took */
+    double seconds;   /* that the steps took */
+    evaluation train; /* of --eval-train */
     json_t *replay; /* the log of the run that is repeated */
     int checkpoint_every;
     double next_checkpoint; /* seconds of the fit */
@@ -175,6 +176,10 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         json_object_set_new(result, "refinement",
                             json_pack("{s:f, s:f, s:f}", "turned_degrees", p.turned_degrees, "moved_depths",
                                       p.moved_depths, "focal_change", p.focal_change));
+    if (r->train.views) {
+        json_object_set_new(result, "train_psnr", json_real(r->train.psnr));
+        json_object_set_new(result, "train_ssim", json_real(r->train.ssim));
+    }
     if (e->views) {
         json_object_set_new(result, "psnr", json_real(e->psnr));
         json_object_set_new(result, "ssim", json_real(e->ssim));
@@ -239,6 +244,9 @@ static void print_result(fit_run *r, const evaluation *e) {
         fprintf(r->out,
                 "held out, %zu views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",
                 e->views, e->psnr, e->ssim, e->psnr_corrected);
+    if (r->train.views)
+        fprintf(r->out, "trained on, %zu views: PSNR %.2f dB, SSIM %.4f\n", r->train.views, r->train.psnr,
+                r->train.ssim);
     if (r->options.refine_poses)
         fprintf(r->out, "poses corrected, in the median by %.3f degrees and %.2f %% of depth\n",
                 p.turned_degrees, 100 * p.moved_depths);
@@ -266,6 +274,9 @@ static int finish(fit_run *r) {
         json_decref(e.list);
         if (app_evaluate(r->ctx, r->scene, r->a, "test", draw, r->fitter, &e)) error = app_fail(r->a, r->ctx);
     }
+    if (!error && !r->stopped && args_value(r->a, "eval-train") &&
+        app_evaluate(r->ctx, r->scene, r->a, "train", draw, r->fitter, &r->train))
+        error = app_fail(r->a, r->ctx);
     if (!error) print_result(r, &e);
     if (!error) error = write_comparison(r);
     const char *log = args_value(r->a, "log");
@@ -374,7 +385,7 @@ static void announce(const fit_run *r) {
 
 static int run(const args *a) {
     const char *output = args_value(a, "output");
-    fit_run r = {.a = a, .output = output ? output : "splat.ply"};
+    fit_run r = {.a = a, .output = output ? output : FIT_OUTPUT};
     watch_begin(&r.watch, a);
     r.out = strcmp(r.output, "-") ? stdout : stderr;
     int error = prepare(&r);
@@ -399,6 +410,7 @@ static int run(const args *a) {
         if (!error) error = r.checkpoint_error;
     }
     running = NULL;
+    json_decref(r.train.list);
     watch_free(&r.watch);
     json_decref(r.replay);
     sf_fitter_destroy(&r.fitter);

@@ -7,6 +7,9 @@
 
 enum { WATCH_TIMES = 64 };
 
+/* Where fit writes its model if nothing else is said. */
+#define FIT_OUTPUT "splat.ply"
+
 /* Options of the command line that it reads. */
 extern const arg_option watch_options[];
 
