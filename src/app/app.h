@@ -10,7 +10,7 @@
 #include "args.h"
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
-    command_capture, command_board, command_calibrate, command_bench, command_chart;
+    command_capture, command_board, command_calibrate, command_bench, command_chart, command_prune;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
@@ -69,6 +69,14 @@ typedef struct evaluation {
 
 /* Renders what a view sees into rgb [H][W][3]. */
 typedef sf_status (*app_draw)(void *user, const sf_view_info *view, float *rgb);
+
+/* Draws a model as the options say: an app_draw, of an app_drawer. */
+typedef struct app_drawer {
+    sf_renderer *renderer;
+    const sf_model *model;
+    sf_render_options options;
+} app_drawer;
+sf_status app_draw_model(void *drawer, const sf_view_info *view, float *rgb);
 
 /* Evaluates the views of a split ("test", "train", "all"). The caller owns result->list. */
 sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,

@@ -194,7 +194,10 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         "test_views", (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent",
         scene.extent, "fingerprint", replay_scene_json(r->scene), "options", options_json(&r->options),
         "gone_on", p.gone_on, "plan", replay_plan_json(r->fitter), "result", result);
-    if (log) watch_log(&r->watch, log, e);
+    sf_model *model = NULL;
+    sf_status status = sf_fitter_snapshot(r->fitter, &model);
+    if (log) watch_log(&r->watch, log, status ? NULL : model, e);
+    sf_model_destroy(&model);
     return log;
 }
 

@@ -230,24 +230,21 @@ static json_t *machine_json(const watch *w) {
 
 static void log_scene(const watch *w, json_t *scene) {
     sf_view_info view;
-    json_object_set_new(scene, "name", scene_name(w->a->positional[0]));
+    json_object_set_new(scene, "name", scene_name(w->a->positional[w->a->positionals - 1]));
     if (watch_first_held_out(w->scene, &view)) return;
     json_object_set_new(scene, "width", json_integer(view.camera.width));
     json_object_set_new(scene, "height", json_integer(view.camera.height));
 }
 
 /* Of the model at the end. */
-static void log_model(const watch *w, json_t *result) {
+static void log_model(const watch *w, json_t *result, const sf_model *model) {
     const char *output = args_value(w->a, "output");
-    sf_model *model = NULL;
     double needles = 0;
-    if (sf_fitter_snapshot(w->fitter, &model)) return;
     app_log_model(result, model, output ? output : FIT_OUTPUT);
     if (!count_needles(model, &needles)) json_object_set_new(result, "needles", json_real(needles));
-    sf_model_destroy(&model);
 }
 
-void watch_log(watch *w, json_t *log, const evaluation *end) {
+void watch_log(watch *w, json_t *log, const sf_model *model, const evaluation *end) {
     static const char *const given[] = {"label", "preset"};
     json_t *result = json_object_get(log, "result"), *seed = json_object_get(log, "options");
     seed = json_object_get(seed, "seed");
@@ -264,7 +261,7 @@ void watch_log(watch *w, json_t *log, const evaluation *end) {
     json_object_set_new(result, "seconds", json_real(w->seconds));
     json_object_set_new(result, "setup_seconds", json_real(w->setup));
     json_object_set_new(result, "evaluation_seconds", json_real(w->looking));
-    log_model(w, result);
+    if (model) log_model(w, result, model);
 }
 
 void watch_free(watch *w) {
