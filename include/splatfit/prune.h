@@ -29,8 +29,8 @@ typedef struct sf_prune_result {
 } sf_prune_result;
 
 /* Makes *pruned, the smallest model found whose PSNR over the training views of `scene` is at most
- * options->loss below that of `model`, which stays as it is: its least worthy Gaussians go, in rounds, as many
- * as true renders allow; then SH bands, which become 0. With refit_steps what is left is fitted on after
+ * options->loss below that of `model`, which stays as it is: its least worthy Gaussians go, in rounds, as
+ * many as true renders allow; then SH bands, which become 0. With refit_steps what is left is fitted on after
  * further cuts, and those kept that reach the same PSNR. Held-out views are not looked at. The same bytes for
  * any number of threads. options NULL: the defaults; result may be NULL.
  * SF_ERR_ARGUMENT: an option out of range (named), keep larger than the model; SF_ERR_EMPTY: no Gaussian, no

@@ -45,10 +45,10 @@ typedef struct fit_run {
     sf_fit_options options;
     progress_line line;
     watch watch;
-    int stopped;    /* the number of the signal that ended the run early; 0: none */
+    int stopped;      /* the number of the signal that ended the run early; 0: none */
     double seconds;   /* that the steps took */
     evaluation train; /* of --eval-train */
-    json_t *replay; /* the log of the run that is repeated */
+    json_t *replay;   /* the log of the run that is repeated */
     int checkpoint_every;
     double next_checkpoint; /* seconds of the fit */
     int checkpoint_error;

@@ -13,7 +13,8 @@ static const arg_option own_options[] = {
     {"to", 0, "N", "leave N Gaussians instead, whatever it costs, and their bands"},
     {"random", 0, NULL, "take out Gaussians at random: what any choice must beat"},
     {"keep-sh", 0, NULL, "leave the bands of the spherical harmonics alone"},
-    {"refit", 0, "STEPS", "fit on for so many steps after further cuts, and keep those that it makes good (0)"},
+    {"refit", 0, "STEPS",
+     "fit on for so many steps after further cuts, and keep those that it makes good (0)"},
     {"seed", 0, "N", "seed of --random and --refit (1)"},
     {"log", 0, "FILE", "write the figures before and after as JSON, for splatfit chart"},
     {"label", 0, "TEXT", "what to call this run, for the log"},
@@ -101,15 +102,15 @@ static int look(prune_run *r, const sf_model *model, const char *path, figures *
     f->gaussians = sf_model_count(model);
     f->facts = json_object();
     app_log_model(f->facts, model, path);
-    sf_status status =
-        app_evaluate(r->ctx, r->scene, r->a, "train", app_draw_model, &r->drawer, &f->train);
+    sf_status status = app_evaluate(r->ctx, r->scene, r->a, "train", app_draw_model, &r->drawer, &f->train);
     if (!status) status = app_evaluate(r->ctx, r->scene, r->a, "test", app_draw_model, &r->drawer, &f->test);
     r->watch.looking += app_seconds() - began;
     return status ? app_fail(r->a, r->ctx) : 0;
 }
 
 static void print_row(const char *name, const figures *f) {
-    printf("%-7s %10zu %12lld", name, f->gaussians, (long long)json_integer_value(json_object_get(f->facts, "parameters")));
+    printf("%-7s %10zu %12lld", name, f->gaussians,
+           (long long)json_integer_value(json_object_get(f->facts, "parameters")));
     json_t *bytes = json_object_get(f->facts, "bytes");
     if (bytes)
         printf(" %12lld", (long long)json_integer_value(bytes));
@@ -222,9 +223,10 @@ static const arg_option *const tables[] = {own_options, load_options, common_opt
 const command command_prune = {
     .name = "prune",
     .synopsis = "MODEL PROJECT --loss 0.1dB -o OUT [OPTIONS]",
-    .summary = "Takes a model down to what its scene needs. MODEL, of splatfit or others, loses its least worthy "
-               "Gaussians, then bands of its spherical harmonics, as many as the PSNR of the project's "
-               "training views allows, by true renders. Held-out views are reported, never looked at.",
+    .summary =
+        "Takes a model down to what its scene needs. MODEL, of splatfit or others, loses its least worthy "
+        "Gaussians, then bands of its spherical harmonics, as many as the PSNR of the project's "
+        "training views allows, by true renders. Held-out views are reported, never looked at.",
     .tables = tables,
     .least = 2,
     .most = 2,

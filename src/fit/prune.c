@@ -159,7 +159,8 @@ static void list_bands(pruner *p, const sf_worth *worth) {
             double of_band = energy(p->kept, i, band);
             if (of_band == 0 && cost == 0) continue; /* it went already */
             double floats = 3.0 * (2 * band + 1);
-            cost = fmax(cost, of_band * (double)worth->weight[i] / floats); /* no band goes before a higher one */
+            cost = fmax(cost,
+                        of_band * (double)worth->weight[i] / floats); /* no band goes before a higher one */
             p->items[p->item_count++] = (item){(float)cost, (uint32_t)i, band - 1};
         }
     }
@@ -293,7 +294,8 @@ static sf_status prune(pruner *p) {
     int bands = !o->keep_sh && p->kept->sh_degree > 0;
     if (o->random) {
         list_at_random(p);
-        return o->keep ? take(p, p->kept->count - o->keep) : take_most(p, p->item_count - 1, floor, FINENESS, &gone);
+        return o->keep ? take(p, p->kept->count - o->keep)
+                       : take_most(p, p->item_count - 1, floor, FINENESS, &gone);
     }
     if (o->keep) {
         sf_status status = cut_to(p, o->keep, ROUNDS);
