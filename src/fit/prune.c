@@ -1,8 +1,9 @@
 /* prune.c - a model taken down to what its scene needs.
  *
  * What taking a Gaussian out costs is known exactly for one alone (worth.h), not for many that go together:
- * the worth only orders them, and how many may go is found by bisection on true renders. In rounds, each with
- * a part of the loss, for what is left is worth more when neighbours have gone.
+ * each alone may make up for the error of others. Their effects on the pictures, in which no residual is
+ * counted upon, put them in order, and how many may go is found by bisection on true renders. In rounds, each
+ * with a part of the loss, for what is left is worth more when neighbours have gone.
  */
 #include <splatfit/prune.h>
 
@@ -151,7 +152,7 @@ static double energy(const sf_model *model, size_t i, int band) {
 
 /* Bands of each Gaussian, from the highest on: at the end of a fit, where no coefficient has a gradient, a
  * band's cost is the square of the colours that it changes, on average over all directions, times the pixels
- * that show the Gaussian; by its floats. */
+ * that show the Gaussian (by its share of the error, which is about the same everywhere); by its floats. */
 static void list_bands(pruner *p, const sf_worth *worth) {
     for (size_t i = 0; i < p->kept->count; i++) {
         double cost = 0;
@@ -160,7 +161,7 @@ static void list_bands(pruner *p, const sf_worth *worth) {
             if (of_band == 0 && cost == 0) continue; /* it went already */
             double floats = 3.0 * (2 * band + 1);
             cost = fmax(cost,
-                        of_band * (double)worth->weight[i] / floats); /* no band goes before a higher one */
+                        of_band * (double)worth->share[i] / floats); /* no band goes before a higher one */
             p->items[p->item_count++] = (item){(float)cost, (uint32_t)i, band - 1};
         }
     }
@@ -170,10 +171,10 @@ static void list_bands(pruner *p, const sf_worth *worth) {
 static sf_status list_items(pruner *p, int bands) {
     sf_worth worth;
     p->item_count = 0;
-    sf_status status = sf_weigh(p->fitter, &worth);
+    sf_status status = sf_weigh(p->fitter, 0, &worth);
     if (!status && bands) list_bands(p, &worth);
     for (size_t i = 0; i < p->kept->count && !status && !bands; i++)
-        p->items[p->item_count++] = (item){worth.removal[i], (uint32_t)i, -1};
+        p->items[p->item_count++] = (item){worth.effect[i], (uint32_t)i, -1};
     sf_worth_free(p->ctx, &worth);
     if (!status) qsort(p->items, p->item_count, sizeof *p->items, compare);
     return status;
