@@ -108,25 +108,26 @@ static int look(prune_run *r, const sf_model *model, const char *path, figures *
     return status ? app_fail(r->a, r->ctx) : 0;
 }
 
-static void print_row(const char *name, const figures *f) {
-    printf("%-7s %10zu %12lld", name, f->gaussians,
-           (long long)json_integer_value(json_object_get(f->facts, "parameters")));
+static void print_row(FILE *out, const char *name, const figures *f) {
+    fprintf(out, "%-7s %10zu %12lld", name, f->gaussians,
+            (long long)json_integer_value(json_object_get(f->facts, "parameters")));
     json_t *bytes = json_object_get(f->facts, "bytes");
     if (bytes)
-        printf(" %12lld", (long long)json_integer_value(bytes));
+        fprintf(out, " %12lld", (long long)json_integer_value(bytes));
     else
-        printf(" %12s", "-");
-    printf(" %10.3f dB", f->train.psnr);
-    if (f->test.views) printf(" %10.3f dB   %.4f", f->test.psnr, f->test.ssim);
-    printf("\n");
+        fprintf(out, " %12s", "-");
+    fprintf(out, " %10.3f dB", f->train.psnr);
+    if (f->test.views) fprintf(out, " %10.3f dB   %.4f", f->test.psnr, f->test.ssim);
+    fprintf(out, "\n");
 }
 
 static void print_result(const prune_run *r) {
+    FILE *out = strcmp(args_value(r->a, "output"), "-") ? stdout : stderr; /* the model may go there */
     if (args_value(r->a, "quiet")) return;
-    printf("%-7s %10s %12s %12s %13s %13s   %s\n", "", "Gaussians", "parameters", "bytes", "trained on",
-           r->after.test.views ? "held out" : "", r->after.test.views ? "SSIM" : "");
-    print_row("before", &r->before);
-    print_row("after", &r->after);
+    fprintf(out, "%-7s %10s %12s %12s %13s %13s   %s\n", "", "Gaussians", "parameters", "bytes", "trained on",
+            r->after.test.views ? "held out" : "", r->after.test.views ? "SSIM" : "");
+    print_row(out, "before", &r->before);
+    print_row(out, "after", &r->after);
 }
 
 static void log_figures(json_t *result, const figures *f) {

@@ -40,8 +40,8 @@ void watch_begin(watch *w, const args *a);
 double watch_seconds(const watch *w);
 /* Reads its options. 0 or an exit code. */
 int watch_read(watch *w);
-/* All is ready for the first step (of no fitter: prune): makes the folder of the snapshots. `draw` takes the fitter as its user. 0
- * or an exit code. */
+/* All is ready for the first step (of no fitter: prune): makes the folder of the snapshots. `draw` takes the
+ * fitter as its user. 0 or an exit code. */
 int watch_start(watch *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, app_draw draw);
 /* After each step: looks if it is time. */
 void watch_step(watch *w, const sf_fit_progress *p);

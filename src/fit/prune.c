@@ -160,8 +160,8 @@ static void list_bands(pruner *p, const sf_worth *worth) {
             double of_band = energy(p->kept, i, band);
             if (of_band == 0 && cost == 0) continue; /* it went already */
             double floats = 3.0 * (2 * band + 1);
-            cost = fmax(cost,
-                        of_band * (double)worth->share[i] / floats); /* no band goes before a higher one */
+            cost =
+                fmax(cost, of_band * (double)worth->share[i] / floats); /* no band goes before a higher one */
             p->items[p->item_count++] = (item){(float)cost, (uint32_t)i, band - 1};
         }
     }
@@ -242,6 +242,7 @@ static sf_fit_options refit_options(const pruner *p) {
     o.max_gaussians = (int64_t)p->fitter->model->count;
     o.grow_every = o.steps + 1; /* nothing comes or goes */
     o.validate = 0;
+    o.size = SF_SIZE_CAP;
     o.sh_degree = p->kept->sh_degree;
     o.lr_mean *= REFIT_RATE, o.lr_scale *= REFIT_RATE, o.lr_quat *= REFIT_RATE;
     o.lr_opacity *= REFIT_RATE, o.lr_sh0 *= REFIT_RATE, o.lr_sh_rest *= REFIT_RATE;

@@ -49,14 +49,12 @@ for scene in $scenes; do
     esac
     case $project in sim:*) ;; *) [ -d "$project" ] || continue ;; esac
     for n in $eighths; do
-        fit "$scene-cap-$n" "$project" --label caps --grow-most 1e6 --max-gaussians $((base * n / 8))
+        fit "$scene-cap-$n" "$project" --label caps --size cap --grow-most 1e6 --max-gaussians $((base * n / 8))
         [ "$n" != 8 ] || mv "$scratch/model.ply" "$scratch/whole.ply"
     done
-    if splatfit fit --help | grep -q -e '--size '; then
-        for seed in $seeds; do
-            fit "$scene-auto-$seed" "$project" --label auto --size auto --seed "$seed"
-        done
-    fi
+    for seed in $seeds; do
+        fit "$scene-auto-$seed" "$project" --label auto --size auto --seed "$seed"
+    done
     prune "$scene-pruned-loss" "$project" --loss 0.1dB
     for n in $eighths; do
         [ "$n" -lt 8 ] || continue
