@@ -214,8 +214,21 @@ static sf_status cut_to(pruner *p, size_t count, int rounds) {
     return status;
 }
 
+/* Floats of the Gaussians beside bands that are 0. */
+static size_t floats_in_use(const sf_model *model) {
+    size_t floats = 0;
+    for (size_t i = 0; i < model->count; i++) {
+        int degree = model->sh_degree;
+        while (degree > 0 && energy(model, i, degree) == 0) degree--;
+        for (int field = 0; field <= SF_FIELD_sh0 + degree; field++)
+            floats += (size_t)sf_field_components(field);
+    }
+    return floats;
+}
+
 static void say(const pruner *p, const char *what) {
-    sf_log(p->ctx, SF_LOG_INFO, "%s: %zu Gaussians, training views %.3f dB", what, p->kept->count, p->psnr);
+    sf_log(p->ctx, SF_LOG_INFO, "%s: %zu Gaussians, %zu floats in use, training views %.3f dB", what,
+           p->kept->count, floats_in_use(p->kept), p->psnr);
 }
 
 /* Takes out Gaussians, or bands, in rounds from the PSNR so far down to `floor`. */
