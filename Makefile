@@ -11,7 +11,7 @@
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
-# make charts        quality against time of a set of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
+# make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
 # make charts-quick  whether that works: build/charts-quick; seconds
 # make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less

@@ -11,6 +11,7 @@
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
     command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert;
+    command_capture, command_board, command_calibrate, command_bench, command_chart, command_prune;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
@@ -73,6 +74,14 @@ typedef struct evaluation {
 /* Renders what a view sees into rgb [H][W][3]. */
 typedef sf_status (*app_draw)(void *user, const sf_view_info *view, float *rgb);
 
+/* Draws a model as the options say: an app_draw, of an app_drawer. */
+typedef struct app_drawer {
+    sf_renderer *renderer;
+    const sf_model *model;
+    sf_render_options options;
+} app_drawer;
+sf_status app_draw_model(void *drawer, const sf_view_info *view, float *rgb);
+
 /* Evaluates the views of a split ("test", "train", "all"). The caller owns result->list. */
 sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
                        void *user, evaluation *result);
@@ -84,6 +93,11 @@ sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *v
 /* A view's picture and its render beside it, as PNG. */
 sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,
                          void *user, const char *path);
+
+/* facts.c: what a model takes, into the result of a log: gaussians, parameters (floats that describe it),
+ * sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be NULL)
+ * is a regular one. */
+void app_log_model(json_t *result, const sf_model *model, const char *path);
 
 /* progress.c: one line a moment about what goes on. */
 typedef struct progress_line {

@@ -10,18 +10,6 @@ static const arg_option own_options[] = {
     {0},
 };
 
-typedef struct drawer {
-    sf_renderer *renderer;
-    const sf_model *model;
-    sf_render_options options;
-} drawer;
-
-static sf_status draw(void *user, const sf_view_info *view, float *rgb) {
-    drawer *d = user;
-    sf_image_out out = {.rgb = rgb};
-    return sf_render(d->renderer, d->model, &view->camera, &d->options, &out);
-}
-
 static void print_table(const evaluation *e, size_t gaussians, long long bytes) {
     size_t i;
     json_t *view;
@@ -52,7 +40,7 @@ static int run(const args *a) {
     sf_context *ctx = NULL;
     sf_model *model = NULL;
     sf_scene *scene = NULL;
-    drawer d = {0};
+    app_drawer d = {0};
     evaluation e = {0};
     const char *json = args_value(a, "json");
     int error = app_split_check(a);
@@ -63,7 +51,7 @@ static int run(const args *a) {
     if (!error) error = app_render_options(a, scene, &d.options);
     if (!error && sf_renderer_create(ctx, &d.renderer)) error = app_fail(a, ctx);
     d.model = model;
-    if (!error && app_evaluate(ctx, scene, a, "test", draw, &d, &e)) error = app_fail(a, ctx);
+    if (!error && app_evaluate(ctx, scene, a, "test", app_draw_model, &d, &e)) error = app_fail(a, ctx);
     if (!error && !e.views)
         error = app_say(a, a->positional[1],
                         "no view to evaluate: nothing is held out (see --hold-out, --split)");

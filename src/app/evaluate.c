@@ -4,6 +4,12 @@
 
 #include "app.h"
 
+sf_status app_draw_model(void *drawer, const sf_view_info *view, float *rgb) {
+    const app_drawer *d = drawer;
+    sf_image_out out = {.rgb = rgb};
+    return sf_render(d->renderer, d->model, &view->camera, &d->options, &out);
+}
+
 /* A view's picture, its weights, and its render. */
 typedef struct pair {
     float *truth, *weight, *drawn; /* one block */

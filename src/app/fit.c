@@ -46,9 +46,10 @@ typedef struct fit_run {
     sf_fit_options options;
     progress_line line;
     watch watch;
-    int stopped;    /* the number of the signal that ended the run early; 0: none */
-    double seconds; /* that the steps took */
-    json_t *replay; /* the log of the run that is repeated */
+    int stopped;      /* the number of the signal that ended the run early; 0: none */
+    double seconds;   /* that the steps took */
+    evaluation train; /* of --eval-train */
+    json_t *replay;   /* the log of the run that is repeated */
     int checkpoint_every;
     double next_checkpoint; /* seconds of the fit */
     int checkpoint_error;
@@ -176,6 +177,10 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         json_object_set_new(result, "refinement",
                             json_pack("{s:f, s:f, s:f}", "turned_degrees", p.turned_degrees, "moved_depths",
                                       p.moved_depths, "focal_change", p.focal_change));
+    if (r->train.views) {
+        json_object_set_new(result, "train_psnr", json_real(r->train.psnr));
+        json_object_set_new(result, "train_ssim", json_real(r->train.ssim));
+    }
     if (e->views) {
         json_object_set_new(result, "psnr", json_real(e->psnr));
         json_object_set_new(result, "ssim", json_real(e->ssim));
@@ -190,7 +195,10 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         "test_views", (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent",
         scene.extent, "fingerprint", replay_scene_json(r->scene), "options", options_json(&r->options),
         "gone_on", p.gone_on, "plan", replay_plan_json(r->fitter), "result", result);
-    if (log) watch_log(&r->watch, log, e);
+    sf_model *model = NULL;
+    sf_status status = sf_fitter_snapshot(r->fitter, &model);
+    if (log) watch_log(&r->watch, log, status ? NULL : model, e);
+    sf_model_destroy(&model);
     return log;
 }
 
@@ -240,6 +248,9 @@ static void print_result(fit_run *r, const evaluation *e) {
         fprintf(r->out,
                 "held out, %zu views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",
                 e->views, e->psnr, e->ssim, e->psnr_corrected);
+    if (r->train.views)
+        fprintf(r->out, "trained on, %zu views: PSNR %.2f dB, SSIM %.4f\n", r->train.views, r->train.psnr,
+                r->train.ssim);
     if (r->options.refine_poses)
         fprintf(r->out, "poses corrected, in the median by %.3f degrees and %.2f %% of depth\n",
                 p.turned_degrees, 100 * p.moved_depths);
@@ -267,6 +278,9 @@ static int finish(fit_run *r) {
         json_decref(e.list);
         if (app_evaluate(r->ctx, r->scene, r->a, "test", draw, r->fitter, &e)) error = app_fail(r->a, r->ctx);
     }
+    if (!error && !r->stopped && args_value(r->a, "eval-train") &&
+        app_evaluate(r->ctx, r->scene, r->a, "train", draw, r->fitter, &r->train))
+        error = app_fail(r->a, r->ctx);
     if (!error) print_result(r, &e);
     if (!error) error = write_comparison(r);
     const char *log = args_value(r->a, "log");
@@ -375,7 +389,7 @@ static void announce(const fit_run *r) {
 
 static int run(const args *a) {
     const char *output = args_value(a, "output");
-    fit_run r = {.a = a, .output = output ? output : "splat.ply"};
+    fit_run r = {.a = a, .output = output ? output : FIT_OUTPUT};
     watch_begin(&r.watch, a);
     r.out = strcmp(r.output, "-") ? stdout : stderr;
     int error = prepare(&r);
@@ -400,6 +414,7 @@ static int run(const args *a) {
         if (!error) error = r.checkpoint_error;
     }
     running = NULL;
+    json_decref(r.train.list);
     watch_free(&r.watch);
     json_decref(r.replay);
     sf_fitter_destroy(&r.fitter);

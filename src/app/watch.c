@@ -13,6 +13,7 @@ const arg_option watch_options[] = {
     {"eval-every", 0, "N", "evaluate the held-out views every N steps, for the log's curve"},
     {"eval-at", 0, "LIST", "and at these seconds since the program's start, for example 1,2,5,10"},
     {"snapshots", 0, "DIR", "write the first held-out view at 1, 2, 5, 10, 30 and 60 s as PNG"},
+    {"eval-train", 0, NULL, "also evaluate the training views at the end, for the log's result"},
     {"label", 0, "TEXT", "what to call this run in charts, for the log"},
     {0},
 };
@@ -189,13 +190,11 @@ void watch_stop(watch *w, const sf_fit_progress *p) {
 }
 
 /* Share of the Gaussians whose longest axis is more than NEEDLE_ASPECT times the middle one. */
-static sf_status count_needles(const sf_fitter *fitter, double *share) {
-    sf_model *model = NULL;
-    sf_status status = sf_fitter_snapshot(fitter, &model);
-    size_t count = status ? 0 : sf_model_count(model), needles = 0;
+static sf_status count_needles(const sf_model *model, double *share) {
+    size_t count = sf_model_count(model), needles = 0;
     float *scales = count ? malloc(count * 3 * sizeof *scales) : NULL;
     *share = 0;
-    if (count && !scales) status = SF_ERR_MEMORY;
+    sf_status status = count && !scales ? SF_ERR_MEMORY : SF_OK;
     if (!status) status = sf_model_get(model, 0, count, &(sf_gaussians){.log_scales = scales});
     for (size_t i = 0; i < count && !status; i++) {
         double a = (double)scales[3 * i], b = (double)scales[3 * i + 1], c = (double)scales[3 * i + 2];
@@ -204,7 +203,6 @@ static sf_status count_needles(const sf_fitter *fitter, double *share) {
     }
     if (count) *share = (double)needles / (double)count;
     free(scales);
-    sf_model_destroy(&model);
     return status;
 }
 
@@ -232,16 +230,23 @@ static json_t *machine_json(const watch *w) {
 
 static void log_scene(const watch *w, json_t *scene) {
     sf_view_info view;
-    json_object_set_new(scene, "name", scene_name(w->a->positional[0]));
+    json_object_set_new(scene, "name", scene_name(w->a->positional[w->a->positionals - 1]));
     if (watch_first_held_out(w->scene, &view)) return;
     json_object_set_new(scene, "width", json_integer(view.camera.width));
     json_object_set_new(scene, "height", json_integer(view.camera.height));
 }
 
-void watch_log(watch *w, json_t *log, const evaluation *end) {
+/* Of the model at the end. */
+static void log_model(const watch *w, json_t *result, const sf_model *model) {
+    const char *output = args_value(w->a, "output");
+    double needles = 0;
+    app_log_model(result, model, output ? output : FIT_OUTPUT);
+    if (!count_needles(model, &needles)) json_object_set_new(result, "needles", json_real(needles));
+}
+
+void watch_log(watch *w, json_t *log, const sf_model *model, const evaluation *end) {
     static const char *const given[] = {"label", "preset"};
     json_t *result = json_object_get(log, "result"), *seed = json_object_get(log, "options");
-    double needles = 0;
     seed = json_object_get(seed, "seed");
     for (size_t i = 0; i < sizeof given / sizeof *given; i++) {
         const char *text = args_value(w->a, given[i]);
@@ -256,7 +261,7 @@ void watch_log(watch *w, json_t *log, const evaluation *end) {
     json_object_set_new(result, "seconds", json_real(w->seconds));
     json_object_set_new(result, "setup_seconds", json_real(w->setup));
     json_object_set_new(result, "evaluation_seconds", json_real(w->looking));
-    if (!count_needles(w->fitter, &needles)) json_object_set_new(result, "needles", json_real(needles));
+    if (model) log_model(w, result, model);
 }
 
 void watch_free(watch *w) {

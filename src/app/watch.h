@@ -7,6 +7,9 @@
 
 enum { WATCH_TIMES = 64 };
 
+/* Where fit writes its model if nothing else is said. */
+#define FIT_OUTPUT "splat.ply"
+
 /* Options of the command line that it reads. */
 extern const arg_option watch_options[];
 
@@ -37,15 +40,16 @@ void watch_begin(watch *w, const args *a);
 double watch_seconds(const watch *w);
 /* Reads its options. 0 or an exit code. */
 int watch_read(watch *w);
-/* All is ready for the first step: makes the folder of the snapshots. `draw` takes the fitter as its user. 0
- * or an exit code. */
+/* All is ready for the first step (of no fitter: prune): makes the folder of the snapshots. `draw` takes the
+ * fitter as its user. 0 or an exit code. */
 int watch_start(watch *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, app_draw draw);
 /* After each step: looks if it is time. */
 void watch_step(watch *w, const sf_fit_progress *p);
 /* After the last step: stops the clock. */
 void watch_stop(watch *w, const sf_fit_progress *p);
-/* Puts all into the log, beside its "result" and "scene"; `end` is the model's evaluation at the end. */
-void watch_log(watch *w, json_t *log, const evaluation *end);
+/* Puts all into the log, beside its "options", "result" and "scene"; `end` is the evaluation of the model
+ * (may be NULL) at the end. */
+void watch_log(watch *w, json_t *log, const sf_model *model, const evaluation *end);
 void watch_free(watch *w);
 
 /* The first view that is held out, else the first. */

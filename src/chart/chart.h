@@ -23,7 +23,19 @@ typedef struct chart_snapshot {
     size_t size;
 } chart_snapshot;
 
-/* One fit. Fields that have no comment are the log's. */
+/* Runs of a scene that together show what size is worth. */
+typedef enum chart_series {
+    CHART_NO_SERIES,
+    CHART_CAPS,   /* fits with other caps */
+    CHART_AUTO,   /* fits that chose their number themselves */
+    CHART_PRUNED, /* a large fit, pruned by worth */
+    CHART_RANDOM, /* and at random */
+    CHART_SERIES
+} chart_series;
+
+enum { CHART_DEGREES = 4 };
+
+/* One fit, or one pruning. Fields that have no comment are the log's. */
 typedef struct chart_run {
     char label[CHART_TEXT]; /* "label", else "preset / isa", else "isa" */
     char scene[CHART_TEXT], cpu[CHART_TEXT], isa[CHART_TEXT];
@@ -31,7 +43,14 @@ typedef struct chart_run {
     int threads;
     double seed, load_start, load_end;
     double steps, seconds, setup_seconds, evaluation_seconds, gaussians, needles; /* at the end */
-    chart_point *points; /* seconds ascend; 1 at least */
+    chart_series
+        series;   /* "series"; where there is none auto by options.size, caps by other caps of its label */
+    int timed;    /* drawn against time: what is no pruning and none of several caps */
+    double cap;   /* options.max_gaussians; 0: not known */
+    double bytes; /* of the model's file; 0: not known */
+    double train[CHART_METRICS];   /* quality on the training views at the end; NAN: not known */
+    double degrees[CHART_DEGREES]; /* Gaussians by SH degree; all 0: not known */
+    chart_point *points;           /* seconds ascend; 1 at least */
     size_t count;
     chart_snapshot *snapshots;
     size_t snapshot_count;
@@ -49,15 +68,30 @@ typedef struct chart_ablation {
     size_t count;
 } chart_ablation;
 
+/* What size was chosen for scenes of a known one. */
+typedef struct chart_choice {
+    char series[CHART_TEXT];
+    double complexity, gaussians; /* that the scene has, and the model */
+} chart_choice;
+
+typedef struct chart_choices {
+    char name[CHART_TEXT]; /* of its file, without folder and ending */
+    chart_choice *list;
+    size_t count;
+} chart_choices;
+
 typedef struct chart_input {
     sf_context *ctx;
     chart_run *runs;
     size_t run_count, run_room;
     chart_ablation *ablations;
     size_t ablation_count, ablation_room;
+    chart_choices *choices;
+    size_t choices_count, choices_room;
 } chart_input;
 
-/* read.c: adds a file: the log of a fit, or an ablation (a list of objects). SF_ERR_IO, SF_ERR_FORMAT: with
+/* read.c: adds a file: the log of a fit or of a pruning, an ablation (a list of objects with "move"), or
+ * choices of size (with "complexity"). SF_ERR_IO, SF_ERR_FORMAT: with
  * file and field; the input is as it was. */
 sf_status chart_read(chart_input *input, const char *path);
 void chart_free(chart_input *input);
@@ -76,7 +110,7 @@ typedef struct chart_curve {
     size_t count;
 } chart_curve;
 
-/* The runs of one scene: those of the input with the scene and the size of `first`. */
+/* The timed runs of one scene: those of the input with the scene and the size of `first`. */
 typedef struct chart_scene {
     const chart_input *input;
     const chart_run *first;
@@ -93,6 +127,36 @@ void chart_scene_free(chart_scene *scene);
 /* The best quality of any curve, and when a curve first has as much as `target` (negative: never). */
 double chart_best(const chart_scene *scene, chart_metric metric);
 double chart_time_to(const chart_curve *curve, double target);
+
+/* size.c: what the runs of a scene say about size. */
+typedef enum chart_size { CHART_GAUSSIANS, CHART_BYTES, CHART_SIZES } chart_size;
+
+typedef struct chart_size_point {
+    double size[CHART_SIZES];      /* mean of the runs; 0: not known */
+    double quality[CHART_METRICS]; /* held out, mean of the runs at their ends */
+    double least[CHART_METRICS], most[CHART_METRICS];
+    double train[CHART_METRICS]; /* NAN: not known */
+    size_t runs;                 /* whose numbers of Gaussians are near each other */
+} chart_size_point;
+
+typedef struct chart_sizes {
+    const chart_input *input;
+    const chart_run *first;
+    chart_size_point *points[CHART_SERIES]; /* Gaussians ascend */
+    size_t count[CHART_SERIES];
+} chart_sizes;
+
+sf_status chart_sizes_make(const chart_input *input, const chart_run *first, chart_sizes *sizes);
+void chart_sizes_free(chart_sizes *sizes);
+/* Whether there is something to draw against a size, or the gap to the training views. */
+int chart_sizes_known(const chart_sizes *sizes, chart_size size);
+int chart_gap_known(const chart_sizes *sizes);
+
+/* Quality falls by so much at the knee, dB. */
+#define CHART_KNEE 0.1
+/* The least size with which the caps come within CHART_KNEE of the best PSNR of them (*plateau), between runs
+ * over the logarithm of size. 0: less than two caps are there. */
+double chart_knee(const chart_sizes *sizes, chart_size size, double *plateau);
 
 /* peers.c: other programs on the same pictures, measured once. */
 typedef struct chart_peer {
@@ -112,6 +176,15 @@ const chart_peer *chart_peer_of(const chart_run *scene, size_t index);
 sf_status chart_draw_quality(const chart_scene *scene, chart_metric metric, sf_writer *out);
 void chart_draw_times(const chart_scene *scene, sf_writer *out);
 void chart_draw_moves(const chart_ablation *ablation, sf_writer *out);
+
+/* draw_size.c: the same. */
+sf_status chart_draw_size(const chart_sizes *sizes, chart_size size, chart_metric metric, sf_writer *out);
+sf_status chart_draw_gap(const chart_sizes *sizes, sf_writer *out);
+void chart_draw_choices(const chart_choices *choices, sf_writer *out);
+/* Gaussians by SH degree, a row for each run of a series whose Gaussians differ in it; how many such there
+ * are. */
+size_t chart_degree_rows(const chart_input *input, const chart_run *first);
+void chart_draw_degrees(const chart_input *input, const chart_run *first, sf_writer *out);
 
 /* page.c: index.html and each of its charts as an .svg of its own, in a folder that exists. */
 sf_status chart_write_page(const chart_input *input, const char *folder);

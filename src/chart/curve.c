@@ -33,7 +33,7 @@ static chart_point run_at(const chart_run *run, double seconds) {
 }
 
 static int of_curve(const chart_scene *scene, const chart_run *run, const char *label) {
-    return chart_same_scene(run, scene->first) && !strcmp(run->label, label);
+    return run->timed && chart_same_scene(run, scene->first) && !strcmp(run->label, label);
 }
 
 static chart_sample sample_at(const chart_scene *scene, const char *label, chart_metric metric,
@@ -106,7 +106,7 @@ static sf_status make_curve(const chart_scene *scene, const char *label, chart_m
 /* Whether no run before it, of its scene or of any, has its label. */
 static int opens_label(const chart_input *input, size_t run, int in_scene) {
     for (size_t i = 0; i < run; i++)
-        if (!strcmp(input->runs[i].label, input->runs[run].label) &&
+        if (input->runs[i].timed && !strcmp(input->runs[i].label, input->runs[run].label) &&
             (!in_scene || chart_same_scene(&input->runs[i], &input->runs[run])))
             return 0;
     return 1;
@@ -115,8 +115,8 @@ static int opens_label(const chart_input *input, size_t run, int in_scene) {
 /* A label is drawn alike in all scenes. */
 static size_t style_of(const chart_input *input, const char *label) {
     size_t style = 0;
-    for (size_t i = 0; strcmp(input->runs[i].label, label) != 0; i++)
-        style += (size_t)opens_label(input, i, 0);
+    for (size_t i = 0; !input->runs[i].timed || strcmp(input->runs[i].label, label) != 0; i++)
+        style += (size_t)(input->runs[i].timed && opens_label(input, i, 0));
     return style;
 }
 
@@ -128,7 +128,8 @@ sf_status chart_scene_make(const chart_input *input, const chart_run *first, cha
         if (!scene->curves[m]) status = SF_ERR_MEMORY;
     }
     for (size_t i = 0; i < input->run_count && !status; i++) {
-        if (!chart_same_scene(&input->runs[i], first) || !opens_label(input, i, 1)) continue;
+        if (!input->runs[i].timed || !chart_same_scene(&input->runs[i], first) || !opens_label(input, i, 1))
+            continue;
         const char *label = input->runs[i].label;
         for (int m = 0; m < CHART_METRICS && !status; m++) {
             chart_curve *curve = &scene->curves[m][scene->count];

@@ -1,54 +1,15 @@
 /* draw.c - quality against time, times to a quality, moves of the schedule: one picture each. */
-#include "chart.h"
+#include "parts.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-/* Colours that differ in lightness too; shapes and dashes tell the same without colour. */
-static const char *const colors[] = {"#0969da", "#bc4c00", "#1a7f37", "#8250df",
-                                     "#bf8700", "#cf222e", "#1b7c83", "#6e7781"};
-static const char *const dashes[] = {NULL, "7 3", "2 3", "9 3 2 3", "12 4", "4 2", "9 3 2 3 2 3", "1 4"};
-enum { STYLES = sizeof colors / sizeof *colors };
-
-enum { WIDTH = 760, LEFT = 70, RIGHT = 30, TOP = 64, PLOT = 320, ROW = 19 };
 #define MARK_MOST  7.5 /* px, radius at the most Gaussians of a chart */
 #define MARK_LEAST 2.8
 
-static const char *color_of(size_t style) { return colors[style % STYLES]; }
-/* Where colours begin anew, shapes step on by one and dashes by two: no two pairs are the same. */
-static const char *dashes_of(size_t style) { return dashes[(style + 2 * (style / STYLES)) % STYLES]; }
-static svg_shape shape_of(size_t style) { return (svg_shape)((style + style / STYLES) % SVG_SHAPES); }
-
-/* 12345 as 12,345. */
-static void grouped(double value, char *text, size_t size) {
-    char digits[32];
-    int n = snprintf(digits, sizeof digits, "%.0f", value), out = 0;
-    for (int i = 0; i < n && out + 2 < (int)size; i++) {
-        if (i && (n - i) % 3 == 0 && digits[i - 1] != '-') text[out++] = ',';
-        text[out++] = digits[i];
-    }
-    text[out] = 0;
-}
-
 static void seconds_text(double seconds, char *text, size_t size) {
     snprintf(text, size, seconds < 10 ? "%.2f s" : seconds < 100 ? "%.1f s" : "%.0f s", seconds);
-}
-
-/* Title, and under it the scene's machine, or that there are several. */
-static void put_title(svg *s, const chart_scene *scene, const char *what) {
-    const chart_run *first = scene->first;
-    char line[3 * CHART_TEXT];
-    snprintf(line, sizeof line, "%s - %s, %dx%d", what, first->scene, first->width, first->height);
-    svg_text(s, LEFT, 24, 15, SVG_START, SVG_INK, line);
-    snprintf(line, sizeof line, "%s, %d threads", first->cpu, first->threads);
-    for (size_t i = 0; i < scene->input->run_count; i++) {
-        const chart_run *run = &scene->input->runs[i];
-        if (!chart_same_scene(run, first)) continue;
-        if (strcmp(run->cpu, first->cpu) != 0 || run->threads != first->threads)
-            snprintf(line, sizeof line, "on several machines or numbers of threads");
-    }
-    svg_text(s, LEFT, 43, 12, SVG_START, SVG_INK, line);
 }
 
 /* A chart of quality. */
@@ -69,8 +30,8 @@ static size_t peers_of(const plot *p) {
 }
 
 static void scale(plot *p) {
-    p->x = (svg_axis){.from = LEFT, .to = WIDTH - RIGHT};
-    p->y = (svg_axis){.from = TOP + PLOT, .to = TOP, .linear = 1};
+    p->x = (svg_axis){.from = CHART_LEFT, .to = CHART_WIDTH - CHART_RIGHT};
+    p->y = (svg_axis){.from = CHART_TOP + CHART_PLOT, .to = CHART_TOP, .linear = 1};
     p->most_gaussians = 1;
     for (size_t i = 0; i < p->scene->count; i++) {
         const chart_curve *curve = &p->scene->curves[p->metric][i];
@@ -107,15 +68,17 @@ static void draw_band(const plot *p, const chart_curve *curve) {
         p->points[i] = place(p, curve->samples[i].seconds, curve->samples[i].least);
         p->points[2 * n - 1 - i] = place(p, curve->samples[i].seconds, curve->samples[i].most);
     }
-    svg_style style = {.fill = color_of(curve->style), .opacity = 0.28, .kind = "band"};
+    svg_style style = {.fill = chart_color(curve->style), .opacity = 0.28, .kind = "band"};
     svg_polygon(p->s, p->points, 2 * n, &style);
 }
 
 static void draw_line(const plot *p, const chart_curve *curve) {
     for (size_t i = 0; i < curve->count; i++)
         p->points[i] = place(p, curve->samples[i].seconds, curve->samples[i].mean);
-    svg_style style = {
-        .stroke = color_of(curve->style), .width = 1.8, .dashes = dashes_of(curve->style), .kind = "curve"};
+    svg_style style = {.stroke = chart_color(curve->style),
+                       .width = 1.8,
+                       .dashes = chart_dashes(curve->style),
+                       .kind = "curve"};
     svg_polyline(p->s, p->points, curve->count, &style);
 }
 
@@ -124,50 +87,26 @@ static void draw_marks(const plot *p, const chart_curve *curve) {
         const chart_sample *sample = &curve->samples[i];
         char note[3 * CHART_TEXT], seconds[32], gaussians[32];
         seconds_text(sample->seconds, seconds, sizeof seconds);
-        grouped(sample->gaussians, gaussians, sizeof gaussians);
+        chart_grouped(sample->gaussians, gaussians, sizeof gaussians);
         snprintf(note, sizeof note,
                  p->metric == CHART_PSNR ? "%s: %s, %.2f dB, %s Gaussians"
                                          : "%s: %s, SSIM %.4f, %s Gaussians",
                  curve->label, seconds, sample->mean, gaussians);
         svg_point at = place(p, sample->seconds, sample->mean);
-        svg_style style = {.fill = color_of(curve->style), .kind = "mark", .note = note};
-        svg_mark(p->s, shape_of(curve->style), at.x, at.y, mark_radius(p, sample->gaussians), &style);
+        svg_style style = {.fill = chart_color(curve->style), .kind = "mark", .note = note};
+        svg_mark(p->s, chart_shape(curve->style), at.x, at.y, mark_radius(p, sample->gaussians), &style);
     }
-}
-
-/* Text at a row, cut off where the picture ends. */
-static void row_text(svg *s, double x, double y, const char *text) {
-    enum { LETTER = 7 /* px, of a wide one */ };
-    char shown[2 * CHART_TEXT];
-    size_t n = (size_t)((WIDTH - x) / LETTER);
-    if (n >= strlen(text)) {
-        svg_text(s, x, y, 12, SVG_START, SVG_INK, text);
-        return;
-    }
-    n -= 2;
-    while (n && ((unsigned char)text[n] & 0xc0) == 0x80) n--; /* not within a letter of UTF-8 */
-    snprintf(shown, sizeof shown, "%.*s...", (int)n, text);
-    svg_text(s, x, y, 12, SVG_START, SVG_INK, shown);
-}
-
-/* A row of the legend: a piece of the line, the mark on it, and what they stand for. */
-static void legend_row(plot *p, const char *what, svg_shape shape, const svg_style *line,
-                       const svg_style *mark) {
-    double y = p->legend - 4;
-    if (line) svg_polyline(p->s, (svg_point[]){{LEFT, y}, {LEFT + 44, y}}, 2, line);
-    svg_mark(p->s, shape, LEFT + 22, y, 4.5, mark);
-    row_text(p->s, LEFT + 54, p->legend, what);
-    p->legend += ROW;
 }
 
 static void name_curve(plot *p, const chart_curve *curve) {
     char what[2 * CHART_TEXT];
     int several = curve->runs > 1;
-    svg_style line = {.stroke = color_of(curve->style), .width = 1.8, .dashes = dashes_of(curve->style)};
-    svg_style mark = {.fill = color_of(curve->style)};
+    svg_style line = {
+        .stroke = chart_color(curve->style), .width = 1.8, .dashes = chart_dashes(curve->style)};
+    svg_style mark = {.fill = chart_color(curve->style)};
     snprintf(what, sizeof what, several ? "%s: mean of %zu runs; band: least to most" : "%s", curve->label,
              curve->runs);
-    legend_row(p, what, shape_of(curve->style), &line, &mark);
+    chart_legend_row(p->s, &p->legend, what, chart_shape(curve->style), &line, &mark);
 }
 
 /* Hollow marks of one size: how many Gaussians they had is not known for each. */
@@ -187,34 +126,35 @@ static void draw_peer(plot *p, const chart_peer *peer, size_t index) {
         svg_mark(p->s, shape, at[i].x, at[i].y, 4.5, &mark);
     }
     line.kind = NULL, mark.kind = NULL, mark.note = NULL;
-    legend_row(p, peer->name, shape, &line, &mark);
-    row_text(p->s, LEFT + 70, p->legend - 2, peer->source);
-    p->legend += ROW;
+    chart_legend_row(p->s, &p->legend, peer->name, shape, &line, &mark);
+    chart_row_text(p->s, CHART_LEFT + 70, p->legend - 2, peer->source);
+    p->legend += CHART_ROW;
 }
 
 static void name_sizes(plot *p) {
     char most[32], part[32], what[128];
     svg_style mark = {.fill = SVG_INK};
     double y = p->legend - 4, small = p->most_gaussians / 8;
-    grouped(small, part, sizeof part);
-    grouped(p->most_gaussians, most, sizeof most);
-    svg_mark(p->s, SVG_CIRCLE, LEFT + 12, y, mark_radius(p, small), &mark);
-    svg_mark(p->s, SVG_CIRCLE, LEFT + 32, y, mark_radius(p, p->most_gaussians), &mark);
+    chart_grouped(small, part, sizeof part);
+    chart_grouped(p->most_gaussians, most, sizeof most);
+    svg_mark(p->s, SVG_CIRCLE, CHART_LEFT + 12, y, mark_radius(p, small), &mark);
+    svg_mark(p->s, SVG_CIRCLE, CHART_LEFT + 32, y, mark_radius(p, p->most_gaussians), &mark);
     snprintf(what, sizeof what, "area of a mark: the number of Gaussians, here %s and %s", part, most);
-    svg_text(p->s, LEFT + 54, p->legend, 12, SVG_START, SVG_INK, what);
+    svg_text(p->s, CHART_LEFT + 54, p->legend, 12, SVG_START, SVG_INK, what);
 }
 
 sf_status chart_draw_quality(const chart_scene *scene, chart_metric metric, sf_writer *out) {
     svg s;
-    plot p = {.s = &s, .scene = scene, .metric = metric, .legend = TOP + PLOT + 62};
+    plot p = {.s = &s, .scene = scene, .metric = metric, .legend = CHART_TOP + CHART_PLOT + 62};
     size_t longest = 0, rows = 1;
     for (size_t i = 0; i < scene->count; i++)
         if (scene->curves[metric][i].count > longest) longest = scene->curves[metric][i].count;
     p.points = sf_alloc(scene->input->ctx, 2 * longest, sizeof *p.points);
     if (!p.points) return SF_ERR_MEMORY;
     rows += scene->count + 2 * peers_of(&p);
-    svg_begin(&s, out, WIDTH, TOP + PLOT + 54 + ROW * (int)rows);
-    put_title(&s, scene, metric == CHART_PSNR ? "Held-out PSNR against time" : "Held-out SSIM against time");
+    svg_begin(&s, out, CHART_WIDTH, CHART_TOP + CHART_PLOT + 54 + CHART_ROW * (int)rows);
+    chart_put_title(&s, scene->input, scene->first,
+                    metric == CHART_PSNR ? "Held-out PSNR against time" : "Held-out SSIM against time");
     scale(&p);
     svg_axes(&s, &p.x, &p.y, "",
              "seconds of wall clock since the program's start, evaluations left out (logarithmic)",
@@ -230,45 +170,28 @@ sf_status chart_draw_quality(const chart_scene *scene, chart_metric metric, sf_w
     return SF_OK;
 }
 
-/* Bars from 0 on, in rows: an axis of seconds below, the figures behind each bar. */
-enum { BAR = 13, BAR_LEFT = 110, BAR_ROOM = 240 /* px behind the longest bar for its figures */ };
-
-static svg_axis bar_axis(double most, int room) {
-    svg_axis axis = {
-        .least = 0, .most = most > 0 ? most : 1, .from = BAR_LEFT, .to = WIDTH - room, .linear = 1};
-    svg_axis_round(&axis);
-    return axis;
-}
-
-static void draw_bar_axis(svg *s, const svg_axis *axis, double top, double bottom, const char *name) {
-    svg_grid(s, axis, bottom, top, 1);
-    svg_line(s, axis->from, bottom, axis->to, bottom, SVG_INK, 1, NULL);
-    svg_line(s, axis->from, bottom, axis->from, top, SVG_INK, 1, NULL);
-    svg_text(s, 0.5 * (axis->from + axis->to), bottom + 34, 12, SVG_MIDDLE, SVG_INK, name);
-}
-
 /* Below the best by so much. Darker the nearer, so that the three are told apart without colour. */
 static const struct { double below, opacity; } targets[] = {{1, 0.25}, {0.5, 0.55}, {0.1, 1}};
-enum { TARGETS = sizeof targets / sizeof *targets, GROUP = TARGETS * (BAR + 3) + 26 };
+enum { TARGETS = sizeof targets / sizeof *targets, GROUP = TARGETS * (CHART_BAR + 3) + 26 };
 
 static void draw_group(svg *s, const svg_axis *axis, const chart_curve *curve, double best, double y) {
-    const char *color = color_of(curve->style);
-    row_text(s, BAR_LEFT + 4, y + 13, curve->label);
+    const char *color = chart_color(curve->style);
+    chart_row_text(s, CHART_BAR_LEFT + 4, y + 13, curve->label);
     for (int k = 0; k < TARGETS; k++) {
-        double top = y + 20 + k * (BAR + 3), seconds = chart_time_to(curve, best - targets[k].below);
+        double top = y + 20 + k * (CHART_BAR + 3), seconds = chart_time_to(curve, best - targets[k].below);
         char text[64];
         snprintf(text, sizeof text, "best - %g dB", targets[k].below);
-        svg_text(s, BAR_LEFT - 6, top + BAR - 3, 11, SVG_END, SVG_INK, text);
+        svg_text(s, CHART_BAR_LEFT - 6, top + CHART_BAR - 3, 11, SVG_END, SVG_INK, text);
         if (seconds >= 0) {
             svg_style style = {
                 .fill = color, .opacity = targets[k].opacity, .stroke = color, .width = 1, .kind = "bar"};
-            svg_rect(s, BAR_LEFT, top, svg_axis_at(axis, seconds) - BAR_LEFT, BAR, &style);
+            svg_rect(s, CHART_BAR_LEFT, top, svg_axis_at(axis, seconds) - CHART_BAR_LEFT, CHART_BAR, &style);
             seconds_text(seconds, text, sizeof text);
         } else {
             snprintf(text, sizeof text, "not reached");
         }
-        double at = seconds >= 0 ? svg_axis_at(axis, seconds) : BAR_LEFT;
-        svg_text(s, at + 5, top + BAR - 3, 11, SVG_START, SVG_INK, text);
+        double at = seconds >= 0 ? svg_axis_at(axis, seconds) : CHART_BAR_LEFT;
+        svg_text(s, at + 5, top + CHART_BAR - 3, 11, SVG_START, SVG_INK, text);
     }
 }
 
@@ -280,12 +203,12 @@ void chart_draw_times(const chart_scene *scene, sf_writer *out) {
     for (size_t i = 0; i < scene->count; i++)
         for (int k = 0; k < TARGETS; k++)
             most = fmax(most, chart_time_to(&curves[i], best - targets[k].below));
-    svg_begin(&s, out, WIDTH, (int)bottom + 46);
-    put_title(&s, scene, "Time to a quality");
+    svg_begin(&s, out, CHART_WIDTH, (int)bottom + 46);
+    chart_put_title(&s, scene->input, scene->first, "Time to a quality");
     snprintf(note, sizeof note, "best: %.2f dB, the highest mean of any curve on these held-out views", best);
-    svg_text(&s, LEFT, 60, 12, SVG_START, SVG_INK, note);
-    svg_axis axis = bar_axis(most, 90);
-    draw_bar_axis(&s, &axis, 70, bottom, "seconds of wall clock since the program's start");
+    svg_text(&s, CHART_LEFT, 60, 12, SVG_START, SVG_INK, note);
+    svg_axis axis = chart_bar_axis(most, 90);
+    chart_draw_bar_axis(&s, &axis, 70, bottom, "seconds of wall clock since the program's start");
     for (size_t i = 0; i < scene->count; i++) draw_group(&s, &axis, &curves[i], best, 72 + GROUP * (double)i);
     svg_end(&s);
 }
@@ -295,35 +218,35 @@ static void draw_move(svg *s, const svg_axis *axis, const chart_ablation *ablati
     const chart_move *move = &ablation->moves[i], *before = i ? move - 1 : move;
     double saved = before->seconds - move->seconds, at = svg_axis_at(axis, move->seconds), end = at;
     char text[160], seconds[32], steps[32], change[64] = "";
-    svg_style solid = {.fill = color_of(0), .stroke = color_of(0), .width = 1, .kind = "bar"};
-    svg_style gone = {.stroke = color_of(0), .width = 1, .dashes = "3 2", .kind = "saved"};
-    row_text(s, LEFT + 4, y + 13, move->name);
-    svg_rect(s, axis->from, y + 20, at - axis->from, BAR, &solid);
+    svg_style solid = {.fill = chart_color(0), .stroke = chart_color(0), .width = 1, .kind = "bar"};
+    svg_style gone = {.stroke = chart_color(0), .width = 1, .dashes = "3 2", .kind = "saved"};
+    chart_row_text(s, CHART_LEFT + 4, y + 13, move->name);
+    svg_rect(s, axis->from, y + 20, at - axis->from, CHART_BAR, &solid);
     if (saved > 0) {
         end = svg_axis_at(axis, before->seconds);
-        svg_rect(s, at, y + 20, end - at, BAR, &gone);
+        svg_rect(s, at, y + 20, end - at, CHART_BAR, &gone);
     }
     seconds_text(move->seconds, seconds, sizeof seconds);
-    grouped(move->steps, steps, sizeof steps);
+    chart_grouped(move->steps, steps, sizeof steps);
     if (i) snprintf(change, sizeof change, " (%+.3g)", -saved);
     snprintf(text, sizeof text, "%s%s, %s steps, %.2f dB", seconds, change, steps, move->psnr);
-    svg_text(s, end + 6, y + 20 + BAR - 3, 11, SVG_START, SVG_INK, text);
+    svg_text(s, end + 6, y + 20 + CHART_BAR - 3, 11, SVG_START, SVG_INK, text);
 }
 
 void chart_draw_moves(const chart_ablation *ablation, sf_writer *out) {
-    enum { ONE = BAR + 28 };
+    enum { ONE = CHART_BAR + 28 };
     svg s;
     char title[CHART_TEXT + 64];
     double most = 0, bottom = 66 + ONE * (double)ablation->count;
     for (size_t i = 0; i < ablation->count; i++) most = fmax(most, ablation->moves[i].seconds);
-    svg_begin(&s, out, WIDTH, (int)bottom + 46);
+    svg_begin(&s, out, CHART_WIDTH, (int)bottom + 46);
     snprintf(title, sizeof title, "What each move of the schedule saves - %s", ablation->name);
-    svg_text(&s, LEFT, 24, 15, SVG_START, SVG_INK, title);
-    svg_text(&s, LEFT, 43, 12, SVG_START, SVG_INK,
+    svg_text(&s, CHART_LEFT, 24, 15, SVG_START, SVG_INK, title);
+    svg_text(&s, CHART_LEFT, 43, 12, SVG_START, SVG_INK,
              "each row has the moves of all rows above it too; dashed: saved against the row above");
-    svg_axis axis = bar_axis(most, BAR_ROOM);
-    axis.from = LEFT;
-    draw_bar_axis(&s, &axis, 58, bottom, "seconds of wall clock");
+    svg_axis axis = chart_bar_axis(most, CHART_BAR_ROOM);
+    axis.from = CHART_LEFT;
+    chart_draw_bar_axis(&s, &axis, 58, bottom, "seconds of wall clock");
     for (size_t i = 0; i < ablation->count; i++) draw_move(&s, &axis, ablation, i, 58 + ONE * (double)i);
     svg_end(&s);
 }

@@ -5,10 +5,24 @@
 #include <stdio.h>
 #include <string.h>
 
-/* A chart in the page and as a file; one of scene and ablation is NULL. */
-typedef enum chart_kind { QUALITY_PSNR, QUALITY_SSIM, TIMES, SCENE_KINDS, MOVES = SCENE_KINDS } chart_kind;
+/* A chart in the page and as a file. */
+typedef enum chart_kind {
+    QUALITY_PSNR,
+    QUALITY_SSIM,
+    TIMES,
+    SIZE_PSNR,
+    SIZE_SSIM,
+    BYTES_PSNR,
+    BYTES_SSIM,
+    GAP,
+    DEGREES,
+    MOVES,
+    CHOICES
+} chart_kind;
 
-static const char *const kind_names[] = {"psnr", "ssim", "times", "moves"};
+static const char *const kind_names[] = {"psnr",      "ssim",       "times",      "size-psnr",
+                                         "size-ssim", "bytes-psnr", "bytes-ssim", "gap",
+                                         "degrees",   "moves",      "complexity"};
 
 typedef struct page {
     const chart_input *input;
@@ -16,14 +30,40 @@ typedef struct page {
     sf_writer out;
 } page;
 
-static sf_status draw(chart_kind kind, const chart_scene *scene, const chart_ablation *ablation,
-                      sf_writer *out) {
-    if (kind == QUALITY_PSNR || kind == QUALITY_SSIM)
-        return chart_draw_quality(scene, kind == QUALITY_PSNR ? CHART_PSNR : CHART_SSIM, out);
-    if (kind == TIMES)
-        chart_draw_times(scene, out);
-    else
-        chart_draw_moves(ablation, out);
+/* What a chart shows; those that its kind does not show are NULL. */
+typedef struct subject {
+    const chart_scene *scene;
+    const chart_sizes *sizes;
+    const chart_ablation *ablation;
+    const chart_choices *choices;
+} subject;
+
+static sf_status draw(chart_kind kind, const subject *of, sf_writer *out) {
+    switch (kind) {
+    case QUALITY_PSNR:
+    case QUALITY_SSIM:
+        return chart_draw_quality(of->scene, kind == QUALITY_PSNR ? CHART_PSNR : CHART_SSIM, out);
+    case SIZE_PSNR:
+    case SIZE_SSIM:
+        return chart_draw_size(of->sizes, CHART_GAUSSIANS, kind == SIZE_PSNR ? CHART_PSNR : CHART_SSIM, out);
+    case BYTES_PSNR:
+    case BYTES_SSIM:
+        return chart_draw_size(of->sizes, CHART_BYTES, kind == BYTES_PSNR ? CHART_PSNR : CHART_SSIM, out);
+    case GAP:
+        return chart_draw_gap(of->sizes, out);
+    case TIMES:
+        chart_draw_times(of->scene, out);
+        break;
+    case DEGREES:
+        chart_draw_degrees(of->sizes->input, of->sizes->first, out);
+        break;
+    case MOVES:
+        chart_draw_moves(of->ablation, out);
+        break;
+    case CHOICES:
+        chart_draw_choices(of->choices, out);
+        break;
+    }
     return SF_OK;
 }
 
@@ -41,14 +81,13 @@ static sf_status file_name(const page *p, chart_kind kind, const char *name, cha
     return SF_OK;
 }
 
-static sf_status add_chart(page *p, chart_kind kind, const char *name, const chart_scene *scene,
-                           const chart_ablation *ablation) {
+static sf_status add_chart(page *p, chart_kind kind, const char *name, const subject *of) {
     char path[4096];
     sf_writer file;
     sf_status status = file_name(p, kind, name, path, sizeof path);
     if (!status) status = sf_writer_open(&file, p->input->ctx, path);
     if (status) return status;
-    status = draw(kind, scene, ablation, &file);
+    status = draw(kind, of, &file);
     if (status) {
         sf_writer_abandon(&file);
         return status;
@@ -56,7 +95,7 @@ static sf_status add_chart(page *p, chart_kind kind, const char *name, const cha
     status = sf_writer_commit(&file);
     if (status) return status;
     sf_writer_printf(&p->out, "<figure>\n");
-    status = draw(kind, scene, ablation, &p->out);
+    status = draw(kind, of, &p->out);
     sf_writer_printf(&p->out, "</figure>\n");
     return status;
 }
@@ -101,9 +140,9 @@ static void put_cell(page *p, const char *text) {
 
 /* The figures of each run, for those who read no charts. */
 static void add_runs(page *p, const chart_scene *scene) {
-    static const char *const heads[] = {"run",     "seed",        "PSNR dB",      "SSIM",
-                                        "seconds", "set-up s",    "steps",        "Gaussians",
-                                        "needles", "evaluated s", "load average", "machine"};
+    static const char *const heads[] = {"run",         "seed",         "PSNR dB",   "SSIM",  "seconds",
+                                        "set-up s",    "steps",        "Gaussians", "bytes", "needles",
+                                        "evaluated s", "load average", "machine"};
     sf_writer_printf(&p->out, "<table>\n<tr>");
     for (size_t i = 0; i < sizeof heads / sizeof *heads; i++)
         sf_writer_printf(&p->out, "<th>%s</th>", heads[i]);
@@ -118,14 +157,30 @@ static void add_runs(page *p, const chart_scene *scene) {
         put_cell(p, run->label);
         sf_writer_printf(&p->out,
                          "<td>%.0f</td><td>%.2f</td><td>%.4f</td><td>%.2f</td><td>%.2f</td><td>%.0f</td>"
-                         "<td>%.0f</td><td>%.2f %%</td><td>%.2f</td><td>%.1f to %.1f</td>",
+                         "<td>%.0f</td><td>%.0f</td><td>%.2f %%</td><td>%.2f</td><td>%.1f to %.1f</td>",
                          run->seed, end->quality[CHART_PSNR], end->quality[CHART_SSIM], run->seconds,
-                         run->setup_seconds, run->steps, run->gaussians, 100 * run->needles,
+                         run->setup_seconds, run->steps, run->gaussians, run->bytes, 100 * run->needles,
                          run->evaluation_seconds, run->load_start, run->load_end);
         put_cell(p, machine);
         sf_writer_printf(&p->out, "</tr>\n");
     }
     sf_writer_printf(&p->out, "</table>\n");
+}
+
+/* The charts of size for which the runs of a scene say enough. */
+static sf_status add_sizes(page *p, const chart_run *first, const char *name) {
+    chart_sizes sizes;
+    sf_status status = chart_sizes_make(p->input, first, &sizes);
+    if (status) return status;
+    int drawn[] = {[SIZE_PSNR] = chart_sizes_known(&sizes, CHART_GAUSSIANS),
+                   [BYTES_PSNR] = chart_sizes_known(&sizes, CHART_BYTES),
+                   [GAP] = chart_gap_known(&sizes),
+                   [DEGREES] = chart_degree_rows(p->input, first) > 0};
+    drawn[SIZE_SSIM] = drawn[SIZE_PSNR], drawn[BYTES_SSIM] = drawn[BYTES_PSNR];
+    for (int kind = SIZE_PSNR; kind <= DEGREES && !status; kind++)
+        if (drawn[kind]) status = add_chart(p, (chart_kind)kind, name, &(subject){.sizes = &sizes});
+    chart_sizes_free(&sizes);
+    return status;
 }
 
 static sf_status add_scene(page *p, const chart_run *first) {
@@ -137,8 +192,9 @@ static sf_status add_scene(page *p, const chart_run *first) {
     sf_writer_printf(&p->out, "<h2>");
     svg_put_text(&p->out, first->scene);
     sf_writer_printf(&p->out, ", %d x %d</h2>\n", first->width, first->height);
-    for (int kind = 0; kind < SCENE_KINDS && !status; kind++)
-        status = add_chart(p, (chart_kind)kind, name, &scene, NULL);
+    for (int kind = QUALITY_PSNR; kind <= TIMES && scene.count && !status; kind++)
+        status = add_chart(p, (chart_kind)kind, name, &(subject){.scene = &scene});
+    if (!status) status = add_sizes(p, first, name);
     for (size_t i = 0; i < p->input->run_count && !status; i++)
         if (chart_same_scene(&p->input->runs[i], first)) add_snapshots(p, &p->input->runs[i]);
     if (!status) add_runs(p, &scene);
@@ -149,7 +205,7 @@ static sf_status add_scene(page *p, const chart_run *first) {
 static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
     "<meta name=\"viewport\" content=\"width=device-width\"/>\n<title>splatfit: quality against "
-    "time</title>\n"
+    "time and size</title>\n"
     "<style>\n"
     ":root { color-scheme: light dark; }\n"
     "body { font: 15px/1.45 system-ui, sans-serif; max-width: 1000px; margin: 2em auto; padding: 0 1em; }\n"
@@ -164,7 +220,7 @@ static const char head[] =
     "th, td { padding: 2px 8px; border-bottom: 1px solid #7d859055; text-align: right; white-space: nowrap; "
     "}\n"
     "th:first-child, td:first-child, th:last-child, td:last-child { text-align: left; }\n"
-    "</style>\n</head>\n<body>\n<h1>Quality against time</h1>\n"
+    "</style>\n</head>\n<body>\n<h1>Quality against time and size</h1>\n"
     "<p>Seconds are of the wall clock since the program's start, with reading pictures and set-up; what went "
     "into "
     "evaluations and snapshots on the way is taken out, and stated in the tables. PSNR and SSIM are means "
@@ -173,7 +229,11 @@ static const char head[] =
     "evaluated, "
     "each run interpolated over the logarithm of time and kept at its end once it is over. Needles are "
     "Gaussians "
-    "whose longest axis is more than 100 times the middle one.</p>\n";
+    "whose longest axis is more than 100 times the middle one. Against size stand fits with other caps, fits "
+    "that "
+    "chose their number, and large fits pruned by worth and at random; the knee is the least size within 0.1 "
+    "dB "
+    "of the caps' best, interpolated over the logarithm of size.</p>\n";
 
 static sf_status write_body(page *p) {
     sf_status status = SF_OK;
@@ -182,7 +242,12 @@ static sf_status write_body(page *p) {
         if (chart_opens_scene(p->input, i)) status = add_scene(p, &p->input->runs[i]);
     if (p->input->ablation_count) sf_writer_printf(&p->out, "<h2>Moves of the schedule</h2>\n");
     for (size_t i = 0; i < p->input->ablation_count && !status; i++)
-        status = add_chart(p, MOVES, p->input->ablations[i].name, NULL, &p->input->ablations[i]);
+        status =
+            add_chart(p, MOVES, p->input->ablations[i].name, &(subject){.ablation = &p->input->ablations[i]});
+    if (p->input->choices_count) sf_writer_printf(&p->out, "<h2>Chosen size</h2>\n");
+    for (size_t i = 0; i < p->input->choices_count && !status; i++)
+        status =
+            add_chart(p, CHOICES, p->input->choices[i].name, &(subject){.choices = &p->input->choices[i]});
     sf_writer_printf(&p->out, "</body>\n</html>\n");
     return status;
 }

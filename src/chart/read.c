@@ -2,6 +2,7 @@
 #include "chart.h"
 
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -27,6 +28,11 @@ static sf_status number(const place *p, const char *name, double least, double m
     if (*value >= least && *value <= most) return SF_OK;
     return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: %s%s: %g is not in %g..%g", p->path, p->where, name, *value,
                    least, most);
+}
+
+/* A number that may be missing; *value stays then. */
+static sf_status optional(const place *p, const char *name, double least, double most, double *value) {
+    return json_object_get(p->object, name) ? number(p, name, least, most, value) : SF_OK;
 }
 
 static sf_status whole_number(const place *p, const char *name, int *value) {
@@ -180,6 +186,40 @@ static sf_status read_scene(const place *p, chart_run *run) {
     return status;
 }
 
+static sf_status read_degrees(const place *p, chart_run *run) {
+    const json_t *list = json_object_get(p->object, "sh_degrees");
+    if (!list) return SF_OK;
+    if (json_array_size(list) != CHART_DEGREES) return wrong(p, "sh_degrees", "is not a list of 4 numbers");
+    for (size_t i = 0; i < CHART_DEGREES; i++) {
+        const json_t *item = json_array_get(list, i);
+        if (!json_is_number(item) || !(json_number_value(item) >= 0))
+            return wrong(p, "sh_degrees", "holds what is not a number from 0 on");
+        run->degrees[i] = json_number_value(item);
+    }
+    return SF_OK;
+}
+
+/* Which series it belongs to by its own word. */
+static sf_status read_series(const place *p, chart_run *run) {
+    static const char *const names[CHART_SERIES] = {NULL, "caps", "auto", "pruned", "random"};
+    const json_t *options = json_object_get(p->object, "options");
+    const char *size = json_string_value(json_object_get(options, "size"));
+    char name[CHART_TEXT];
+    run->timed = 1;
+    run->cap = json_number_value(json_object_get(options, "max_gaussians"));
+    if (size && !strcmp(size, names[CHART_AUTO])) run->series = CHART_AUTO;
+    if (!json_object_get(p->object, "series")) return SF_OK;
+    sf_status status = text(p, "series", name);
+    if (status) return status;
+    run->timed = 0;
+    for (int s = CHART_CAPS; s < CHART_SERIES; s++)
+        if (!strcmp(name, names[s])) {
+            run->series = (chart_series)s;
+            return SF_OK;
+        }
+    return wrong(p, "series", "is none of caps, auto, pruned, random");
+}
+
 static sf_status read_result(const place *p, chart_run *run) {
     place result;
     sf_status status = inside(p, "result", "result.", &result);
@@ -189,6 +229,11 @@ static sf_status read_result(const place *p, chart_run *run) {
     if (!status) status = number(&result, "evaluation_seconds", 0, 1e9, &run->evaluation_seconds);
     if (!status) status = number(&result, "gaussians", 0, 1e10, &run->gaussians);
     if (!status) status = number(&result, "needles", 0, 1, &run->needles);
+    run->train[CHART_PSNR] = run->train[CHART_SSIM] = NAN;
+    if (!status) status = optional(&result, "bytes", 0, 1e15, &run->bytes);
+    if (!status) status = optional(&result, "train_psnr", -1000, 1000, &run->train[CHART_PSNR]);
+    if (!status) status = optional(&result, "train_ssim", -1, 1, &run->train[CHART_SSIM]);
+    if (!status) status = read_degrees(&result, run);
     return status;
 }
 
@@ -199,6 +244,7 @@ static sf_status read_run(const place *p, chart_run *run) {
     if (!status) status = read_label(p, run);
     if (!status) status = number(p, "seed", 0, 1e19, &run->seed);
     if (!status) status = read_result(p, run);
+    if (!status) status = read_series(p, run);
     return status ? status
                   : read_list(p, "snapshots", &run->snapshots, sizeof *run->snapshots, read_snapshot, run);
 }
@@ -207,6 +253,20 @@ static void free_run(sf_context *ctx, chart_run *run) {
     for (size_t i = 0; i < run->snapshot_count; i++) sf_free(ctx, run->snapshots[i].png);
     sf_free(ctx, run->snapshots);
     sf_free(ctx, run->points);
+}
+
+/* Fits of one label with other caps are no seeds of each other, but a series. */
+static void find_caps(chart_input *input, chart_run *run) {
+    for (size_t i = 0; i + 1 < input->run_count; i++) {
+        chart_run *other = &input->runs[i];
+        int free_both =
+            run->series <= CHART_CAPS && other->series <= CHART_CAPS && run->cap > 0 && other->cap > 0;
+        if (!free_both || run->cap == other->cap || !chart_same_scene(run, other) ||
+            strcmp(run->label, other->label) != 0)
+            continue;
+        run->series = other->series = CHART_CAPS;
+        run->timed = other->timed = 0;
+    }
 }
 
 static sf_status add_run(chart_input *input, const char *path, const json_t *json) {
@@ -220,6 +280,7 @@ static sf_status add_run(chart_input *input, const char *path, const json_t *jso
         free_run(input->ctx, &run);
     else
         input->runs[input->run_count++] = run;
+    if (!status) find_caps(input, &input->runs[input->run_count - 1]);
     return status;
 }
 
@@ -263,11 +324,46 @@ static sf_status add_ablation(chart_input *input, const char *path, const json_t
     return status;
 }
 
+static sf_status read_choice(const place *p, chart_choice *choice) {
+    sf_status status = json_is_object(p->object) ? SF_OK : wrong(p, "complexity", "is missing");
+    strcpy(choice->series, "automatic choice");
+    if (!status) status = number(p, "complexity", 1, 1e12, &choice->complexity);
+    if (!status) status = number(p, "gaussians", 1, 1e12, &choice->gaussians);
+    return !status && json_object_get(p->object, "series") ? text(p, "series", choice->series) : status;
+}
+
+static sf_status add_choices(chart_input *input, const char *path, const json_t *json) {
+    chart_choices choices = {.count = json_array_size(json)};
+    name_of_file(path, choices.name);
+    choices.list = sf_calloc(input->ctx, choices.count, sizeof *choices.list);
+    sf_status status = choices.list ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; i < choices.count && !status; i++) {
+        char where[48];
+        snprintf(where, sizeof where, "[%zu].", i);
+        place at = {input->ctx, path, json_array_get(json, i), where};
+        status = read_choice(&at, &choices.list[i]);
+    }
+    if (!status)
+        status = sf_grow(input->ctx, &input->choices, &input->choices_room, input->choices_count,
+                         input->choices_count + 1, sizeof choices);
+    if (status)
+        sf_free(input->ctx, choices.list);
+    else
+        input->choices[input->choices_count++] = choices;
+    return status;
+}
+
+/* A list is one of choices if its first object has a complexity. */
+static sf_status add_list(chart_input *input, const char *path, const json_t *json) {
+    int choices = json_object_get(json_array_get(json, 0), "complexity") != NULL;
+    return choices ? add_choices(input, path, json) : add_ablation(input, path, json);
+}
+
 sf_status chart_read(chart_input *input, const char *path) {
     json_t *json = NULL;
     sf_status status = parse(input->ctx, path, &json);
     if (status) return status;
-    status = json_is_array(json) ? add_ablation(input, path, json) : add_run(input, path, json);
+    status = json_is_array(json) ? add_list(input, path, json) : add_run(input, path, json);
     json_decref(json);
     return status;
 }
@@ -275,6 +371,8 @@ sf_status chart_read(chart_input *input, const char *path) {
 void chart_free(chart_input *input) {
     for (size_t i = 0; i < input->run_count; i++) free_run(input->ctx, &input->runs[i]);
     for (size_t i = 0; i < input->ablation_count; i++) sf_free(input->ctx, input->ablations[i].moves);
+    for (size_t i = 0; i < input->choices_count; i++) sf_free(input->ctx, input->choices[i].list);
+    sf_free(input->ctx, input->choices);
     sf_free(input->ctx, input->runs);
     sf_free(input->ctx, input->ablations);
     *input = (chart_input){.ctx = input->ctx};

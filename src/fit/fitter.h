@@ -130,6 +130,9 @@ void sf_update_background(sf_fitter *fitter, const double *gradient);
 /* validate.c */
 /* Whether a training view is kept out of the training. */
 int sf_validates(const sf_fitter *fitter, uint32_t id);
+/* PSNR of a view, its values clamped, at full resolution with the model's present degree; NAN: masked
+ * altogether. */
+sf_status sf_view_psnr(sf_fitter *fitter, const sf_view *view, double *psnr);
 /* Mean PSNR of those views, at full resolution; *views: how many. */
 sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
 /* Validates when it is time, keeps the best model, brings it back at the end. SF_ERR_END: the run is over. */

@@ -32,7 +32,7 @@ static void compare(const sf_workspace *ws, const sf_view *view, double *squares
         }
 }
 
-static sf_status view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
+sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
     sf_render_options options;
     double squares = 0, weights = 0;
     sf_fitter_render_options(f, &options);
@@ -54,7 +54,7 @@ sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
         sf_view *view = sf_validates(f, ids[i]) ? sf_scene_retain_id(f->scene, ids[i]) : NULL;
         double of_view;
         if (!view) continue;
-        status = view_psnr(f, view, &of_view);
+        status = sf_view_psnr(f, view, &of_view);
         sf_view_release(view);
         if (status || isnan(of_view)) continue;
         *psnr += of_view;

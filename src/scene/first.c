@@ -7,6 +7,7 @@
 #include "nearest.h"
 #include "random.h"
 #include "sweep.h"
+#include "nearest.h"
 
 #define SH_C0 0.28209479177387814f
 

@@ -80,4 +80,5 @@ while read -r _ scene project seeds levels rest; do
     done
 done <"$list"
 "$(dirname "$0")/moves.sh" "$dir" "$kind"
+"$(dirname "$0")/sizes.sh" "$dir" "$kind"
 splatfit chart "$dir"/*.json --out "$dir"

@@ -377,6 +377,156 @@ static void test_moves(void **state) {
     sf_context_destroy(&input.ctx);
 }
 
+/* A run of a series, its end alone: gaussians, PSNR, and what a log may lack. */
+typedef struct size_plan {
+    const char *series, *size;
+    double cap, gaussians, psnr, bytes, train;
+} size_plan;
+
+static void read_sizes(chart_input *input, const size_plan *sizes, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const size_plan *size = &sizes[i];
+        log_plan plan = plain;
+        memcpy(plan.seconds, (double[8]){5}, sizeof plan.seconds);
+        plan.first_psnr = size->psnr;
+        json_t *log = make_log(&plan), *result = json_object_get(log, "result");
+        json_object_set_new(result, "gaussians", json_real(size->gaussians));
+        if (size->bytes > 0) json_object_set_new(result, "bytes", json_real(size->bytes));
+        if (size->train > 0) json_object_set_new(result, "train_psnr", json_real(size->train));
+        if (size->series) json_object_set_new(log, "series", json_string(size->series));
+        json_object_set_new(log, "options", json_pack("{s:f}", "max_gaussians", size->cap));
+        if (size->size) json_object_set_new(json_object_get(log, "options"), "size", json_string(size->size));
+        assert_ok(input->ctx, chart_read(input, write_json("size.json", log)));
+    }
+}
+
+static const size_plan sweep[] = {
+    {NULL, NULL, 1000, 1000, 28, 2e5, 28.5},      {NULL, "cap", 4000, 4000, 30, 8e5, 31},
+    {NULL, NULL, 4000, 4040, 30.2, 8.2e5, 31.2},  {NULL, NULL, 16000, 16000, 31, 32e5, 33},
+    {NULL, NULL, 64000, 64000, 30.95, 128e5, 34}, {NULL, "auto", 64000, 12000, 30.9, 20e5, 32},
+    {"pruned", NULL, 0, 9000, 30.8, 18e5, 0},     {"random", NULL, 0, 9000, 25, 18e5, 0},
+    {"random", NULL, 0, 30000, 30, 60e5, 0}};
+enum { SWEEP = sizeof sweep / sizeof *sweep };
+
+static sf_status draw_size_psnr(const void *sizes, sf_writer *out) {
+    return chart_draw_size(sizes, CHART_GAUSSIANS, CHART_PSNR, out);
+}
+
+static sf_status draw_bytes_ssim(const void *sizes, sf_writer *out) {
+    return chart_draw_size(sizes, CHART_BYTES, CHART_SSIM, out);
+}
+
+static sf_status draw_gap(const void *sizes, sf_writer *out) { return chart_draw_gap(sizes, out); }
+
+/* Fits of one label with other caps are a series; seeds are one point; the knee lies between two of them. */
+static void test_series_of_sizes(void **state) {
+    (void)state;
+    chart_input input = {.ctx = test_context()};
+    chart_sizes sizes;
+    double plateau;
+    read_sizes(&input, sweep, SWEEP);
+    for (size_t i = 0; i < SWEEP; i++) assert_int_equal(input.runs[i].timed, i == 5);
+    assert_ok(input.ctx, chart_sizes_make(&input, &input.runs[0], &sizes));
+    assert_int_equal(sizes.count[CHART_CAPS], 4);
+    assert_int_equal(sizes.count[CHART_AUTO], 1);
+    assert_int_equal(sizes.count[CHART_PRUNED], 1);
+    assert_int_equal(sizes.count[CHART_RANDOM], 2);
+    const chart_size_point *seeds = &sizes.points[CHART_CAPS][1];
+    assert_int_equal(seeds->runs, 2);
+    assert_near(seeds->size[CHART_GAUSSIANS], 4020, 1e-9);
+    assert_near(seeds->quality[CHART_PSNR], 30.1, 1e-9);
+    assert_near(seeds->most[CHART_PSNR], 30.2, 1e-9);
+    assert_near(seeds->train[CHART_PSNR], 31.1, 1e-9);
+    assert_near(chart_knee(&sizes, CHART_GAUSSIANS, &plateau), 4020 * pow(16000 / 4020.0, 0.8 / 0.9), 1e-6);
+    assert_near(plateau, 31, 1e-9);
+    assert_near(chart_knee(&sizes, CHART_BYTES, &plateau), 8.1e5 * pow(32 / 8.1, 0.8 / 0.9), 1e-3);
+
+    char *picture = drawn(input.ctx, draw_size_psnr, &sizes);
+    assert_int_equal(count_of(picture, "class=\"mark\""), 4 + 1 + 1 + 1); /* 25 dB is below the axis */
+    assert_int_equal(count_of(picture, "class=\"curve\""), 1);
+    test_assert_contains(picture, " Gaussians, the fewest within 0.1 dB", __FILE__, __LINE__);
+    test_assert_contains(picture, "knee: 13,72", __FILE__, __LINE__);
+    double one = tick_at(picture, "1000", "middle", 'x'), ten = tick_at(picture, "10k", "middle", 'x');
+    double low = tick_at(picture, "28", "end", 'y'), high = tick_at(picture, "30", "end", 'y');
+    svg_point at = circle_at(picture, 1);
+    assert_near(at.x, one + (ten - one) * log10(4.02), 0.15);
+    assert_near(at.y, low + (high - low) * 2.1 / 2, 0.15);
+    free(picture);
+    picture = drawn(input.ctx, draw_bytes_ssim, &sizes);
+    test_assert_contains(picture, "bytes of the model's file", __FILE__, __LINE__);
+    test_assert_contains(picture, " bytes, the fewest within 0.1 dB", __FILE__, __LINE__);
+    free(picture);
+    assert_true(chart_gap_known(&sizes));
+    picture = drawn(input.ctx, draw_gap, &sizes);
+    assert_int_equal(count_of(picture, "class=\"mark\""), 4 + 1);
+    free(picture);
+    chart_sizes_free(&sizes);
+    chart_free(&input);
+    sf_context_destroy(&input.ctx);
+}
+
+/* Without several sizes there is nothing to draw; seeds of one cap stay a curve. */
+static void test_no_series_of_sizes(void **state) {
+    (void)state;
+    chart_input input = {.ctx = test_context()};
+    chart_sizes sizes;
+    double plateau;
+    const size_plan seeds[] = {{NULL, NULL, 4000, 4000, 30, 0, 0}, {NULL, NULL, 4000, 3500, 30, 0, 0}};
+    read_sizes(&input, seeds, 2);
+    assert_true(input.runs[0].timed && input.runs[1].timed);
+    assert_ok(input.ctx, chart_sizes_make(&input, &input.runs[0], &sizes));
+    assert_false(chart_sizes_known(&sizes, CHART_GAUSSIANS));
+    assert_false(chart_gap_known(&sizes));
+    assert_true(chart_knee(&sizes, CHART_GAUSSIANS, &plateau) == 0);
+    assert_int_equal(chart_degree_rows(&input, &input.runs[0]), 0);
+    chart_sizes_free(&sizes);
+    read_sizes(&input, &(size_plan){NULL, NULL, 8000, 8000, 31, 0, 0}, 1); /* no bytes in the log */
+    assert_ok(input.ctx, chart_sizes_make(&input, &input.runs[0], &sizes));
+    assert_true(chart_sizes_known(&sizes, CHART_GAUSSIANS));
+    assert_false(chart_sizes_known(&sizes, CHART_BYTES));
+    chart_sizes_free(&sizes);
+    chart_free(&input);
+    sf_context_destroy(&input.ctx);
+}
+
+static sf_status draw_choices(const void *choices, sf_writer *out) {
+    chart_draw_choices(choices, out);
+    return SF_OK;
+}
+
+static sf_status draw_degrees(const void *input_pointer, sf_writer *out) {
+    const chart_input *input = input_pointer;
+    chart_draw_degrees(input, &input->runs[0], out);
+    return SF_OK;
+}
+
+static void test_choices_and_degrees(void **state) {
+    (void)state;
+    chart_input input = {.ctx = test_context()};
+    write_text("k.json",
+               "[{\"complexity\": 100, \"gaussians\": 130}, {\"complexity\": 1000, \"gaussians\": 900},"
+               " {\"complexity\": 100, \"gaussians\": 200, \"series\": \"a<b\"}]");
+    assert_ok(input.ctx, chart_read(&input, test_path("k.json")));
+    assert_int_equal(input.choices_count, 1);
+    char *picture = drawn(input.ctx, draw_choices, &input.choices[0]);
+    assert_int_equal(count_of(picture, "class=\"mark\""), 3);
+    assert_int_equal(count_of(picture, "class=\"equal\""), 1);
+    assert_int_equal(count_of(picture, ">a&lt;b</text>"), 1);
+    assert_int_equal(count_of(picture, ">automatic choice</text>"), 1);
+    free(picture);
+    json_t *log = make_log(&plain);
+    json_object_set_new(json_object_get(log, "result"), "sh_degrees",
+                        json_pack("[i,i,i,i]", 1500, 0, 300, 200));
+    assert_ok(input.ctx, chart_read(&input, write_json("d.json", log)));
+    assert_int_equal(chart_degree_rows(&input, &input.runs[0]), 1);
+    picture = drawn(input.ctx, draw_degrees, &input);
+    assert_int_equal(count_of(picture, "class=\"bar\""), 3);
+    test_assert_contains(picture, "1,500 of degree 0, 0 of 1, 300 of 2, 200 of 3", __FILE__, __LINE__);
+    free(picture);
+    chart_free(&input);
+    sf_context_destroy(&input.ctx);
+}
+
 /* What is wrong is named: file, field, and of a list which item; what was read before stays. */
 
 static void assert_text_refused(chart_input *input, const char *text, const char *part) {
@@ -460,6 +610,15 @@ static void test_broken_logs_are_refused(void **state) {
     assert_change_refused(&input, "snapshots",
                           json_pack("[{s:i, s:f, s:s}]", "second", 0, "seconds", 0.0, "file", "a.json"),
                           "snapshots[0].file: is not a PNG");
+    assert_change_refused(&input, "series", json_string("big"), "series: is none of caps, auto");
+    assert_change_refused(&input, "series", json_integer(3), "series: is not text");
+    assert_change_refused(&input, "result.bytes", json_real(-1), "result.bytes: -1 is not in");
+    assert_change_refused(&input, "result.train_psnr", json_string("30"),
+                          "result.train_psnr: is not a number");
+    assert_change_refused(&input, "result.sh_degrees", json_pack("[i]", 3),
+                          "result.sh_degrees: is not a list of 4");
+    assert_change_refused(&input, "result.sh_degrees", json_pack("[i,i,i,i]", 3, 1, -1, 0),
+                          "result.sh_degrees: holds what is not");
     chart_free(&input);
     sf_context_destroy(&input.ctx);
 }
@@ -477,6 +636,9 @@ static void test_text_that_is_no_log_is_refused(void **state) {
     assert_text_refused(&input, "[3]", "[0].move: is missing");
     assert_text_refused(&input, "[" MOVE("a", "4") ", {\"move\": \"b\", \"seconds\": 3, \"steps\": 1}]",
                         "[1].psnr: is missing");
+    assert_text_refused(&input, "[{\"complexity\": 3}]", "[0].gaussians: is missing");
+    assert_text_refused(&input, "[{\"complexity\": 3, \"gaussians\": 2}, 4]", "[1].complexity: is missing");
+    assert_text_refused(&input, "[{\"complexity\": 0, \"gaussians\": 2}]", "[0].complexity: 0 is not in");
     assert_text_refused(&input, "[" MOVE("a", "-4") "]", "[0].seconds: -4 is not in");
     assert_status(input.ctx, chart_read(&input, test_path("absent.json")), SF_ERR_IO);
     assert_error_names(input.ctx, "absent.json: ");
@@ -559,6 +721,49 @@ static void test_from_a_fit_to_the_page(void **state) {
     free(page);
 }
 
+/* Fits of two caps, and one of them pruned: charts of size alone, and what the logs say. */
+static void test_prune_to_the_page(void **state) {
+    (void)state;
+    static const char scene[] = "'sim:studio?width=64&height=48&frames=9'";
+    char arguments[2048];
+    for (int cap = 200; cap <= 400; cap += 200) {
+        snprintf(arguments, sizeof arguments,
+                 "fit %s -q -o %s/s.ply --cameras none --steps 10 --max-gaussians %d --log %s/s%d.json "
+                 "--eval-train",
+                 scene, test_folder(), cap, test_folder(), cap);
+        assert_int_equal(run_program(arguments), 0);
+    }
+    json_t *log = test_json(test_path("s400.json")), *result = json_object_get(log, "result");
+    size_t size;
+    free(test_read(test_path("s.ply"), &size));
+    assert_true(test_number(result, "bytes") == (double)size);
+    assert_true(test_number(result, "parameters") == 59 * test_number(result, "gaussians"));
+    assert_true(test_number(result, "train_psnr") > 5 && test_number(result, "train_ssim") > 0);
+    assert_true(json_integer_value(json_array_get(json_object_get(result, "sh_degrees"), 3)) ==
+                json_integer_value(json_object_get(result, "gaussians")));
+    int half = (int)test_number(result, "gaussians") / 2;
+    json_decref(log);
+    snprintf(arguments, sizeof arguments, "prune %s/s.ply %s -o %s/p.ply --to %d --log %s/p.json",
+             test_folder(), scene, test_folder(), half, test_folder());
+    assert_int_equal(run_program(arguments), 0);
+    assert_said("held out");
+    log = test_json(test_path("p.json")), result = json_object_get(log, "result");
+    assert_string_equal(json_string_value(json_object_get(log, "series")), "pruned");
+    assert_true(test_number(result, "gaussians") == half);
+    assert_true(test_number(json_object_get(result, "before"), "bytes") == (double)size);
+    assert_true(test_number(result, "bytes") < (double)size);
+    json_decref(log);
+    snprintf(arguments, sizeof arguments, "chart %s/s200.json %s/s400.json %s/p.json --out %s/sizes",
+             test_folder(), test_folder(), test_folder(), test_folder());
+    assert_int_equal(run_program(arguments), 0);
+    assert_true(test_exists(test_path("sizes/size-psnr-sim-studio-64x48.svg")));
+    assert_true(test_exists(test_path("sizes/bytes-ssim-sim-studio-64x48.svg")));
+    assert_true(test_exists(test_path("sizes/gap-sim-studio-64x48.svg")));
+    char *page = (char *)test_read(test_path("sizes/index.html"), &size);
+    assert_well_formed(page);
+    free(page);
+}
+
 static void test_the_program_refuses(void **state) {
     (void)state;
     char arguments[1024];
@@ -586,6 +791,10 @@ int main(void) {
         cmocka_unit_test(test_times_to_a_quality),
         cmocka_unit_test(test_peers_on_their_scene_alone),
         cmocka_unit_test(test_moves),
+        cmocka_unit_test(test_series_of_sizes),
+        cmocka_unit_test(test_no_series_of_sizes),
+        cmocka_unit_test(test_choices_and_degrees),
+        cmocka_unit_test(test_prune_to_the_page),
         cmocka_unit_test(test_broken_logs_are_refused),
         cmocka_unit_test(test_text_that_is_no_log_is_refused),
         cmocka_unit_test(test_from_a_fit_to_the_page),

@@ -381,6 +381,7 @@ static void assert_all_refused(const bad_input *cases, size_t count) {
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 #define FIT          "fit", SCENE, "-o", "out/x.ply", "--steps", "1"
+#define PRUNE        "prune", "good.ply", SCENE, "-o", "out/x.ply"
 
 static void test_wrong_usage(void **state) {
     (void)state;
@@ -406,6 +407,11 @@ static void test_wrong_usage(void **state) {
         {USAGE, "--json: needs a value", {"eval", "good.ply", SCENE, "--json"}},
         {USAGE, "--quiet=1: takes no value", {FIT, "--quiet=1"}},
         {USAGE, "--out", {"render", "good.ply", SCENE}},
+        {USAGE, "argument is missing", {"prune", "good.ply"}},
+        {USAGE, "-o FILE: is needed", {"prune", "good.ply", SCENE}},
+        {USAGE, "--loss: cannot be given beside --to", {PRUNE, "--loss", "1", "--to", "3"}},
+        {USAGE, "--refit: cannot be given beside --random", {PRUNE, "--refit", "9", "--random"}},
+        {USAGE, "out/x.ply: is named for two outputs", {PRUNE, "--log", "out/x.ply"}},
     };
     assert_all_refused(cases, COUNT(cases));
 }
@@ -444,6 +450,15 @@ static void test_wrong_values(void **state) {
         {USAGE, "--background", {"eval", "good.ply", SCENE, "--background", "purple"}},
         {USAGE, "--near-plane", {"eval", "good.ply", SCENE, "--near-plane", "0"}},
         {USAGE, "--near-plane", {"eval", "good.ply", SCENE, "--near-plane", "near"}},
+        {USAGE, "--near-plane", {PRUNE, "--near-plane", "0"}},
+        {USAGE, "--loss: \"-1\"", {PRUNE, "--loss", "-1"}},
+        {USAGE, "--loss: \"nan\"", {PRUNE, "--loss", "nan"}},
+        {USAGE, "--loss: \"0.1 bar\"", {PRUNE, "--loss", "0.1 bar"}},
+        {USAGE, "--loss: \"dB\"", {PRUNE, "--loss", "dB"}},
+        {USAGE, "--to: \"0\"", {PRUNE, "--to", "0"}},
+        {USAGE, "--refit: \"-1\"", {PRUNE, "--refit", "-1"}},
+        {FAILED, "good.ply: holds 5 Gaussians, less than --to 6", {PRUNE, "--to", "6"}},
+        {FAILED, "absent.ply", {"prune", "absent.ply", SCENE, "-o", "out/x.ply"}},
     };
     assert_all_refused(cases, COUNT(cases));
 }
@@ -875,6 +890,36 @@ static void remove_renders(const char *folder) {
     }
     unlink(work(in_project(folder, "cameras.json")));
     assert_int_equal(rmdir(work(folder)), 0);
+}
+
+/* The two that nobody sees go, or some at random; a model on standard output stands there alone. */
+static void test_prune(void **state) {
+    (void)state;
+    clear_out();
+    outcome o =
+        run_ok("prune", "good.ply", SCENE, "--loss", "0.1dB", "-o", "out/p.ply", "--log", "out/p.json", "-q");
+    assert_string_equal(o.err, "");
+    assert_string_equal(o.out, "");
+    free_outcome(&o);
+    json_t *log = test_json(work("out/p.json")), *result = json_object_get(log, "result");
+    json_t *before = json_object_get(result, "before");
+    assert_true(count_in("out/p.ply") == (size_t)test_number(result, "gaussians"));
+    assert_int_equal(test_number(before, "gaussians"), 5);
+    assert_true(test_number(result, "train_psnr") >= test_number(before, "train_psnr") - 0.1);
+    assert_true(test_number(result, "psnr") > 0 && test_number(before, "ssim") <= 1);
+    content model = content_of("out/p.ply");
+    assert_int_equal(test_number(result, "bytes"), model.size);
+    assert_true(test_number(json_object_get(log, "options"), "loss") == 0.1);
+    json_decref(log);
+
+    o = run_ok("prune", "good.ply", SCENE, "--loss", "0.1", "-o", "-");
+    assert_int_equal(o.out_size, model.size);
+    assert_memory_equal(o.out, model.data, model.size);
+    test_assert_contains(o.err, "before", __FILE__, __LINE__);
+    free_outcome(&o);
+    free(model.data);
+    run_quietly(ARGS("prune", "good.ply", SCENE, "--random", "--to", "2", "-o", "out/r.ply", "-q"));
+    assert_int_equal(count_in("out/r.ply"), 2);
 }
 
 static void test_render(void **state) {
@@ -1409,6 +1454,7 @@ int main(void) {
         cmocka_unit_test(test_fit_writes_all),
         cmocka_unit_test(test_quiet_and_cameras),
         cmocka_unit_test(test_eval),
+        cmocka_unit_test(test_prune),
         cmocka_unit_test(test_render),
         cmocka_unit_test(test_info),
         cmocka_unit_test(test_devices),

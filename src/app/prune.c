@@ -1,0 +1,235 @@
+/* prune.c - splatfit prune: a model taken down to what its scene needs. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "watch.h"
+
+static const arg_option own_options[] = {
+    {"output", 'o', "FILE", "the model to write"},
+    {"loss", 0, "DB", "by so much the PSNR of the training views may fall, for example 0.1dB (0.1)"},
+    {"to", 0, "N", "leave N Gaussians instead, whatever it costs, and their bands"},
+    {"random", 0, NULL, "take out Gaussians at random: what any choice must beat"},
+    {"keep-sh", 0, NULL, "leave the bands of the spherical harmonics alone"},
+    {"refit", 0, "STEPS",
+     "fit on for so many steps after further cuts, and keep those that it makes good (0)"},
+    {"seed", 0, "N", "seed of --random and --refit (1)"},
+    {"log", 0, "FILE", "write the figures before and after as JSON, for splatfit chart"},
+    {"label", 0, "TEXT", "what to call this run, for the log"},
+    {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
+    {"near-plane", 0, "X", "cull Gaussians nearer than X, world units; default: as a fit of the project"},
+    {0},
+};
+
+/* A model and its figures. */
+typedef struct figures {
+    size_t gaussians;
+    json_t *facts; /* as app_log_model says */
+    evaluation train, test;
+} figures;
+
+typedef struct prune_run {
+    const args *a;
+    sf_context *ctx;
+    sf_scene *scene;
+    sf_model *model, *pruned;
+    sf_prune_options options;
+    sf_prune_result result;
+    app_drawer drawer;
+    figures before, after;
+    watch watch;
+} prune_run;
+
+static int wrong(const prune_run *r, const char *option, const char *text, const char *what) {
+    fprintf(stderr, "splatfit %s: --%s: \"%s\" %s\n", r->a->command->name, option, text, what);
+    return EXIT_USAGE;
+}
+
+/* "0.1dB", "0.1 dB" or "0.1". */
+static int read_loss(prune_run *r) {
+    const char *text = args_value(r->a, "loss");
+    if (!text) return 0;
+    char *end;
+    double loss = strtod(text, &end);
+    if (end != text && *end == ' ') end++;
+    if (end == text || (*end && strcmp(end, "dB") != 0) || !(loss >= 0 && loss <= 100))
+        return wrong(r, "loss", text, "is not a number of dB in 0..100");
+    r->options.loss = loss;
+    return 0;
+}
+
+static int read_options(prune_run *r) {
+    const args *a = r->a;
+    int to = 0, refit = 0, seed = 1, error = read_loss(r);
+    if (!error) error = args_int(a, "to", 1, 2147483647, &to);
+    if (!error) error = args_int(a, "refit", 0, 100000000, &refit);
+    if (!error) error = args_int(a, "seed", 0, 2147483647, &seed);
+    if (error) return error;
+    static const char *const apart[][2] = {{"loss", "to"}, {"refit", "random"}};
+    for (size_t i = 0; i < sizeof apart / sizeof *apart; i++)
+        if (args_value(a, apart[i][0]) && args_value(a, apart[i][1])) {
+            fprintf(stderr, "splatfit %s: --%s: cannot be given beside --%s\n", a->command->name, apart[i][0],
+                    apart[i][1]);
+            return EXIT_USAGE;
+        }
+    r->options.keep = (size_t)to;
+    r->options.refit_steps = refit;
+    r->options.seed = (uint64_t)seed;
+    r->options.random = args_value(a, "random") != NULL;
+    r->options.keep_sh = args_value(a, "keep-sh") != NULL;
+    return 0;
+}
+
+static int check_outputs(const prune_run *r) {
+    const char *output = args_value(r->a, "output"), *log = args_value(r->a, "log");
+    if (!output) {
+        app_say(r->a, "-o FILE", "is needed: the model to write");
+        return EXIT_USAGE;
+    }
+    if (log && !strcmp(log, output) && strcmp(log, "/dev/null") != 0) {
+        app_say(r->a, log, "is named for two outputs");
+        return EXIT_USAGE;
+    }
+    int error = app_check_output(r->a, output);
+    return !error && log ? app_check_output(r->a, log) : error;
+}
+
+static int look(prune_run *r, const sf_model *model, const char *path, figures *f) {
+    double began = app_seconds();
+    r->drawer.model = model;
+    f->gaussians = sf_model_count(model);
+    f->facts = json_object();
+    app_log_model(f->facts, model, path);
+    sf_status status = app_evaluate(r->ctx, r->scene, r->a, "train", app_draw_model, &r->drawer, &f->train);
+    if (!status) status = app_evaluate(r->ctx, r->scene, r->a, "test", app_draw_model, &r->drawer, &f->test);
+    r->watch.looking += app_seconds() - began;
+    return status ? app_fail(r->a, r->ctx) : 0;
+}
+
+static void print_row(FILE *out, const char *name, const figures *f) {
+    fprintf(out, "%-7s %10zu %12lld", name, f->gaussians,
+            (long long)json_integer_value(json_object_get(f->facts, "parameters")));
+    json_t *bytes = json_object_get(f->facts, "bytes");
+    if (bytes)
+        fprintf(out, " %12lld", (long long)json_integer_value(bytes));
+    else
+        fprintf(out, " %12s", "-");
+    fprintf(out, " %10.3f dB", f->train.psnr);
+    if (f->test.views) fprintf(out, " %10.3f dB   %.4f", f->test.psnr, f->test.ssim);
+    fprintf(out, "\n");
+}
+
+static void print_result(const prune_run *r) {
+    FILE *out = strcmp(args_value(r->a, "output"), "-") ? stdout : stderr; /* the model may go there */
+    if (args_value(r->a, "quiet")) return;
+    fprintf(out, "%-7s %10s %12s %12s %13s %13s   %s\n", "", "Gaussians", "parameters", "bytes", "trained on",
+            r->after.test.views ? "held out" : "", r->after.test.views ? "SSIM" : "");
+    print_row(out, "before", &r->before);
+    print_row(out, "after", &r->after);
+}
+
+static void log_figures(json_t *result, const figures *f) {
+    json_object_update(result, f->facts);
+    json_object_set_new(result, "train_psnr", json_real(f->train.psnr));
+    json_object_set_new(result, "train_ssim", json_real(f->train.ssim));
+    if (!f->test.views) return;
+    json_object_set_new(result, "psnr", json_real(f->test.psnr));
+    json_object_set_new(result, "ssim", json_real(f->test.ssim));
+}
+
+/* As that of a fit, of which charts take it for the end. */
+static int write_log(prune_run *r) {
+    const char *path = args_value(r->a, "log");
+    const sf_prune_options *o = &r->options;
+    if (!path) return 0;
+    json_t *before = json_object(), *result = json_object();
+    log_figures(before, &r->before);
+    log_figures(result, &r->after);
+    json_object_set_new(result, "steps", json_integer(o->refit_steps));
+    json_object_set_new(result, "renders", json_integer((json_int_t)r->result.renders));
+    json_object_set_new(result, "before", before);
+    json_t *log = json_pack("{s:s, s:o, s:o, s:s, s:{}, s:{s:f, s:I, s:b, s:b, s:I, s:I}, s:o}", "version",
+                            sf_version(), "model", app_json_text(r->a->positional[0]), "project",
+                            app_json_text(r->a->positional[1]), "series", o->random ? "random" : "pruned",
+                            "scene", "options", "loss", o->loss, "to", (json_int_t)o->keep, "random",
+                            o->random, "keep_sh", o->keep_sh, "refit", (json_int_t)o->refit_steps, "seed",
+                            (json_int_t)o->seed, "result", result);
+    if (log) watch_log(&r->watch, log, r->pruned, &r->after.test);
+    return app_write_json(r->a, r->ctx, path, log);
+}
+
+static int prepare(prune_run *r) {
+    const args *a = r->a;
+    int error = read_options(r);
+    if (!error) error = check_outputs(r);
+    if (!error) error = app_context(a, &r->ctx);
+    if (!error && sf_model_load(r->ctx, a->positional[0], &r->model)) error = app_fail(a, r->ctx);
+    if (!error && !sf_model_count(r->model)) error = app_say(a, a->positional[0], "holds no Gaussian");
+    if (!error && r->options.keep > sf_model_count(r->model)) {
+        char what[96];
+        snprintf(what, sizeof what, "holds %zu Gaussians, less than --to %zu", sf_model_count(r->model),
+                 r->options.keep);
+        error = app_say(a, a->positional[0], what);
+    }
+    if (!error) error = app_load(a, r->ctx, a->positional[1], &r->scene);
+    if (!error) error = app_render_options(a, r->scene, &r->drawer.options);
+    if (!error && sf_renderer_create(r->ctx, &r->drawer.renderer)) error = app_fail(a, r->ctx);
+    if (!error) error = watch_start(&r->watch, r->ctx, r->scene, NULL, app_draw_model);
+    r->options.render = r->drawer.options;
+    return error;
+}
+
+static int prune(prune_run *r) {
+    const char *output = args_value(r->a, "output");
+    int error = look(r, r->model, r->a->positional[0], &r->before);
+    if (!error && sf_prune(r->ctx, r->scene, r->model, &r->options, &r->pruned, &r->result))
+        error = app_fail(r->a, r->ctx);
+    if (!error && sf_model_save(r->pruned, output)) error = app_fail(r->a, r->ctx);
+    if (error) return error;
+    sf_fit_progress end = {.step = r->options.refit_steps,
+                           .gaussians = sf_model_count(r->pruned),
+                           .sh_degree = sf_model_sh_degree(r->pruned)};
+    watch_stop(&r->watch, &end);
+    error = look(r, r->pruned, output, &r->after);
+    if (!error) print_result(r);
+    return error ? error : write_log(r);
+}
+
+static void free_figures(figures *f) {
+    json_decref(f->facts);
+    json_decref(f->train.list);
+    json_decref(f->test.list);
+}
+
+static int run(const args *a) {
+    prune_run r = {.a = a, .options = sf_prune_options_default()};
+    watch_begin(&r.watch, a);
+    int error = prepare(&r);
+    if (!error) error = prune(&r);
+    free_figures(&r.before);
+    free_figures(&r.after);
+    watch_free(&r.watch);
+    sf_renderer_destroy(&r.drawer.renderer);
+    sf_model_destroy(&r.pruned);
+    sf_model_destroy(&r.model);
+    sf_scene_destroy(&r.scene);
+    sf_context_destroy(&r.ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {own_options, load_options, common_options, NULL};
+
+const command command_prune = {
+    .name = "prune",
+    .synopsis = "MODEL PROJECT --loss 0.1dB -o OUT [OPTIONS]",
+    .summary =
+        "Takes a model down to what its scene needs. MODEL, of splatfit or others, loses its least worthy "
+        "Gaussians, then bands of its spherical harmonics, as many as the PSNR of the project's "
+        "training views allows, by true renders. Held-out views are reported, never looked at.",
+    .tables = tables,
+    .least = 2,
+    .most = 2,
+    .run = run,
+};

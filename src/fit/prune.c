@@ -1,0 +1,388 @@
+/* prune.c - a model taken down to what its scene needs.
+ *
+ * What taking a Gaussian out costs is known exactly for one alone (worth.h), not for many that go together:
+ * each alone may make up for the error of others. Their effects on the pictures, in which no residual is
+ * counted upon, put them in order, and how many may go is found by bisection on true renders. In rounds, each
+ * with a part of the loss, for what is left is worth more when neighbours have gone.
+ */
+#include <splatfit/prune.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fitter.h"
+#include "grow.h"
+#include "worth.h"
+
+enum {
+    ROUNDS = 4,       /* in which the loss is spent */
+    MORE_ROUNDS = 2,  /* at most, at the whole loss */
+    COARSENESS = 64,  /* of a bisection: it ends at this part of the items, */
+    FINENESS = 256,   /* in the last rounds at this */
+    REFIT_ROUNDS = 8, /* cuts tried with refitting */
+};
+/* Of the loss, what is left to the SH bands. */
+#define SH_SHARE 0.3
+/* With refitting: the first cut and the least one, as parts of the Gaussians. */
+#define FIRST_CUT 0.25
+#define LEAST_CUT 0.03
+/* Learning rates of refitting, by the defaults': the model is near its end. */
+#define REFIT_RATE 0.2
+
+/* Something that may go, and what that costs. */
+typedef struct item {
+    float cost;
+    uint32_t gaussian;
+    int degree; /* that it is left with; -1: it goes */
+} item;
+
+typedef struct pruner {
+    sf_context *ctx;
+    sf_scene *scene;
+    const sf_prune_options *options;
+    sf_fitter *fitter; /* shows the views; its model is the one that is tried */
+    sf_model *kept;    /* as pruned so far */
+    double psnr;       /* of kept */
+    size_t renders;
+    item *items; /* in the order in which they go */
+    size_t item_count;
+    int8_t *degrees; /* [kept->count], scratch */
+} pruner;
+
+sf_prune_options sf_prune_options_default(void) {
+    sf_prune_options options = {.loss = 0.1, .seed = 1, .render = sf_render_options_default()};
+    options.render.near_plane = 0;
+    return options;
+}
+
+/* Mean PSNR over the training views of the model that is tried. */
+static sf_status measure(pruner *p, double *psnr) {
+    uint32_t *ids;
+    size_t count, views = 0;
+    sf_status status = sf_scene_training_ids(p->scene, &ids, &count);
+    if (status) return status;
+    *psnr = 0;
+    for (size_t i = 0; i < count && !status; i++) {
+        double of_view;
+        sf_view *view = sf_scene_retain_id(p->scene, ids[i]);
+        if (!view) continue;
+        status = sf_view_psnr(p->fitter, view, &of_view);
+        sf_view_release(view);
+        if (status || isnan(of_view)) continue; /* masked altogether */
+        *psnr += of_view;
+        views++;
+    }
+    sf_free(p->ctx, ids);
+    p->renders++;
+    if (!status && !views) return sf_fail(p->ctx, SF_ERR_EMPTY, "scene: all training views are masked");
+    *psnr /= (double)views;
+    return status;
+}
+
+/* Gaussian i of the model so far to place k of the tried one, with bands up to `degree`. */
+static void copy_bands(const pruner *p, size_t i, size_t k, int degree) {
+    const sf_params *tried = &p->fitter->model->params;
+    sf_params_copy(&p->kept->params, i, tried, k);
+    for (int band = degree + 1; band <= p->kept->sh_degree; band++)
+        for (int c = 0; c < sf_field_components(SF_FIELD_sh0 + band); c++)
+            *sf_value(tried, SF_FIELD_sh0 + band, k, c) = 0;
+}
+
+/* Makes the tried model: the one so far without the first n items. */
+static void try_without(pruner *p, size_t n) {
+    sf_model *tried = p->fitter->model;
+    size_t kept = 0;
+    memset(p->degrees, p->kept->sh_degree, p->kept->count);
+    for (size_t i = 0; i < n; i++) {
+        int8_t *degree = &p->degrees[p->items[i].gaussian];
+        if (p->items[i].degree < *degree) *degree = (int8_t)p->items[i].degree;
+    }
+    sf_model_resize(tried, p->kept->count);
+    for (size_t i = 0; i < p->kept->count; i++)
+        if (p->degrees[i] >= 0) copy_bands(p, i, kept++, p->degrees[i]);
+    sf_model_resize(tried, kept);
+}
+
+/* The tried model, of this PSNR, is the one so far from here on. */
+static void accept(pruner *p, double psnr) {
+    const sf_model *tried = p->fitter->model;
+    sf_model_resize(p->kept, tried->count);
+    for (size_t i = 0; i < tried->count; i++) sf_params_copy(&tried->params, i, &p->kept->params, i);
+    p->psnr = psnr;
+}
+
+/* The most items, `most` at most, that may go while the PSNR is `floor`, to a part of `fineness`; they are
+ * gone then. *gone: how many. Without any the PSNR is at least that. */
+static sf_status take_most(pruner *p, size_t most, double floor, int fineness, size_t *gone) {
+    size_t least = 0, beyond = most + 1, step = p->item_count / (size_t)fineness + 1;
+    double psnr = p->psnr, tried;
+    while (beyond - least > step) {
+        size_t middle = least + (beyond - least) / 2;
+        try_without(p, middle);
+        sf_status status = measure(p, &tried);
+        if (status) return status;
+        if (tried >= floor)
+            least = middle, psnr = tried;
+        else
+            beyond = middle;
+    }
+    try_without(p, least);
+    accept(p, psnr);
+    *gone = least;
+    return SF_OK;
+}
+
+static int compare(const void *a, const void *b) {
+    const item *x = a, *y = b;
+    if (x->cost != y->cost) return x->cost < y->cost ? -1 : 1;
+    if (x->gaussian != y->gaussian) return x->gaussian < y->gaussian ? -1 : 1;
+    return x->degree > y->degree ? -1 : 1;
+}
+
+/* Sum of squares of a band's coefficients. */
+static double energy(const sf_model *model, size_t i, int band) {
+    double sum = 0;
+    for (int c = 0; c < sf_field_components(SF_FIELD_sh0 + band); c++) {
+        double value = (double)*sf_value(&model->params, SF_FIELD_sh0 + band, i, c);
+        sum += value * value;
+    }
+    return sum;
+}
+
+/* Bands of each Gaussian, from the highest on: at the end of a fit, where no coefficient has a gradient, a
+ * band's cost is the square of the colours that it changes, on average over all directions, times the pixels
+ * that show the Gaussian (by its share of the error, which is about the same everywhere); by its floats. */
+static void list_bands(pruner *p, const sf_worth *worth) {
+    for (size_t i = 0; i < p->kept->count; i++) {
+        double cost = 0;
+        for (int band = p->kept->sh_degree; band > 0; band--) {
+            double of_band = energy(p->kept, i, band);
+            if (of_band == 0 && cost == 0) continue; /* it went already */
+            double floats = 3.0 * (2 * band + 1);
+            cost =
+                fmax(cost, of_band * (double)worth->share[i] / floats); /* no band goes before a higher one */
+            p->items[p->item_count++] = (item){(float)cost, (uint32_t)i, band - 1};
+        }
+    }
+}
+
+/* Lists what may go, the least worthy first. */
+static sf_status list_items(pruner *p, int bands) {
+    sf_worth worth;
+    p->item_count = 0;
+    sf_status status = sf_weigh(p->fitter, 0, &worth);
+    if (!status && bands) list_bands(p, &worth);
+    for (size_t i = 0; i < p->kept->count && !status && !bands; i++)
+        p->items[p->item_count++] = (item){worth.effect[i], (uint32_t)i, -1};
+    sf_worth_free(p->ctx, &worth);
+    if (!status) qsort(p->items, p->item_count, sizeof *p->items, compare);
+    return status;
+}
+
+static void list_at_random(pruner *p) {
+    sf_rng rng;
+    sf_rng_seed(&rng, p->options->seed);
+    p->item_count = p->kept->count;
+    for (size_t i = 0; i < p->item_count; i++) p->items[i] = (item){0, (uint32_t)i, -1};
+    for (size_t i = p->item_count; i > 1; i--) {
+        size_t j = (size_t)sf_rng_below(&rng, i);
+        item keep = p->items[i - 1];
+        p->items[i - 1] = p->items[j];
+        p->items[j] = keep;
+    }
+}
+
+/* The first n items go, whatever it costs. */
+static sf_status take(pruner *p, size_t n) {
+    double psnr;
+    try_without(p, n);
+    sf_status status = measure(p, &psnr);
+    if (!status) accept(p, psnr);
+    return status;
+}
+
+/* Down to `count` Gaussians, in rounds of equal parts of what is there. */
+static sf_status cut_to(pruner *p, size_t count, int rounds) {
+    double part = pow((double)count / (double)p->kept->count, 1.0 / rounds);
+    sf_status status = SF_OK;
+    for (int round = rounds; round > 0 && !status && p->kept->count > count; round--) {
+        size_t left = round > 1 ? (size_t)((double)p->kept->count * part) : count;
+        status = list_items(p, 0);
+        if (!status) status = take(p, p->kept->count - (left < count ? count : left));
+    }
+    return status;
+}
+
+/* Floats of the Gaussians beside bands that are 0. */
+static size_t floats_in_use(const sf_model *model) {
+    size_t floats = 0;
+    for (size_t i = 0; i < model->count; i++) {
+        int degree = model->sh_degree;
+        while (degree > 0 && energy(model, i, degree) == 0) degree--;
+        for (int field = 0; field <= SF_FIELD_sh0 + degree; field++)
+            floats += (size_t)sf_field_components(field);
+    }
+    return floats;
+}
+
+static void say(const pruner *p, const char *what) {
+    sf_log(p->ctx, SF_LOG_INFO, "%s: %zu Gaussians, %zu floats in use, training views %.3f dB", what,
+           p->kept->count, floats_in_use(p->kept), p->psnr);
+}
+
+/* Takes out Gaussians, or bands, in rounds from the PSNR so far down to `floor`. */
+static sf_status spend(pruner *p, double floor, int bands) {
+    double begin = p->psnr;
+    sf_status status = SF_OK;
+    for (int round = 1; round <= ROUNDS + MORE_ROUNDS && !status; round++) {
+        double part = round < ROUNDS ? (double)round / ROUNDS : 1;
+        size_t gone = 0;
+        status = list_items(p, bands);
+        if (status || !p->item_count) break;
+        size_t most = bands ? p->item_count : p->item_count - 1;
+        status = take_most(p, most, begin - part * (begin - floor), part < 1 ? COARSENESS : FINENESS, &gone);
+        if (!status) say(p, bands ? "bands" : "pruned");
+        if (round >= ROUNDS && gone <= p->item_count / FINENESS + 1) break;
+    }
+    return status;
+}
+
+static sf_fit_options refit_options(const pruner *p) {
+    sf_fit_options o = sf_fit_options_default();
+    o.steps = o.plan_steps = p->options->refit_steps;
+    o.seed = (int64_t)(p->options->seed & INT64_MAX);
+    o.max_gaussians = (int64_t)p->fitter->model->count;
+    o.grow_every = o.steps + 1; /* nothing comes or goes */
+    o.validate = 0;
+    o.size = SF_SIZE_CAP;
+    o.sh_degree = p->kept->sh_degree;
+    o.lr_mean *= REFIT_RATE, o.lr_scale *= REFIT_RATE, o.lr_quat *= REFIT_RATE;
+    o.lr_opacity *= REFIT_RATE, o.lr_sh0 *= REFIT_RATE, o.lr_sh_rest *= REFIT_RATE;
+    o.background = SF_BACKGROUND_COLOR;
+    o.background_red = (double)p->options->render.background[0];
+    o.background_green = (double)p->options->render.background[1];
+    o.background_blue = (double)p->options->render.background[2];
+    return o;
+}
+
+/* Fits on with the tried model. */
+static sf_status refit(pruner *p) {
+    sf_fit_options o = refit_options(p);
+    sf_fitter *fitter;
+    sf_status status = sf_fitter_create(p->ctx, p->scene, p->fitter->model, &o, &fitter);
+    if (status) return status;
+    fitter->near_plane = p->fitter->near_plane;
+    status = sf_fitter_run(fitter, NULL, NULL);
+    sf_model *tried = p->fitter->model;
+    for (size_t i = 0; i < tried->count && !status; i++)
+        sf_params_copy(&fitter->model->params, i, &tried->params, i);
+    sf_fitter_destroy(&fitter);
+    return status;
+}
+
+/* Cuts that fitting on makes good; smaller ones where it does not. */
+static sf_status cut_and_refit(pruner *p, double floor) {
+    double cut = FIRST_CUT, psnr;
+    sf_status status = SF_OK;
+    for (int round = 0; round < REFIT_ROUNDS && cut >= LEAST_CUT && !status; round++) {
+        try_without(p, 0);
+        status = list_items(p, 0);
+        if (status) break;
+        try_without(p, (size_t)(cut * (double)p->kept->count));
+        status = refit(p);
+        if (!status) status = measure(p, &psnr);
+        if (status) break;
+        if (psnr >= floor)
+            accept(p, psnr);
+        else
+            cut *= 0.5;
+        say(p, psnr >= floor ? "refitted" : "refitting is not enough");
+    }
+    return status;
+}
+
+static sf_status prune(pruner *p) {
+    const sf_prune_options *o = p->options;
+    double begin = p->psnr, floor = begin - o->loss;
+    size_t gone;
+    int bands = !o->keep_sh && p->kept->sh_degree > 0;
+    if (o->random) {
+        list_at_random(p);
+        return o->keep ? take(p, p->kept->count - o->keep)
+                       : take_most(p, p->item_count - 1, floor, FINENESS, &gone);
+    }
+    if (o->keep) {
+        sf_status status = cut_to(p, o->keep, ROUNDS);
+        if (status || !o->refit_steps) return status;
+        status = refit(p);
+        double psnr = 0;
+        if (!status) status = measure(p, &psnr);
+        if (!status) accept(p, psnr);
+        return status;
+    }
+    double of_gaussians = bands ? begin - (1 - SH_SHARE) * o->loss : floor;
+    sf_status status = spend(p, of_gaussians, 0);
+    if (!status && o->refit_steps) status = cut_and_refit(p, of_gaussians);
+    if (!status && bands) {
+        try_without(p, 0);
+        status = spend(p, floor, 1);
+    }
+    return status;
+}
+
+/* A fitter that shows the views with a copy of the model, and cannot make a step: it has no moments. */
+static sf_status make_fitter(pruner *p) {
+    const sf_render_options *render = &p->options->render;
+    sf_fit_options o = sf_fit_options_default();
+    o.validate = 0; /* all training views count */
+    sf_status status = sf_fitter_create_empty(p->ctx, p->scene, &o, &p->fitter);
+    if (!status) status = sf_model_copy(p->kept, p->kept->count, p->kept->sh_degree, &p->fitter->model);
+    if (status) return status;
+    sf_fitter *f = p->fitter;
+    f->sh_degree = p->kept->sh_degree;
+    if (render->near_plane > 0) f->near_plane = render->near_plane;
+    for (int k = 0; k < 3; k++) {
+        f->step_background[k] = render->background[k];
+        f->background[k] = (double)render->background[k];
+    }
+    return SF_OK;
+}
+
+static sf_status check(sf_context *ctx, const sf_model *model, const sf_prune_options *o) {
+    if (!model->count) return sf_fail(ctx, SF_ERR_EMPTY, "model: holds no Gaussian");
+    if (!(o->loss >= 0 && o->loss <= 100))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "loss: %g dB is not in 0..100", o->loss);
+    if (o->keep > model->count)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "keep: %zu is more than the model's %zu Gaussians", o->keep,
+                       model->count);
+    if (!(o->refit_steps >= 0 && o->refit_steps <= 100000000))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "refit_steps: %lld is not in 0..100000000",
+                       (long long)o->refit_steps);
+    return SF_OK;
+}
+
+sf_status sf_prune(sf_context *ctx, sf_scene *scene, const sf_model *model, const sf_prune_options *options,
+                   sf_model **pruned, sf_prune_result *result) {
+    sf_prune_options defaults = sf_prune_options_default();
+    pruner p = {.ctx = ctx, .scene = scene, .options = options ? options : &defaults};
+    size_t most = model->count * (size_t)(model->sh_degree > 1 ? model->sh_degree : 1);
+    double before = 0;
+    *pruned = NULL;
+    sf_status status = check(ctx, model, p.options);
+    if (!status) status = sf_model_copy(model, model->count, model->sh_degree, &p.kept);
+    if (!status) status = make_fitter(&p);
+    p.items = status ? NULL : sf_alloc(ctx, most, sizeof *p.items);
+    p.degrees = status ? NULL : sf_alloc(ctx, model->count, sizeof *p.degrees);
+    if (!status && (!p.items || !p.degrees)) status = SF_ERR_MEMORY;
+    if (!status) status = measure(&p, &before);
+    p.psnr = before;
+    if (!status) status = prune(&p);
+    if (!status) status = sf_model_copy(p.kept, p.kept->count, p.kept->sh_degree, pruned);
+    if (!status && result) *result = (sf_prune_result){before, p.psnr, p.renders};
+    sf_fitter_destroy(&p.fitter);
+    sf_model_destroy(&p.kept);
+    sf_free(ctx, p.items);
+    sf_free(ctx, p.degrees);
+    return status;
+}
