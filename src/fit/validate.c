@@ -6,14 +6,51 @@
 #include "fitter.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Validations in a run, and the gain in dB that counts as one. */
 #define INTERVAL 0.04
 #define GAIN     0.01
 
+/* What is lost on the way to the last validation, in dB, without which the rates fall on the model as it is:
+ * less is the noise of single views, which settles. */
+#define FALL 0.3
+/* What a run that settles early settles for: such a part of what it took to its best model, and at least
+ * that part of the run. */
+#define SETTLE_PART  0.25
+#define SETTLE_LEAST 0.05
+
+enum { FEWEST = 3 /* training views, of which one can be spared */ };
+
+static int is_among(const uint32_t *ids, size_t count, uint32_t id) {
+    size_t i = 0;
+    while (i < count && ids[i] != id) i++;
+    return i < count;
+}
+
 int sf_validates(const sf_fitter *f, uint32_t id) {
-    /* by the id, so that a view never changes sides; the last of n: projects hold out the first */
-    return f->options.validate > 1 && id % (uint64_t)f->options.validate == (uint64_t)f->options.validate / 2;
+    return !f->joined && is_among(f->kept_out, f->kept_out_count, id);
+}
+
+/* A view never changes sides while it is kept out or trained on: what comes later is dealt with when it
+ * comes. */
+sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
+    const int64_t every = f->options.validate;
+    size_t first = 0, kept = 0;
+    if (every < 2 || f->joined) return SF_OK;
+    while (first < count && ids[first] <= f->newest) first++;
+    if (first == count) return SF_OK;
+    sf_status status = sf_grow(f->ctx, &f->kept_out, &f->kept_out_capacity, f->kept_out_count,
+                               f->kept_out_count + count - first, sizeof *f->kept_out);
+    if (status) return status;
+    for (size_t i = 0; i < f->kept_out_count; i++) /* some have gone */
+        if (is_among(ids, first, f->kept_out[i])) f->kept_out[kept++] = f->kept_out[i];
+    for (size_t i = first; i < count; i++) /* the middle one of n: projects hold out the first */
+        if (f->taken_up++ % every == every / 2 && count >= FEWEST) f->kept_out[kept++] = ids[i];
+    if (!kept && count >= FEWEST) f->kept_out[kept++] = ids[first + (count - first) / 2];
+    f->kept_out_count = kept;
+    f->newest = ids[count - 1];
+    return SF_OK;
 }
 
 /* Sum of the weighted squares of what is drawn against the view, and of the weights. */
@@ -45,13 +82,10 @@ static sf_status view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
 }
 
 sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
-    uint32_t *ids;
-    size_t count;
-    sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
-    if (status) return status;
+    sf_status status = SF_OK;
     *psnr = 0, *views = 0;
-    for (size_t i = 0; i < count && !status; i++) {
-        sf_view *view = sf_validates(f, ids[i]) ? sf_scene_retain_id(f->scene, ids[i]) : NULL;
+    for (size_t i = 0; i < f->kept_out_count && !status; i++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->kept_out[i]);
         double of_view;
         if (!view) continue;
         status = view_psnr(f, view, &of_view);
@@ -60,13 +94,13 @@ sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
         *psnr += of_view;
         ++*views;
     }
-    sf_free(f->ctx, ids);
     if (*views) *psnr /= (double)*views;
     return status;
 }
 
 /* The model as it is becomes the best one. */
 static sf_status keep(sf_fitter *f) {
+    memcpy(f->best_background, f->background, sizeof f->background);
     if (!f->best || f->best->capacity < f->model->count) {
         sf_model *best;
         sf_status status = sf_model_copy(f->model, f->capacity, f->model->sh_degree, &best);
@@ -80,36 +114,76 @@ static sf_status keep(sf_fitter *f) {
     return SF_OK;
 }
 
-/* The best model comes back; what the optimiser knew belongs to the other one. */
+/* The best model comes back; what the optimiser and growth knew belongs to the other one. */
 static void bring_back(sf_fitter *f) {
     sf_model_resize(f->model, f->best->count);
     for (size_t i = 0; i < f->best->count; i++) {
         sf_params_copy(&f->best->params, i, &f->model->params, i);
         sf_moments_forget(&f->moments, i);
+        f->screen_sum[i] = 0, f->screen_seen[i] = 0;
     }
+    memcpy(f->background, f->best_background, sizeof f->background);
+    f->validation_psnr = f->best_psnr;
+    f->adam_before = f->step;
 }
 
-sf_status sf_consider(sf_fitter *f, double fraction) {
+/* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer
+ * pictures are to come; or what there was is being lost. */
+static int is_hopeless(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
-    if (f->ended) return SF_ERR_END;
-    if (o->validate < 2 || (fraction < sf_end_of_run(f) && fraction < f->next_validation)) return SF_OK;
-    f->next_validation = fraction + INTERVAL;
-    double psnr;
+    if (!(o->patience > 0) || fraction >= f->settle_from) return 0;
+    int grown = fraction > o->grow_end && fraction > f->best_fraction + o->patience;
+    int lost = f->validation_psnr < f->best_psnr - FALL && fraction > f->best_fraction + o->patience;
+    return grown || lost;
+}
+
+static void settle_early(sf_fitter *f, double fraction) {
+    f->settle_from = fraction;
+    f->settle_for = fmin(f->settle_for, fmax(SETTLE_PART * f->best_fraction, SETTLE_LEAST));
+}
+
+static sf_status look(sf_fitter *f, double fraction) {
+    double psnr, target = f->options.target_psnr;
     size_t views;
+    f->next_validation = fraction + INTERVAL;
     sf_status status = sf_validate(f, &psnr, &views);
     if (status || !views) return status;
     f->validation_psnr = psnr;
     if (!(psnr <= f->best_psnr + GAIN)) {
         status = keep(f);
         if (status) return status;
-        f->best_psnr = psnr, f->best_fraction = fraction;
+        f->best_psnr = psnr, f->best_fraction = fraction, f->best_step = f->step;
     }
-    int hopeless = o->patience > 0 && fraction > f->best_fraction + o->patience && fraction > o->grow_end;
-    if (hopeless && fraction < f->settle_from) f->settle_from = fraction;
-    f->ended = fraction >= sf_end_of_run(f) || (o->target_psnr > 0 && psnr >= o->target_psnr);
-    if (f->ended && psnr < f->best_psnr) {
-        bring_back(f);
-        f->validation_psnr = f->best_psnr;
+    if (is_hopeless(f, fraction)) settle_early(f, fraction);
+    if (target > 0 && psnr >= target) f->end = SF_FIT_TARGET;
+    return SF_OK;
+}
+
+/* The rates fall, and the views of validation are trained on: the model is to have seen all there is. It is
+ * the present one, unless that has lost more than the noise that will settle. */
+static void join(sf_fitter *f) {
+    double most = sf_settles_early(f) ? 0 : FALL;
+    if (f->best && f->validation_psnr < f->best_psnr - most) bring_back(f);
+    sf_model_destroy(&f->best);
+    f->joined = 1;
+    f->order_at = f->order_count; /* a pass over all of them begins */
+}
+
+static int why_over(const sf_fitter *f) {
+    if (sf_settles_early(f)) return SF_FIT_VALIDATION;
+    return f->options.steps > 0 && f->step >= f->options.steps ? SF_FIT_COMPLETE : SF_FIT_TIME;
+}
+
+sf_status sf_consider(sf_fitter *f, double fraction) {
+    int watching = f->kept_out_count && !f->joined, over = fraction >= sf_end_of_run(f);
+    if (f->end) return SF_ERR_END;
+    int joins = watching && !(f->options.target_psnr > 0); /* a target is looked for to the end */
+    if (watching && (over || fraction >= f->next_validation || (joins && fraction >= f->settle_from))) {
+        sf_status status = look(f, fraction);
+        if (status) return status;
     }
-    return f->ended ? SF_ERR_END : SF_OK;
+    if (over && !f->end) f->end = why_over(f);
+    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) bring_back(f);
+    if (!f->end && joins && fraction >= f->settle_from) join(f);
+    return f->end ? SF_ERR_END : SF_OK;
 }
