@@ -675,8 +675,6 @@ static sf_status take_state(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = take_model(in, f);
     if (!status) status = take_best(in, f);
     if (!status) status = take_learned(in, f);
-    /* more steps or time than the run had: it goes on */
-    if (!status && f->end != SF_FIT_TARGET && sf_fraction(f) < sf_end_of_run(f)) f->end = SF_FIT_GOES_ON;
     return status;
 }
 

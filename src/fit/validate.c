@@ -20,7 +20,10 @@
 #define SETTLE_PART  0.25
 #define SETTLE_LEAST 0.05
 
-enum { FEWEST = 3 /* training views, of which one can be spared */ };
+enum {
+    FEWEST = 3,         /* training views, of which one can be spared */
+    PATIENT_STEPS = 100 /* without a gain that no run gives up before, however short */
+};
 
 static int is_among(const uint32_t *ids, size_t count, uint32_t id) {
     size_t i = 0;
@@ -132,9 +135,8 @@ static void bring_back(sf_fitter *f) {
 static int is_hopeless(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
     if (!(o->patience > 0) || fraction >= f->settle_from) return 0;
-    int grown = fraction > o->grow_end && fraction > f->best_fraction + o->patience;
-    int lost = f->validation_psnr < f->best_psnr - FALL && fraction > f->best_fraction + o->patience;
-    return grown || lost;
+    if (fraction <= f->best_fraction + o->patience || f->step < f->best_step + PATIENT_STEPS) return 0;
+    return fraction > o->grow_end || f->validation_psnr < f->best_psnr - FALL;
 }
 
 static void settle_early(sf_fitter *f, double fraction) {
@@ -176,7 +178,8 @@ static int why_over(const sf_fitter *f) {
 
 sf_status sf_consider(sf_fitter *f, double fraction) {
     int watching = f->kept_out_count && !f->joined, over = fraction >= sf_end_of_run(f);
-    if (f->end) return SF_ERR_END;
+    if (f->end == SF_FIT_TARGET) return SF_ERR_END;
+    f->end = SF_FIT_GOES_ON;                               /* an ended run may have got more time */
     int joins = watching && !(f->options.target_psnr > 0); /* a target is looked for to the end */
     if (watching && (over || fraction >= f->next_validation || (joins && fraction >= f->settle_from))) {
         sf_status status = look(f, fraction);
