@@ -37,6 +37,7 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(following)                                                                                             \
     F(plan_lost)                                                                                             \
     F(taken_up)                                                                                              \
+    F(next_look)                                                                                             \
     F(best_step)                                                                                             \
     F(joined)                                                                                                \
     F(end)                                                                                                   \

@@ -41,7 +41,7 @@ struct sf_fitter {
     /* validate.c */
     double validation_psnr, best_psnr; /* dB; NAN before the first */
     double best_fraction, next_validation;
-    int64_t best_step;
+    int64_t best_step, next_look; /* steps */
     sf_model *best;            /* the model with best_psnr, until the views of validation join the others */
     double best_background[3]; /* of that model */
     uint32_t *kept_out;        /* ids of these views, ascending */

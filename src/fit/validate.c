@@ -21,37 +21,50 @@
 #define SETTLE_LEAST 0.05
 
 enum {
-    FEWEST = 3,         /* training views, of which one can be spared */
-    PATIENT_STEPS = 100 /* without a gain that no run gives up before, however short */
+    FEWEST = 3,          /* training views, of which one can be spared */
+    PATIENT_STEPS = 100, /* without a gain that no run gives up before, however short */
+    STEPS_OF_VIEW = 10   /* between two validations, for each view: they are to cost little */
 };
 
-static int is_among(const uint32_t *ids, size_t count, uint32_t id) {
+int sf_validates(const sf_fitter *f, uint32_t id) {
     size_t i = 0;
-    while (i < count && ids[i] != id) i++;
-    return i < count;
+    while (i < f->kept_out_count && f->kept_out[i] != id) i++;
+    return !f->joined && i < f->kept_out_count;
 }
 
-int sf_validates(const sf_fitter *f, uint32_t id) {
-    return !f->joined && is_among(f->kept_out, f->kept_out_count, id);
+/* The first `count` of the list are kept out now; what was best on others is no measure for them. */
+static void keep_out(sf_fitter *f, size_t count) {
+    if (count != f->kept_out_count) f->best_psnr = NAN;
+    f->kept_out_count = count;
+}
+
+static void drop_gone(sf_fitter *f) {
+    size_t kept = 0;
+    for (size_t i = 0; i < f->kept_out_count; i++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->kept_out[i]);
+        if (view) f->kept_out[kept++] = f->kept_out[i];
+        sf_view_release(view);
+    }
+    keep_out(f, kept);
 }
 
 /* A view never changes sides while it is kept out or trained on: what comes later is dealt with when it
  * comes. */
 sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
     const int64_t every = f->options.validate;
-    size_t first = 0, kept = 0;
+    size_t first = 0;
     if (every < 2 || f->joined) return SF_OK;
+    drop_gone(f);
     while (first < count && ids[first] <= f->newest) first++;
     if (first == count) return SF_OK;
-    sf_status status = sf_grow(f->ctx, &f->kept_out, &f->kept_out_capacity, f->kept_out_count,
-                               f->kept_out_count + count - first, sizeof *f->kept_out);
+    size_t had = f->kept_out_count, kept = had;
+    sf_status status =
+        sf_grow(f->ctx, &f->kept_out, &f->kept_out_capacity, had, had + count - first, sizeof *f->kept_out);
     if (status) return status;
-    for (size_t i = 0; i < f->kept_out_count; i++) /* some have gone */
-        if (is_among(ids, first, f->kept_out[i])) f->kept_out[kept++] = f->kept_out[i];
     for (size_t i = first; i < count; i++) /* the middle one of n: projects hold out the first */
         if (f->taken_up++ % every == every / 2 && count >= FEWEST) f->kept_out[kept++] = ids[i];
     if (!kept && count >= FEWEST) f->kept_out[kept++] = ids[first + (count - first) / 2];
-    f->kept_out_count = kept;
+    keep_out(f, kept);
     f->newest = ids[count - 1];
     return SF_OK;
 }
@@ -148,6 +161,8 @@ static sf_status look(sf_fitter *f, double fraction) {
     double psnr, target = f->options.target_psnr;
     size_t views;
     f->next_validation = fraction + INTERVAL;
+    drop_gone(f);
+    f->next_look = f->step + STEPS_OF_VIEW * (int64_t)f->kept_out_count;
     sf_status status = sf_validate(f, &psnr, &views);
     if (status || !views) return status;
     f->validation_psnr = psnr;
@@ -176,12 +191,18 @@ static int why_over(const sf_fitter *f) {
     return f->options.steps > 0 && f->step >= f->options.steps ? SF_FIT_COMPLETE : SF_FIT_TIME;
 }
 
+/* What has learned nothing yet is not worth a look. */
+static int is_time(const sf_fitter *f, double fraction) {
+    if (!f->step && !f->gone_on) return 0;
+    return fraction >= f->next_validation && f->step >= f->next_look;
+}
+
 sf_status sf_consider(sf_fitter *f, double fraction) {
     int watching = f->kept_out_count && !f->joined, over = fraction >= sf_end_of_run(f);
     if (f->end == SF_FIT_TARGET) return SF_ERR_END;
     f->end = SF_FIT_GOES_ON;                               /* an ended run may have got more time */
     int joins = watching && !(f->options.target_psnr > 0); /* a target is looked for to the end */
-    if (watching && (over || fraction >= f->next_validation || (joins && fraction >= f->settle_from))) {
+    if (watching && (over || is_time(f, fraction) || (joins && fraction >= f->settle_from))) {
         sf_status status = look(f, fraction);
         if (status) return status;
     }
