@@ -193,7 +193,7 @@ static int why_over(const sf_fitter *f) {
 
 /* What has learned nothing yet is not worth a look. */
 static int is_time(const sf_fitter *f, double fraction) {
-    if (!f->step && !f->gone_on) return 0;
+    if (fraction < INTERVAL && !f->gone_on) return 0;
     return fraction >= f->next_validation && f->step >= f->next_look;
 }
 
