@@ -21,7 +21,7 @@
 #define SETTLE_LEAST 0.05
 
 enum {
-    FEWEST = 3,          /* training views, of which one can be spared */
+    FEWEST = 3,          /* training views of which a target may have one */
     PATIENT_STEPS = 100, /* without a gain that no run gives up before, however short */
     STEPS_OF_VIEW = 10   /* between two validations, for each view: they are to cost little */
 };
@@ -48,8 +48,15 @@ static void drop_gone(sf_fitter *f) {
     keep_out(f, kept);
 }
 
-/* A view never changes sides while it is kept out or trained on: what comes later is dealt with when it
- * comes. */
+/* The fewest training views of which some are kept out: where one is a large part of them, the model misses
+ * it more than it can gain. A target needs one all the same. */
+static size_t fewest(const sf_fitter *f) {
+    size_t every = (size_t)f->options.validate;
+    return f->options.target_psnr > 0 && every > FEWEST ? FEWEST : every;
+}
+
+/* A view that is kept out or trained on does not change sides: what comes later is dealt with when it comes.
+ */
 sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
     const int64_t every = f->options.validate;
     size_t first = 0;
@@ -62,8 +69,8 @@ sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
         sf_grow(f->ctx, &f->kept_out, &f->kept_out_capacity, had, had + count - first, sizeof *f->kept_out);
     if (status) return status;
     for (size_t i = first; i < count; i++) /* the middle one of n: projects hold out the first */
-        if (f->taken_up++ % every == every / 2 && count >= FEWEST) f->kept_out[kept++] = ids[i];
-    if (!kept && count >= FEWEST) f->kept_out[kept++] = ids[first + (count - first) / 2];
+        if (f->taken_up++ % every == every / 2 && count >= fewest(f)) f->kept_out[kept++] = ids[i];
+    if (!kept && count >= fewest(f)) f->kept_out[kept++] = ids[first + (count - first) / 2];
     keep_out(f, kept);
     f->newest = ids[count - 1];
     return SF_OK;
