@@ -54,8 +54,7 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
         "and to choose by (with target_psnr to the end, and of 3 or more at least one); 0: none")            \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
-         "the rates fall where they have gained nothing for so long; 0: "                                    \
-         "never")                                                                                            \
+         "the rates fall where they have gained nothing for so long; 0: never")                              \
     INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap", "Gaussians: those that pay for themselves, or as many as max_gaussians")       \
     REAL(quality, 1, 0.001, 1000, "", "size auto: decibels against bits; the price is divided by it")        \

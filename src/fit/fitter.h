@@ -146,6 +146,8 @@ sf_status sf_take_up(sf_fitter *fitter, const uint32_t *ids, size_t count);
 int sf_validates(const sf_fitter *fitter, uint32_t id);
 /* Mean PSNR of those views, at full resolution; *views: how many. */
 sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
+/* The next model that is looked at is the best: a smaller one is worth what it loses. */
+void sf_forget_best(sf_fitter *fitter);
 /* Validates when it is time, keeps the best model, lets the views of validation join the others when the
  * rates fall, and says when the run is over: SF_ERR_END. */
 sf_status sf_consider(sf_fitter *fitter, double fraction);

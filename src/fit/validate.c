@@ -32,9 +32,11 @@ int sf_validates(const sf_fitter *f, uint32_t id) {
     return !f->joined && i < f->kept_out_count;
 }
 
+void sf_forget_best(sf_fitter *f) { f->best_psnr = NAN; }
+
 /* The first `count` of the list are kept out now; what was best on others is no measure for them. */
 static void keep_out(sf_fitter *f, size_t count) {
-    if (count != f->kept_out_count) f->best_psnr = NAN;
+    if (count != f->kept_out_count) sf_forget_best(f);
     f->kept_out_count = count;
 }
 

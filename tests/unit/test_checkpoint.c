@@ -233,6 +233,7 @@ static void test_same_bytes_when_stopped(void **state) {
     sf_fit_options options = short_fit(400);
     options.validate = 3;
     options.patience = 0.05;
+    options.size = SF_SIZE_CAP;
     options.lr_mean = 0.05;
     options.lr_mean_final = 1;
     assert_int_equal(check_interrupted_every(&options, 11), SF_FIT_VALIDATION);
