@@ -230,13 +230,13 @@ static void test_same_bytes_with_half_moments(void **state) {
 static void test_same_bytes_when_stopped(void **state) {
     (void)state;
     if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK is set");
-    sf_fit_options options = short_fit(400);
+    sf_fit_options options = short_fit(300);
     options.validate = 3;
     options.patience = 0.05;
     options.size = SF_SIZE_CAP;
     options.lr_mean = 0.05;
     options.lr_mean_final = 1;
-    assert_int_equal(check_interrupted_every(&options, 11), SF_FIT_VALIDATION);
+    assert_int_equal(check_interrupted_every(&options, 23), SF_FIT_VALIDATION);
 }
 
 /* A checkpoint of a checkpoint is the same but for its time; saving changes nothing. */
