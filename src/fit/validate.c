@@ -153,12 +153,13 @@ static void bring_back(sf_fitter *f) {
 }
 
 /* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer
- * pictures are to come; or what there was is being lost. */
+ * pictures were to come meanwhile. Before that a view may well lose for a while what it gains in the end. */
 static int is_hopeless(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
+    double since = fmax(f->best_fraction, o->grow_end);
+    if (o->pyramid_levels && !f->gone_on) since = fmax(since, o->pyramid_end);
     if (!(o->patience > 0) || fraction >= f->settle_from) return 0;
-    if (fraction <= f->best_fraction + o->patience || f->step < f->best_step + PATIENT_STEPS) return 0;
-    return fraction > o->grow_end || f->validation_psnr < f->best_psnr - FALL;
+    return fraction > since + o->patience && f->step >= f->best_step + PATIENT_STEPS;
 }
 
 static void settle_early(sf_fitter *f, double fraction) {

@@ -233,6 +233,7 @@ static void test_same_bytes_when_stopped(void **state) {
     sf_fit_options options = short_fit(300);
     options.validate = 3;
     options.patience = 0.05;
+    options.pyramid_end = options.grow_end = 0.1;
     options.size = SF_SIZE_CAP;
     options.lr_mean = 0.05;
     options.lr_mean_final = 1;

@@ -216,6 +216,8 @@ static sf_fit_progress fit_few(int64_t validate, curve *c) {
     options.sh_degree = 3;
     options.lr_sh_rest = 0.05;
     options.size = SF_SIZE_CAP;
+    options.pyramid_levels = 0;
+    options.grow_end = 0.1;
     options.validate = validate;
     c->fitter = start(c->scene, &options);
     assert_ok(ctx, sf_fitter_run(c->fitter, follow, c));
