@@ -49,10 +49,12 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     REAL(time_limit, 0, 0, 1e9, "s", "stop after this time, the schedule spread over it; 0: no limit")       \
     INT(plan_steps, 0, 0, 100000000, "",                                                                     \
         "steps for which the schedule is planned; 0: steps, or what time_limit seems to allow")              \
-    INT(validate, 0, 0, 1000, "",                                                                            \
-        "every n-th training view is kept out of the training, to stop and to choose by; 0: none")           \
+    INT(validate, 8, 0, 1000, "",                                                                            \
+        "of n training views or more every n-th is kept out of the training until the rates fall, to stop "  \
+        "and to choose by (with target_psnr to the end, and of 3 or more at least one); 0: none")            \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
-    REAL(patience, 0.25, 0, 1, "of the run", "end where they have gained nothing for so long; 0: never")     \
+    REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
+         "the rates fall where they have gained nothing for so long; 0: never")                              \
     INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap", "Gaussians: those that pay for themselves, or as many as max_gaussians")       \
     REAL(quality, 1, 0.001, 1000, "", "size auto: decibels against bits; the price is divided by it")        \
@@ -167,12 +169,24 @@ SF_API sf_status sf_fit_options_set(sf_context *context, sf_fit_options *options
  */
 SF_API sf_status sf_fit_options_get(const sf_fit_options *options, const char *name, char *text, size_t size);
 
+/* Why a run has ended. */
+typedef enum sf_fit_end {
+    SF_FIT_GOES_ON,
+    SF_FIT_COMPLETE,   /* all its steps are done */
+    SF_FIT_TIME,       /* time_limit is over */
+    SF_FIT_TARGET,     /* the views of `validate` reached target_psnr */
+    SF_FIT_VALIDATION, /* they gained nothing, so that the rates fell early */
+    SF_FIT_END_COUNT
+} sf_fit_end;
+
 typedef struct sf_fit_progress {
     int64_t step, steps;    /* done; planned (0: by time alone) */
     double fraction;        /* of the run, 0..1 */
     double seconds;         /* since create */
     double loss;            /* mean of the last steps, up to 50 */
     double validation_psnr; /* dB, of the views of `validate` when last looked at; NAN before */
+    int64_t best_step;      /* at which it was best, to 0.01 dB; 0 before the first look */
+    sf_fit_end end;
     size_t gaussians;
     double steps_per_second; /* over the last second or so */
     double eta_seconds;      /* to the end */

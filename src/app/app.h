@@ -10,8 +10,8 @@
 #include "args.h"
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
-    command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert;
-    command_capture, command_board, command_calibrate, command_bench, command_chart, command_prune;
+    command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert,
+    command_prune;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];

@@ -1,4 +1,5 @@
 /* fit.c - splatfit fit: from a project to a model. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -163,6 +164,27 @@ static double peak_memory(void) {
     return getrusage(RUSAGE_SELF, &usage) ? 0 : (double)usage.ru_maxrss / 1024;
 }
 
+/* Why the run ended, in a word. */
+static const char *end_word(const fit_run *r, const sf_fit_progress *p) {
+    static const char *const words[SF_FIT_END_COUNT] = {[SF_FIT_GOES_ON] = "failure",
+                                                        [SF_FIT_COMPLETE] = "complete",
+                                                        [SF_FIT_TIME] = "time",
+                                                        [SF_FIT_TARGET] = "target",
+                                                        [SF_FIT_VALIDATION] = "validation"};
+    return r->stopped ? "signal" : words[p->end];
+}
+
+static void print_end(const fit_run *r, const sf_fit_progress *p) {
+    if (r->stopped)
+        fprintf(r->out, "stopped: signal %d\n", r->stopped);
+    else if (p->end == SF_FIT_VALIDATION)
+        fprintf(r->out, "stopped: validation gained nothing since step %lld\n", (long long)p->best_step);
+    else if (p->end == SF_FIT_TARGET)
+        fprintf(r->out, "target reached: %.2f dB in validation\n", p->validation_psnr);
+    else
+        fprintf(r->out, "%s\n", end_word(r, p));
+}
+
 static json_t *log_json(fit_run *r, const evaluation *e) {
     sf_scene_info scene;
     sf_fit_progress p;
@@ -173,6 +195,11 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
                                (json_int_t)p.gaussians, "loss", p.loss, "background", (double)p.background[0],
                                (double)p.background[1], (double)p.background[2], "skipped_values",
                                (json_int_t)p.skipped_values, "complete", !r->stopped);
+    json_object_set_new(result, "end", json_string(end_word(r, &p)));
+    if (isfinite(p.validation_psnr)) { /* where views are kept out to validate */
+        json_object_set_new(result, "best_step", json_integer(p.best_step));
+        json_object_set_new(result, "validation_psnr", json_real(p.validation_psnr));
+    }
     if (r->options.refine_poses || r->options.refine_intrinsics)
         json_object_set_new(result, "refinement",
                             json_pack("{s:f, s:f, s:f}", "turned_degrees", p.turned_degrees, "moved_depths",
@@ -259,6 +286,7 @@ static void print_result(fit_run *r, const evaluation *e) {
     if (r->options.background == SF_BACKGROUND_AUTO)
         fprintf(r->out, "background %.4f,%.4f,%.4f: give it to eval and render as --background\n",
                 (double)p.background[0], (double)p.background[1], (double)p.background[2]);
+    print_end(r, &p);
 }
 
 static int save_model(const fit_run *r) {

@@ -36,7 +36,12 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(order_at)                                                                                              \
     F(following)                                                                                             \
     F(plan_lost)                                                                                             \
-    F(ended)
+    F(taken_up)                                                                                              \
+    F(next_look)                                                                                             \
+    F(best_step)                                                                                             \
+    F(joined)                                                                                                \
+    F(end)                                                                                                   \
+    F(adam_before)
 #define STATE_REALS(F)                                                                                       \
     F(extent)                                                                                                \
     F(near_plane)                                                                                            \
@@ -45,7 +50,8 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(next_validation)                                                                                       \
     F(settle_from)                                                                                           \
     F(least_squares)                                                                                         \
-    F(merged_squares)
+    F(merged_squares)                                                                                        \
+    F(settle_for)
 
 #define COUNT_ONE(name) +1
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };
@@ -237,10 +243,20 @@ static uint32_t place_of(sf_view *const *views, size_t count, uint32_t id) {
     return place < count ? (uint32_t)place : UINT32_MAX;
 }
 
-static void put_order(sf_sections_out *out, const sf_fitter *f, sf_view *const *views, size_t count,
+static void put_places(sf_sections_out *out, const char *name, const uint32_t *ids, size_t n,
+                       sf_view *const *views, size_t count, uint32_t *places) {
+    for (size_t i = 0; i < n; i++) places[i] = place_of(views, count, ids[i]);
+    sf_sections_put(out, name, places, n, sizeof *places);
+}
+
+/* The views that training and validation have, and how many views they have seen come. */
+static void put_views(sf_sections_out *out, const sf_fitter *f, sf_view *const *views, size_t count,
                       uint32_t *places) {
-    for (size_t i = 0; i < f->order_count; i++) places[i] = place_of(views, count, f->order[i]);
-    sf_sections_put(out, "order", places, f->order_count, sizeof *places);
+    int64_t known = 0;
+    while (known < (int64_t)count && views[known]->id <= f->newest) known++;
+    put_places(out, "order", f->order, f->order_count, views, count, places);
+    put_places(out, "kept.out", f->kept_out, f->kept_out_count, views, count, places);
+    sf_sections_put(out, "known", &known, 1, sizeof known);
 }
 
 static sf_status put_scene(sf_sections_out *out, const sf_fitter *f) {
@@ -249,14 +265,15 @@ static sf_status put_scene(sf_sections_out *out, const sf_fitter *f) {
     view_table t;
     sf_status status = sf_scene_retain_all(f->scene, &views, &count);
     if (status) return status;
-    uint32_t *places = sf_alloc(f->ctx, f->order_count, sizeof *places);
+    size_t most = f->order_count > f->kept_out_count ? f->order_count : f->kept_out_count;
+    uint32_t *places = sf_alloc(f->ctx, most, sizeof *places);
     status = places ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
     if (!status) {
         sf_sections_put(out, "views.names", t.names, t.name_bytes, 1);
         sf_sections_put(out, "views.sizes", t.values, VIEW_VALUES * count, sizeof *t.values);
         sf_sections_put(out, "views.cameras", t.cameras, CAMERA_VALUES * count, sizeof *t.cameras);
         sf_sections_put(out, "views.pictures", t.pictures, count, sizeof *t.pictures);
-        put_order(out, f, views, count, places);
+        put_views(out, f, views, count, places);
         free_table(f->ctx, &t);
     }
     sf_free(f->ctx, places);
@@ -332,16 +349,26 @@ static sf_status compare_scene(const sf_sections_in *in, const view_table *t, sf
 }
 
 /* Places back to ids; no view has the id 0. */
-static sf_status take_order(sf_sections_in *in, sf_fitter *f, sf_view *const *views, size_t count) {
-    sf_status status =
-        sf_sections_take_new(in, "order", &f->order, &f->order_count, INT32_MAX, sizeof *f->order);
-    for (size_t i = 0; i < f->order_count && !status; i++) {
-        uint32_t place = f->order[i];
+static sf_status take_places(sf_sections_in *in, const char *name, uint32_t **ids, size_t *n,
+                             sf_view *const *views, size_t count) {
+    sf_status status = sf_sections_take_new(in, name, ids, n, INT32_MAX, sizeof **ids);
+    for (size_t i = 0; i < *n && !status; i++) {
+        uint32_t place = (*ids)[i];
         if (place != UINT32_MAX && place >= count)
-            status = bad(in, "order", "names a view that is none");
+            status = bad(in, name, "names a view that is none");
         else
-            f->order[i] = place == UINT32_MAX ? 0 : views[place]->id;
+            (*ids)[i] = place == UINT32_MAX ? 0 : views[place]->id;
     }
+    return status;
+}
+
+/* Views came and went since the run began: as many of those that there are were taken up. */
+static sf_status take_newest(sf_sections_in *in, sf_fitter *f, sf_view *const *views, size_t count) {
+    int64_t known;
+    sf_status status = sf_sections_take(in, "known", &known, 1, sizeof known);
+    if (!status && (known < 0 || known > (int64_t)count))
+        status = bad(in, "known", "is not a number of the scene's views");
+    if (!status) f->newest = known ? views[known - 1]->id : 0;
     return status;
 }
 
@@ -356,7 +383,9 @@ static sf_status take_scene(sf_sections_in *in, sf_fitter *f) {
         status = compare_scene(in, &t, views, count);
         free_table(f->ctx, &t);
     }
-    if (!status) status = take_order(in, f, views, count);
+    if (!status) status = take_places(in, "order", &f->order, &f->order_count, views, count);
+    if (!status) status = take_places(in, "kept.out", &f->kept_out, &f->kept_out_count, views, count);
+    if (!status) f->kept_out_capacity = f->kept_out_count, status = take_newest(in, f, views, count);
     sf_scene_release_all(f->scene, views, count);
     return status;
 }
@@ -542,6 +571,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     const double psnr[] = {f->validation_psnr, f->best_psnr}; /* NAN before the first validation */
     sf_sections_put(out, "best", &best, 1, sizeof best);
     sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
+    sf_sections_put(out, "best.background", f->best_background, 3, sizeof *f->best_background);
     if (f->best) put_params(out, "best", &f->best->params, f->best->count);
 }
 
@@ -555,6 +585,8 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
     STATE_INTEGERS(VALUE)
 #undef VALUE
     if (f->order_at > f->order_count) return bad(in, "integers", "order_at lies behind the order");
+    if (f->end >= SF_FIT_END_COUNT) return bad(in, "integers", "end is none that a run can have");
+    if (f->adam_before > f->step) return bad(in, "integers", "adam_before lies behind the step");
     return SF_OK;
 }
 
@@ -616,6 +648,8 @@ static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
     uint64_t have;
     sf_status status = sf_sections_take(in, "validation", psnr, 2, sizeof *psnr);
     if (!status) status = sf_sections_take(in, "best", &count, 1, sizeof count);
+    if (!status)
+        status = sf_sections_take(in, "best.background", f->best_background, 3, sizeof *f->best_background);
     if (status) return status;
     f->validation_psnr = psnr[0], f->best_psnr = psnr[1];
     if (count < 0) return SF_OK;

@@ -12,7 +12,6 @@
 #include "refine.h"
 
 enum {
-    VALIDATE = 8,          /* every n-th training view, where a target needs some */
     ROUNDS = 3,            /* to time a step */
     LEAST_GAUSSIANS = 1000 /* that a fit without a model to go on from begins with, if so many are allowed */
 };
@@ -76,6 +75,7 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
             sf_free(f->ctx, f->order);
             f->order_at = f->order_count = 0;
             sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
+            if (!status) status = sf_take_up(f, f->order, f->order_count);
             if (!status) leave_out_validation(f);
             if (!status && learns_views(f))
                 status = sf_view_states_sync(&f->views, f->scene, f->order, f->order_count);
@@ -246,7 +246,8 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     f->ctx = ctx;
     f->scene = scene;
     f->options = *options;
-    if (options->target_psnr > 0 && options->validate < 2) f->options.validate = VALIDATE;
+    if (options->target_psnr > 0 && options->validate < 2)
+        f->options.validate = sf_fit_options_default().validate;
     f->extent = info.extent;
     f->near_plane = (float)(options->near_plane * info.extent);
     f->start = f->rate_time = sf_clock();
@@ -256,8 +257,22 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     choose_background(f);
     f->validation_psnr = f->best_psnr = NAN;
     f->settle_from = options->lr_settle;
+    f->settle_for = 1 - options->lr_settle;
     *out = f;
     return SF_OK;
+}
+
+/* The views that there are at the start. */
+static sf_status take_up_first(sf_fitter *f) {
+    uint32_t *ids;
+    size_t count;
+    sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
+    if (status) return status;
+    status = sf_take_up(f, ids, count);
+    sf_free(f->ctx, ids);
+    if (!status && f->options.target_psnr > 0 && !f->kept_out_count)
+        sf_log(f->ctx, SF_LOG_WARNING, "target_psnr: too few training views to look for it: %zu", count);
+    return status;
 }
 
 sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *from,
@@ -267,7 +282,8 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     sf_status status = sf_fitter_create_empty(ctx, scene, options, out);
     if (status) return status;
     sf_fitter *f = *out;
-    status = choose_start(f, from);
+    status = take_up_first(f);
+    if (!status) status = choose_start(f, from);
     if (!status) {
         f->model->antialiased = options->antialiased || (from && from->antialiased);
         f->first_count = f->model->count;
@@ -288,6 +304,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_free(f->ctx, f->screen_sum);
     sf_free(f->ctx, f->screen_seen);
     sf_free(f->ctx, f->order);
+    sf_free(f->ctx, f->kept_out);
     sf_free(f->ctx, f->plan);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
@@ -308,11 +325,9 @@ static void note_progress(sf_fitter *f, double loss) {
 
 sf_status sf_fitter_step(sf_fitter *f) {
     if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
-    if (f->ended) return SF_ERR_END;
     double fraction = sf_next_fraction(f);
     sf_status status = sf_consider(f, fraction);
     if (status) return status;
-    if (fraction >= sf_end_of_run(f)) return SF_ERR_END;
     sf_view *view;
     status = next_view(f, &view);
     if (status) return status;
@@ -362,13 +377,16 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .sh_degree = f->sh_degree,
                            .gone_on = f->gone_on,
                            .skipped_values = f->skipped_values,
-                           .validation_psnr = f->validation_psnr};
+                           .validation_psnr = f->validation_psnr,
+                           .best_step = f->best_step,
+                           .end = (sf_fit_end)f->end};
     int64_t window = f->step < SF_LOSS_WINDOW ? f->step : SF_LOSS_WINDOW;
     for (int64_t i = 0; i < window; i++) p->loss += f->losses[i] / (double)window;
     double left = INFINITY;
+    double end = sf_end_of_run(f), ahead = fmax(end - p->fraction, 0);
     if (f->options.steps > 0 && f->steps_per_second > 0)
-        left = (double)(f->options.steps - f->step) / f->steps_per_second * sf_cost_ahead(f, p->fraction);
-    if (f->options.time_limit > 0) left = fmin(left, f->options.time_limit - p->seconds);
+        left = ahead * (double)f->options.steps / f->steps_per_second * sf_cost_ahead(f, p->fraction);
+    if (f->options.time_limit > 0) left = fmin(left, f->options.time_limit * end - p->seconds);
     p->eta_seconds = fmax(left, 0);
     for (int k = 0; k < 3; k++) p->background[k] = (float)f->background[k];
     sf_refinement(&f->views, &p->turned_degrees, &p->moved_depths, &p->focal_change);

@@ -41,9 +41,18 @@ struct sf_fitter {
     /* validate.c */
     double validation_psnr, best_psnr; /* dB; NAN before the first */
     double best_fraction, next_validation;
-    sf_model *best; /* the model with best_psnr */
-    int ended;
-    double settle_from; /* of the run: from here on the rates fall */
+    int64_t best_step, next_look; /* steps */
+    sf_model *best;            /* the model with best_psnr, until the views of validation join the others */
+    double best_background[3]; /* of that model */
+    uint32_t *kept_out;        /* ids of these views, ascending */
+    size_t kept_out_count, kept_out_capacity;
+    uint32_t newest;     /* id of the last training view that was taken up */
+    int64_t taken_up;    /* number of training views that were */
+    int joined;          /* the views of validation are trained on */
+    int end;             /* an sf_fit_end */
+    double settle_from;  /* of the run: from here on the rates fall */
+    double settle_for;   /* of the run: for so long */
+    int64_t adam_before; /* steps that the moments know nothing of */
 
     double background[3], background_m[3], background_v[3];
     float step_background[3]; /* of the step in progress */
@@ -112,6 +121,8 @@ double sf_steps_in(const sf_fitter *fitter, double seconds, double step);
 void sf_plan_schedule(sf_fitter *fitter, double steps);
 /* The fraction at which the run ends: 1, or sooner where the views of validation gain nothing. */
 double sf_end_of_run(const sf_fitter *fitter);
+/* Whether the rates fall before their time. */
+int sf_settles_early(const sf_fitter *fitter);
 /* Learning rate of a field, in its own units. */
 double sf_scheduled_rate(const sf_fitter *fitter, double fraction, int field);
 /* Whether this step ends with growth, and the number of Gaussians planned for then. */
@@ -128,6 +139,9 @@ sf_status sf_update(sf_fitter *fitter, double fraction, double *d_camera);
 void sf_update_background(sf_fitter *fitter, const double *gradient);
 
 /* validate.c */
+/* Takes up the training views that came since, `ids` ascending, and keeps some of them out of the training.
+ */
+sf_status sf_take_up(sf_fitter *fitter, const uint32_t *ids, size_t count);
 /* Whether a training view is kept out of the training. */
 int sf_validates(const sf_fitter *fitter, uint32_t id);
 /* PSNR of a view, its values clamped, at full resolution with the model's present degree; NAN: masked
@@ -135,7 +149,10 @@ int sf_validates(const sf_fitter *fitter, uint32_t id);
 sf_status sf_view_psnr(sf_fitter *fitter, const sf_view *view, double *psnr);
 /* Mean PSNR of those views, at full resolution; *views: how many. */
 sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
-/* Validates when it is time, keeps the best model, brings it back at the end. SF_ERR_END: the run is over. */
+/* The next model that is looked at is the best: a smaller one is worth what it loses. */
+void sf_forget_best(sf_fitter *fitter);
+/* Validates when it is time, keeps the best model, lets the views of validation join the others when the
+ * rates fall, and says when the run is over: SF_ERR_END. */
 sf_status sf_consider(sf_fitter *fitter, double fraction);
 
 /* grow.c */

@@ -14,6 +14,8 @@
 
 #include "price.h"
 
+enum { NOTABLE = 50 /* what takes less of the model away than this part hardly changes a validation */ };
+
 /* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
  * middle. */
 #define CLONE_SPREAD 0.3
@@ -207,15 +209,18 @@ static size_t find_room(sf_fitter *f, double fraction) {
 
 void sf_grow_and_prune(sf_fitter *f, double fraction) {
     int kind = f->options.growth, growing = sf_growth_due(f, fraction);
+    int charging = sf_charging_due(f, fraction);
+    size_t had = f->model->count;
     if (kind == SF_GROWTH_RELOCATE) {
         if (sf_relocate(f, find_room(f, fraction)) && !f->growth_ended) end_growth(f);
     } else {
         if (growing && kind == SF_GROWTH_ERROR && sf_score_errors(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
-        if (sf_charging_due(f, fraction) && sf_charge(f, fraction >= f->settle_from))
+        if (charging && sf_charge(f, fraction >= f->settle_from))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
         if (growing && sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
         prune(f);
+        if (charging && had - f->model->count > had / NOTABLE) sf_forget_best(f);
         size_t wanted = growing && !f->grown_out ? find_room(f, fraction) : 0;
         if (wanted) grow(f, wanted);
     }

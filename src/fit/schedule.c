@@ -56,6 +56,21 @@ double sf_fraction_at(const sf_fitter *f, double time) {
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
+int sf_settles_early(const sf_fitter *f) { return f->settle_from < f->options.lr_settle; }
+
+double sf_end_of_run(const sf_fitter *f) { return f->settle_from + f->settle_for; }
+
+/* How far the rates have fallen. */
+static double settled_part(const sf_fitter *f, double fraction) {
+    return fmin(fmax(fraction - f->settle_from, 0) / fmax(f->settle_for, 1e-9), 1);
+}
+
+/* The place in the plan: a run that settles early goes through what is left of it while it settles. */
+static double place_of(const sf_fitter *f, double fraction) {
+    if (!sf_settles_early(f) || fraction < f->settle_from) return fraction;
+    return f->settle_from + settled_part(f, fraction) * (1 - f->settle_from);
+}
+
 int sf_level_within(int level, int width, int height) {
     while (level && (width >> level < LEAST_SIDE || height >> level < LEAST_SIDE)) level--;
     return level;
@@ -64,6 +79,7 @@ int sf_level_within(int level, int width, int height) {
 int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
     int level = 0;
     if (f->gone_on) return 0;
+    fraction = place_of(f, fraction);
     double end = f->options.pyramid_end;
     while (level < f->options.pyramid_levels && fraction < end) {
         level++;
@@ -76,6 +92,7 @@ int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int heigh
 
 int sf_scheduled_degree(const sf_fitter *f, double fraction) {
     int most = f->model->sh_degree;
+    fraction = place_of(f, fraction);
     if (f->gone_on || fraction >= f->options.sh_end || most == 0) return most;
     double start = SH_START * f->options.sh_end;
     if (fraction < start) return 0;
@@ -83,8 +100,6 @@ int sf_scheduled_degree(const sf_fitter *f, double fraction) {
     int degree = 1 + (int)(part * (most - 1));
     return degree < most ? degree : most;
 }
-
-double sf_end_of_run(const sf_fitter *f) { return f->settle_from + 1 - f->options.lr_settle; }
 
 static double full_rate(const sf_fitter *f, double fraction, int field) {
     const sf_fit_options *o = &f->options;
@@ -106,15 +121,14 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
 
 /* At the end all rates fall: what is left of the noise of single views settles. */
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
-    const sf_fit_options *o = &f->options;
-    double part = fmax(fraction - f->settle_from, 0) / fmax(1 - o->lr_settle, 1e-9);
-    return full_rate(f, fraction, field) * pow(o->lr_settled, part);
+    return full_rate(f, place_of(f, fraction), field) * pow(f->options.lr_settled, settled_part(f, fraction));
 }
 
-/* Relocation goes on behind the last growth, until the rates fall. */
+/* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */
 int sf_growth_due(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
     double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->settle_from) : o->grow_end;
+    if (sf_settles_early(f)) end = fmin(end, f->settle_from);
     return f->step % o->grow_every == 0 && fraction >= o->grow_start && fraction <= end;
 }
 
@@ -135,6 +149,7 @@ static double step_cost(const sf_fitter *f, double fraction) {
 double sf_cost_ahead(const sf_fitter *f, double fraction) {
     enum { SAMPLES = 64 };
     double sum = 0;
-    for (int i = 0; i < SAMPLES; i++) sum += step_cost(f, fraction + (1 - fraction) * (i + 0.5) / SAMPLES);
+    double ahead = fmax(sf_end_of_run(f) - fraction, 0);
+    for (int i = 0; i < SAMPLES; i++) sum += step_cost(f, fraction + ahead * (i + 0.5) / SAMPLES);
     return sum / SAMPLES / step_cost(f, fraction);
 }

@@ -89,7 +89,7 @@ static uint32_t rounding_key(const sf_fitter *f, int field) {
 
 sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     const sf_fit_options *o = &f->options;
-    double t = (double)f->step + 1;
+    double t = (double)(f->step - f->adam_before) + 1;
     double n = (double)f->model->count;
     update_job job = {.fitter = f,
                       .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY,

@@ -6,14 +6,76 @@
 #include "fitter.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Validations in a run, and the gain in dB that counts as one. */
 #define INTERVAL 0.04
 #define GAIN     0.01
 
+/* What is lost on the way to the last validation, in dB, without which the rates fall on the model as it is:
+ * less is the noise of single views, which settles. */
+#define FALL 0.3
+/* What a run that settles early settles for: such a part of what it took to its best model, and at least
+ * that part of the run. */
+#define SETTLE_PART  0.25
+#define SETTLE_LEAST 0.05
+
+enum {
+    FEWEST = 3,          /* training views of which a target may have one */
+    PATIENT_STEPS = 100, /* without a gain that no run gives up before, however short */
+    STEPS_OF_VIEW = 10   /* between two validations, for each view: they are to cost little */
+};
+
 int sf_validates(const sf_fitter *f, uint32_t id) {
-    /* by the id, so that a view never changes sides; the last of n: projects hold out the first */
-    return f->options.validate > 1 && id % (uint64_t)f->options.validate == (uint64_t)f->options.validate / 2;
+    size_t i = 0;
+    while (i < f->kept_out_count && f->kept_out[i] != id) i++;
+    return !f->joined && i < f->kept_out_count;
+}
+
+void sf_forget_best(sf_fitter *f) { f->best_psnr = NAN; }
+
+/* The first `count` of the list are kept out now; what was best on others is no measure for them. */
+static void keep_out(sf_fitter *f, size_t count) {
+    if (count != f->kept_out_count) sf_forget_best(f);
+    f->kept_out_count = count;
+}
+
+static void drop_gone(sf_fitter *f) {
+    size_t kept = 0;
+    for (size_t i = 0; i < f->kept_out_count; i++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->kept_out[i]);
+        if (view) f->kept_out[kept++] = f->kept_out[i];
+        sf_view_release(view);
+    }
+    keep_out(f, kept);
+}
+
+/* The fewest training views of which some are kept out: where one is a large part of them, the model misses
+ * it more than it can gain. A target needs one all the same. */
+static size_t fewest(const sf_fitter *f) {
+    size_t every = (size_t)f->options.validate;
+    return f->options.target_psnr > 0 && every > FEWEST ? FEWEST : every;
+}
+
+/* A view that is kept out or trained on does not change sides: what comes later is dealt with when it comes.
+ */
+sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
+    const int64_t every = f->options.validate;
+    size_t first = 0;
+    if (every < 2 || f->joined) return SF_OK;
+    drop_gone(f);
+    while (first < count && ids[first] <= f->newest) first++;
+    if (first == count) return SF_OK;
+    size_t had = f->kept_out_count, kept = had;
+    sf_status status =
+        sf_grow(f->ctx, &f->kept_out, &f->kept_out_capacity, had, had + count - first, sizeof *f->kept_out);
+    if (status) return status;
+    for (size_t i = first; i < count; i++) /* the middle one of n: projects hold out the first */
+        if (f->taken_up++ % every == every / 2 && count >= fewest(f)) f->kept_out[kept++] = ids[i];
+    if (!kept && count >= fewest(f)) f->kept_out[kept++] = ids[first + (count - first) / 2];
+    keep_out(f, kept);
+    f->newest = ids[count - 1];
+    return SF_OK;
 }
 
 /* Sum of the weighted squares of what is drawn against the view, and of the weights. */
@@ -45,13 +107,10 @@ sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
 }
 
 sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
-    uint32_t *ids;
-    size_t count;
-    sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
-    if (status) return status;
+    sf_status status = SF_OK;
     *psnr = 0, *views = 0;
-    for (size_t i = 0; i < count && !status; i++) {
-        sf_view *view = sf_validates(f, ids[i]) ? sf_scene_retain_id(f->scene, ids[i]) : NULL;
+    for (size_t i = 0; i < f->kept_out_count && !status; i++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->kept_out[i]);
         double of_view;
         if (!view) continue;
         status = sf_view_psnr(f, view, &of_view);
@@ -60,13 +119,13 @@ sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
         *psnr += of_view;
         ++*views;
     }
-    sf_free(f->ctx, ids);
     if (*views) *psnr /= (double)*views;
     return status;
 }
 
 /* The model as it is becomes the best one. */
 static sf_status keep(sf_fitter *f) {
+    memcpy(f->best_background, f->background, sizeof f->background);
     if (!f->best || f->best->capacity < f->model->count) {
         sf_model *best;
         sf_status status = sf_model_copy(f->model, f->capacity, f->model->sh_degree, &best);
@@ -80,36 +139,85 @@ static sf_status keep(sf_fitter *f) {
     return SF_OK;
 }
 
-/* The best model comes back; what the optimiser knew belongs to the other one. */
+/* The best model comes back; what the optimiser and growth knew belongs to the other one. */
 static void bring_back(sf_fitter *f) {
     sf_model_resize(f->model, f->best->count);
     for (size_t i = 0; i < f->best->count; i++) {
         sf_params_copy(&f->best->params, i, &f->model->params, i);
         sf_moments_forget(&f->moments, i);
+        f->screen_sum[i] = 0, f->screen_seen[i] = 0;
     }
+    memcpy(f->background, f->best_background, sizeof f->background);
+    f->validation_psnr = f->best_psnr;
+    f->adam_before = f->step;
 }
 
-sf_status sf_consider(sf_fitter *f, double fraction) {
+/* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer
+ * pictures were to come meanwhile. Before that a view may well lose for a while what it gains in the end. */
+static int is_hopeless(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
-    if (f->ended) return SF_ERR_END;
-    if (o->validate < 2 || (fraction < sf_end_of_run(f) && fraction < f->next_validation)) return SF_OK;
-    f->next_validation = fraction + INTERVAL;
-    double psnr;
+    double since = fmax(f->best_fraction, o->grow_end);
+    if (o->pyramid_levels && !f->gone_on) since = fmax(since, o->pyramid_end);
+    if (!(o->patience > 0) || fraction >= f->settle_from) return 0;
+    return fraction > since + o->patience && f->step >= f->best_step + PATIENT_STEPS;
+}
+
+static void settle_early(sf_fitter *f, double fraction) {
+    f->settle_from = fraction;
+    f->settle_for = fmin(f->settle_for, fmax(SETTLE_PART * f->best_fraction, SETTLE_LEAST));
+}
+
+static sf_status look(sf_fitter *f, double fraction) {
+    double psnr, target = f->options.target_psnr;
     size_t views;
+    f->next_validation = fraction + INTERVAL;
+    drop_gone(f);
+    f->next_look = f->step + STEPS_OF_VIEW * (int64_t)f->kept_out_count;
     sf_status status = sf_validate(f, &psnr, &views);
     if (status || !views) return status;
     f->validation_psnr = psnr;
     if (!(psnr <= f->best_psnr + GAIN)) {
         status = keep(f);
         if (status) return status;
-        f->best_psnr = psnr, f->best_fraction = fraction;
+        f->best_psnr = psnr, f->best_fraction = fraction, f->best_step = f->step;
     }
-    int hopeless = o->patience > 0 && fraction > f->best_fraction + o->patience && fraction > o->grow_end;
-    if (hopeless && fraction < f->settle_from) f->settle_from = fraction;
-    f->ended = fraction >= sf_end_of_run(f) || (o->target_psnr > 0 && psnr >= o->target_psnr);
-    if (f->ended && psnr < f->best_psnr) {
-        bring_back(f);
-        f->validation_psnr = f->best_psnr;
+    if (is_hopeless(f, fraction)) settle_early(f, fraction);
+    if (target > 0 && psnr >= target) f->end = SF_FIT_TARGET;
+    return SF_OK;
+}
+
+/* The rates fall, and the views of validation are trained on: the model is to have seen all there is. It is
+ * the present one, unless that has lost more than the noise that will settle. */
+static void join(sf_fitter *f) {
+    double most = sf_settles_early(f) ? 0 : FALL;
+    if (f->best && f->validation_psnr < f->best_psnr - most) bring_back(f);
+    sf_model_destroy(&f->best);
+    f->joined = 1;
+    f->order_at = f->order_count; /* a pass over all of them begins */
+}
+
+static int why_over(const sf_fitter *f) {
+    if (sf_settles_early(f)) return SF_FIT_VALIDATION;
+    return f->options.steps > 0 && f->step >= f->options.steps ? SF_FIT_COMPLETE : SF_FIT_TIME;
+}
+
+/* What has learned nothing yet is not worth a look. */
+static int is_time(const sf_fitter *f, double fraction) {
+    if (fraction < INTERVAL && !f->gone_on) return 0;
+    return fraction >= f->next_validation && f->step >= f->next_look;
+}
+
+sf_status sf_consider(sf_fitter *f, double fraction) {
+    int watching = f->kept_out_count && !f->joined, over = fraction >= sf_end_of_run(f);
+    if (f->end == SF_FIT_TARGET) return SF_ERR_END;
+    f->end = SF_FIT_GOES_ON;                               /* an ended run may have got more time */
+    int joins = watching && !(f->options.target_psnr > 0); /* a target is looked for to the end */
+    if (watching && (over || is_time(f, fraction) || (joins && fraction >= f->settle_from))) {
+        sf_status status = look(f, fraction);
+        if (status) return status;
     }
-    return f->ended ? SF_ERR_END : SF_OK;
+    if (over && !f->end) f->end = why_over(f);
+    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) bring_back(f);
+    if (!f->end && joins && fraction >= f->settle_from) join(f);
+    return f->end ? SF_ERR_END : SF_OK;
 }

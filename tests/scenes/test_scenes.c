@@ -58,10 +58,72 @@ static void reaches_its_quality(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Of the training views only `wanted` stay, evenly spread. */
+static void thin_out(sf_context *ctx, sf_scene *scene, size_t wanted) {
+    sf_scene_info info;
+    sf_view_info view;
+    sf_scene_get_info(scene, &info);
+    size_t have = info.train_views, next = 0;
+    for (size_t i = 0, number = 0; !sf_scene_get_view(scene, i, &view);) {
+        int stays = view.split == SF_SPLIT_TEST;
+        if (!stays && number++ == (2 * next + 1) * have / (2 * wanted)) next++, stays = 1;
+        if (stays)
+            i++;
+        else
+            assert_ok(ctx, sf_scene_remove_view(scene, view.id));
+    }
+    sf_scene_get_info(scene, &info);
+    assert_int_equal(info.train_views, wanted);
+}
+
+typedef struct peak {
+    sf_context *ctx;
+    sf_scene *scene;
+    sf_fitter *fitter;
+    double psnr; /* dB, the best held-out one on the way */
+} peak;
+
+static void look(void *user, const sf_fit_progress *p) {
+    peak *best = user;
+    if (p->step % 100) return;
+    double psnr = test_held_out(best->ctx, best->scene, best->fitter).psnr;
+    if (psnr > best->psnr) best->psnr = psnr;
+}
+
+/* However few the views, the fit ends near the best that it had. */
+static void few_views_end_near_the_best(void **state) {
+    size_t views = *(const size_t *)*state;
+    char path[1024];
+    snprintf(path, sizeof path, "%s/%s", test_data(), fox_centred.project);
+    peak best = {.ctx = test_context_threads(0)};
+    assert_ok(best.ctx, sf_scene_load(best.ctx, path, NULL, &best.scene));
+    thin_out(best.ctx, best.scene, views);
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = fox_centred.steps;
+    options.max_gaussians = fox_centred.max_gaussians;
+    assert_ok(best.ctx, sf_fitter_create(best.ctx, best.scene, NULL, &options, &best.fitter));
+    assert_ok(best.ctx, sf_fitter_run(best.fitter, look, &best));
+    double end = test_held_out(best.ctx, best.scene, best.fitter).psnr;
+    sf_fit_progress progress;
+    sf_fitter_get_progress(best.fitter, &progress);
+    print_message("%s, %zu views: %.2f dB after %lld steps, %.2f at best\n", fox_centred.project, views, end,
+                  (long long)progress.step, best.psnr);
+    assert_true(end >= best.psnr - 0.3);
+    sf_fitter_destroy(&best.fitter);
+    sf_scene_destroy(&best.scene);
+    sf_context_destroy(&best.ctx);
+}
+
+static const size_t three = 3, six = 6;
+
 #define CASE(c)                                                                                              \
     { #c, reaches_its_quality, NULL, NULL, (void *)&c }
 
+#define FEW(n)                                                                                               \
+    { "fox_centred with " #n, few_views_end_near_the_best, NULL, NULL, (void *)&n }
+
 int main(void) {
-    const struct CMUnitTest tests[] = {CASE(studio), CASE(fox), CASE(fox_centred), CASE(tagboard)};
+    const struct CMUnitTest tests[] = {CASE(studio),   CASE(fox),  CASE(fox_centred),
+                                       CASE(tagboard), FEW(three), FEW(six)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -154,7 +154,7 @@ static int64_t whole(void) { return getenv("SPLATFIT_QUICK") ? 16 : 40; }
 
 /* Interrupted after each step in turn: in passes of 7 views and between them, at growth, between resolutions,
  * with other numbers of threads. */
-static void check_interrupted(const sf_fit_options *options) {
+static sf_fit_end check_interrupted_every(const sf_fit_options *options, int64_t every) {
     static const int threads[] = {1, 2, 4};
     const char *path = test_path("c");
     run r = start(2, options);
@@ -163,7 +163,7 @@ static void check_interrupted(const sf_fit_options *options) {
     sf_fit_progress reached = progress_of(&r);
     end(&r);
     run writer = start(4, options);
-    for (int64_t at = 0; at <= options->steps; at++) {
+    for (int64_t at = 0; at <= reached.step; at += every) {
         assert_ok(writer.ctx, sf_fitter_save(writer.fitter, path));
         run reader = go_on(threads[at % 3], path);
         assert_int_equal(progress_of(&reader).step, at);
@@ -173,11 +173,19 @@ static void check_interrupted(const sf_fit_options *options) {
         assert_true(p.loss == reached.loss);
         assert_memory_equal(p.background, reached.background, sizeof p.background);
         assert_int_equal(p.skipped_values, reached.skipped_values);
+        assert_int_equal(p.step, reached.step);
+        assert_int_equal(p.best_step, reached.best_step);
+        assert_int_equal(p.end, reached.end);
         end(&reader);
-        if (at < options->steps) take_steps(&writer, 1);
+        if (at + every <= reached.step) take_steps(&writer, every);
     }
     end(&writer);
     free(expected.data);
+    return reached.end;
+}
+
+static void check_interrupted(const sf_fit_options *options) {
+    assert_int_equal(check_interrupted_every(options, 1), SF_FIT_COMPLETE);
 }
 
 static void test_same_bytes(void **state) {
@@ -216,6 +224,20 @@ static void test_same_bytes_with_half_moments(void **state) {
     options.moments = SF_MOMENTS_HALF;
     options.grow_every = 3;
     check_interrupted(&options);
+}
+
+/* Steps that spoil the model: its best comes back, and the views of validation join the others. */
+static void test_same_bytes_when_stopped(void **state) {
+    (void)state;
+    if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK is set");
+    sf_fit_options options = short_fit(300);
+    options.validate = 3;
+    options.patience = 0.05;
+    options.pyramid_end = options.grow_end = 0.1;
+    options.size = SF_SIZE_CAP;
+    options.lr_mean = 0.05;
+    options.lr_mean_final = 1;
+    assert_int_equal(check_interrupted_every(&options, 23), SF_FIT_VALIDATION);
 }
 
 /* A checkpoint of a checkpoint is the same but for its time; saving changes nothing. */
@@ -263,21 +285,21 @@ static void test_gone_on_model(void **state) {
     end(&r);
 }
 
-/* A view that left in the middle of a pass. */
-static void test_view_that_left(void **state) {
-    (void)state;
+/* View `place` left in the middle of a pass. */
+static void check_view_that_left(size_t place) {
     sf_fit_options options = short_fit(20);
+    options.validate = 3;
     run r = fresh_scene(1), other = fresh_scene(2);
     sf_view_info view;
     begin(&r, &options);
     take_steps(&r, 3);
-    assert_ok(r.ctx, sf_scene_get_view(r.scene, 5, &view));
+    assert_ok(r.ctx, sf_scene_get_view(r.scene, place, &view));
     assert_ok(r.ctx, sf_scene_remove_view(r.scene, view.id));
     assert_ok(r.ctx, sf_fitter_save(r.fitter, test_path("v")));
     assert_status(other.ctx, sf_fitter_load(other.ctx, other.scene, test_path("v"), NULL, &other.fitter),
                   SF_ERR_ARGUMENT);
     assert_error_names(other.ctx, "views: 9, in the checkpoint 8");
-    assert_ok(other.ctx, sf_scene_get_view(other.scene, 5, &view));
+    assert_ok(other.ctx, sf_scene_get_view(other.scene, place, &view));
     assert_ok(other.ctx, sf_scene_remove_view(other.scene, view.id));
     assert_ok(other.ctx, sf_fitter_load(other.ctx, other.scene, test_path("v"), NULL, &other.fitter));
     assert_ok(r.ctx, sf_fitter_run(r.fitter, NULL, NULL));
@@ -287,6 +309,13 @@ static void test_view_that_left(void **state) {
     free(expected.data);
     end_all(&r);
     end_all(&other);
+}
+
+/* Of 0 .. 8, 0 and 8 are held out; 2 and 5 are kept out to validate. */
+static void test_view_that_left(void **state) {
+    (void)state;
+    check_view_that_left(5);
+    check_view_that_left(1);
 }
 
 /* Time. */
@@ -794,6 +823,7 @@ int main(void) {
         cmocka_unit_test(test_same_bytes_however_grown),
         cmocka_unit_test(test_same_bytes_with_half_moments),
         cmocka_unit_test(test_again_and_again),
+        cmocka_unit_test(test_same_bytes_when_stopped),
         cmocka_unit_test(test_gone_on_model),
         cmocka_unit_test(test_view_that_left),
         cmocka_unit_test(test_time_goes_on),

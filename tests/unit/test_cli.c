@@ -813,6 +813,7 @@ static void check_log(const char *name) {
     assert_true(test_number(result, "psnr_corrected") > 5);
     assert_int_equal(json_array_size(json_object_get(result, "views")), SCENE_HELD_OUT);
     assert_true(json_is_true(json_object_get(result, "complete")));
+    assert_string_equal(json_string_value(json_object_get(result, "end")), "complete");
     json_decref(log);
 }
 
@@ -825,6 +826,7 @@ static void test_fit_writes_all(void **state) {
     test_assert_contains(o.out, "done after 30 steps", __FILE__, __LINE__);
     test_assert_contains(o.out, "wrote out/m.ply", __FILE__, __LINE__);
     test_assert_contains(o.out, "PSNR", __FILE__, __LINE__);
+    test_assert_contains(o.out, "\ncomplete\n", __FILE__, __LINE__);
     free_outcome(&o);
     assert_int_equal(test_count_entries(work("out")), 4);
     size_t count = count_in("out/m.ply");
@@ -1287,6 +1289,7 @@ static void check_signal(int number_of_signal) {
     assert_int_equal(test_count_entries(work("out")), 3);
     json_t *log = test_json(work("out/log.json")), *result = json_object_get(log, "result");
     assert_true(json_is_false(json_object_get(result, "complete")));
+    assert_string_equal(json_string_value(json_object_get(result, "end")), "signal");
     assert_true(test_number(result, "steps") >= 1 && test_number(result, "steps") < 100000000);
     json_decref(log);
 }

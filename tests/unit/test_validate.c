@@ -1,0 +1,280 @@
+/* test_validate.c - the views that are kept out of the training: which they are, that they say when to stop,
+ * and that the end learns from them too. */
+#include "testing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/fitter.h"
+
+static sf_context *ctx;
+static sf_scene *studio; /* all of it for training */
+
+static sf_scene *load_studio(const char *name) {
+    sf_scene *scene;
+    sf_load_options load = sf_load_options_default();
+    load.hold_out = 0;
+    assert_ok(ctx, sf_scene_load(ctx, name, &load, &scene));
+    return scene;
+}
+
+static int load(void **state) {
+    (void)state;
+    ctx = test_context();
+    studio = load_studio("sim:studio?width=48&height=36&frames=20");
+    return 0;
+}
+
+static int unload(void **state) {
+    (void)state;
+    sf_scene_destroy(&studio);
+    sf_context_destroy(&ctx);
+    return 0;
+}
+
+static sf_fit_options short_fit(int64_t steps) {
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = steps;
+    options.max_gaussians = 600;
+    options.init_random = 600;
+    options.first = SF_FIRST_RANDOM;
+    options.grow_every = 20;
+    options.sh_degree = 1;
+    return options;
+}
+
+static sf_fitter *start(sf_scene *scene, const sf_fit_options *options) {
+    sf_fitter *fitter;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, options, &fitter));
+    return fitter;
+}
+
+static sf_fit_progress progress_of(const sf_fitter *fitter) {
+    sf_fit_progress p;
+    sf_fitter_get_progress(fitter, &p);
+    return p;
+}
+
+static void take_steps(sf_fitter *fitter, int steps) {
+    for (int i = 0; i < steps; i++) assert_ok(ctx, sf_fitter_step(fitter));
+}
+
+/* View i of the studio, in grey. */
+static uint32_t add_view(sf_scene *scene, size_t i) {
+    static uint8_t grey[3 * 48 * 36];
+    sf_view_info info;
+    uint32_t id;
+    memset(grey, 100, sizeof grey);
+    sf_pixels pixels = {.rgb = grey, .stride = 3 * 48};
+    assert_ok(ctx, sf_scene_get_view(studio, i, &info));
+    assert_ok(ctx, sf_scene_add_view(scene, NULL, &info.camera, &pixels, SF_SPLIT_TRAIN, &id));
+    return id;
+}
+
+/* Which */
+
+static void test_every_eighth(void **state) {
+    (void)state;
+    static const struct {
+        int views;
+        double target;
+        int kept_out[3];
+    } cases[] = {{1, 0, {-1}},     {7, 0, {-1}},         {8, 0, {4, -1}},
+                 {12, 0, {4, -1}}, {20, 0, {4, 12, -1}}, {2, 50, {-1}},
+                 {3, 50, {1, -1}}, {6, 50, {4, -1}},     {20, 50, {4, 12, -1}}};
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        sf_scene *scene;
+        sf_fit_options options = short_fit(10);
+        options.target_psnr = cases[c].target;
+        assert_ok(ctx, sf_scene_create(ctx, &scene));
+        const int *next = cases[c].kept_out;
+        uint32_t ids[20];
+        for (int i = 0; i < cases[c].views; i++) ids[i] = add_view(scene, (size_t)i);
+        sf_fitter *fitter = start(scene, &options);
+        for (int i = 0; i < cases[c].views; i++) {
+            assert_int_equal(sf_validates(fitter, ids[i]), i == *next);
+            next += i == *next;
+        }
+        sf_fitter_destroy(&fitter);
+        options.validate = 0, options.target_psnr = 0;
+        fitter = start(scene, &options);
+        for (int i = 0; i < cases[c].views; i++) assert_false(sf_validates(fitter, ids[i]));
+        sf_fitter_destroy(&fitter);
+        sf_scene_destroy(&scene);
+    }
+}
+
+/* Views never change sides; of those that come some are kept out. */
+static void test_views_that_come_and_go(void **state) {
+    (void)state;
+    sf_scene *scene;
+    sf_fit_options options = short_fit(1000);
+    options.validate = 3;
+    uint32_t ids[16];
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    for (size_t i = 0; i < 2; i++) ids[i] = add_view(scene, i);
+    sf_fitter *fitter = start(scene, &options);
+    take_steps(fitter, 4);
+    ids[2] = add_view(scene, 2);
+    take_steps(fitter, 4);
+    for (size_t i = 0; i < 3; i++) assert_int_equal(sf_validates(fitter, ids[i]), i == 2);
+    for (size_t i = 3; i < 16; i++) ids[i] = add_view(scene, i);
+    take_steps(fitter, 4); /* from the next pass on */
+    for (size_t i = 0; i < 16; i++)
+        assert_int_equal(sf_validates(fitter, ids[i]), i == 2 || (i > 3 && i % 3 == 1));
+    assert_ok(ctx, sf_scene_remove_view(scene, ids[4]));
+    assert_ok(ctx, sf_scene_remove_view(scene, ids[2]));
+    take_steps(fitter, 50);
+    for (size_t i = 0; i < 16; i++)
+        if (i != 2 && i != 4) assert_int_equal(sf_validates(fitter, ids[i]), i > 4 && i % 3 == 1);
+    double psnr;
+    size_t views;
+    assert_ok(ctx, sf_validate(fitter, &psnr, &views));
+    assert_int_equal(views, 3);
+    sf_fitter_destroy(&fitter);
+    sf_scene_destroy(&scene);
+}
+
+/* When */
+
+static float *means_of(sf_fitter *fitter, size_t *n) {
+    sf_model *model;
+    assert_ok(ctx, sf_fitter_snapshot(fitter, &model));
+    *n = 3 * sf_model_count(model);
+    float *means = malloc(*n * sizeof *means);
+    assert_non_null(means);
+    sf_gaussians to = {.means = means};
+    assert_ok(ctx, sf_model_get(model, 0, sf_model_count(model), &to));
+    sf_model_destroy(&model);
+    return means;
+}
+
+/* Means before the rates fall and at the end, without and with a blemish in all views of validation. */
+static void compare_with_blemish(double target, int *same_before, int *same_at_end) {
+    enum { STEPS = 60, SETTLING = 12 };
+    float *means[2][2];
+    size_t n[2][2];
+    for (int spoil = 0; spoil < 2; spoil++) {
+        sf_scene *scene = load_studio("sim:studio?width=48&height=36&frames=12");
+        sf_fit_options options = short_fit(STEPS);
+        options.patience = 0;
+        options.target_psnr = target;
+        sf_fitter *fitter = start(scene, &options);
+        for (size_t i = 0; i < scene->view_count; i++)
+            if (spoil && sf_validates(fitter, scene->views[i]->id))
+                memset(scene->views[i]->rgb, 77, 3 * 48 * 36);
+        take_steps(fitter, STEPS - SETTLING);
+        means[spoil][0] = means_of(fitter, &n[spoil][0]);
+        take_steps(fitter, SETTLING);
+        means[spoil][1] = means_of(fitter, &n[spoil][1]);
+        sf_fitter_destroy(&fitter);
+        sf_scene_destroy(&scene);
+    }
+    int same[2];
+    for (int at = 0; at < 2; at++) {
+        same[at] = n[0][at] == n[1][at] && !memcmp(means[0][at], means[1][at], n[0][at] * sizeof(float));
+        free(means[0][at]);
+        free(means[1][at]);
+    }
+    *same_before = same[0], *same_at_end = same[1];
+}
+
+static void test_the_end_learns_from_all(void **state) {
+    (void)state;
+    int before, at_end;
+    compare_with_blemish(0, &before, &at_end);
+    assert_true(before);
+    assert_false(at_end);
+    compare_with_blemish(100, &before, &at_end); /* a target is looked for to the end */
+    assert_true(before);
+    assert_true(at_end);
+}
+
+/* Few views, and rates that make too much of them. */
+
+typedef struct curve {
+    sf_fitter *fitter;
+    sf_scene *scene;
+    double best, end;
+} curve;
+
+static double held_out(const curve *c) { return test_held_out(ctx, c->scene, c->fitter).psnr; }
+
+static void follow(void *user, const sf_fit_progress *p) {
+    curve *c = user;
+    if (p->step % 20) return;
+    c->best = fmax(c->best, held_out(c));
+}
+
+static sf_fit_progress fit_few(int64_t validate, curve *c) {
+    sf_load_options load = sf_load_options_default();
+    load.hold_out = 3;
+    *c = (curve){0};
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=48&height=36&frames=9", &load, &c->scene));
+    sf_fit_options options = short_fit(600);
+    options.sh_degree = 3;
+    options.lr_sh_rest = 0.05;
+    options.size = SF_SIZE_CAP;
+    options.pyramid_levels = 0;
+    options.grow_end = 0.1;
+    options.validate = validate;
+    c->fitter = start(c->scene, &options);
+    assert_ok(ctx, sf_fitter_run(c->fitter, follow, c));
+    c->end = held_out(c);
+    sf_fit_progress p = progress_of(c->fitter);
+    sf_fitter_destroy(&c->fitter);
+    sf_scene_destroy(&c->scene);
+    return p;
+}
+
+static void test_few_views_stop_near_the_best(void **state) {
+    (void)state;
+    if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK is set");
+    curve without, with;
+    sf_fit_progress p = fit_few(0, &without);
+    assert_int_equal(p.end, SF_FIT_COMPLETE);
+    p = fit_few(6, &with);
+    print_message("to the end %.2f of %.2f dB; stopped after %d steps %.2f of %.2f dB\n", without.end,
+                  without.best, (int)p.step, with.end, with.best);
+    assert_true(without.end < without.best - 0.5); /* more is worse */
+    assert_int_equal(p.end, SF_FIT_VALIDATION);
+    assert_true(p.best_step < p.step && p.step < 500);
+    assert_true(with.end > with.best - 0.3);
+    assert_true(with.end > without.end + 0.3);
+}
+
+/* Why */
+
+static void test_runs_say_why_they_end(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(20);
+    sf_fitter *fitter = start(studio, &options);
+    assert_int_equal(progress_of(fitter).end, SF_FIT_GOES_ON);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    assert_int_equal(progress_of(fitter).end, SF_FIT_COMPLETE);
+    assert_status(ctx, sf_fitter_step(fitter), SF_ERR_END);
+    sf_fitter_destroy(&fitter);
+    options.target_psnr = 3;
+    fitter = start(studio, &options);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    assert_int_equal(progress_of(fitter).end, SF_FIT_TARGET);
+    sf_fitter_destroy(&fitter);
+    options = short_fit(0);
+    options.time_limit = 0.05;
+    fitter = start(studio, &options);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    assert_int_equal(progress_of(fitter).end, SF_FIT_TIME);
+    sf_fitter_destroy(&fitter);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_every_eighth),
+        cmocka_unit_test(test_views_that_come_and_go),
+        cmocka_unit_test(test_the_end_learns_from_all),
+        cmocka_unit_test(test_few_views_stop_near_the_best),
+        cmocka_unit_test(test_runs_say_why_they_end),
+    };
+    return cmocka_run_group_tests_name("validate", tests, load, unload);
+}
