@@ -65,28 +65,36 @@ sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
     return status;
 }
 
+/* Whether there is room, and no more than the model itself has. */
+static int suits(const sf_model *best, const sf_model *model) {
+    for (int band = 0; band <= model->sh_degree; band++)
+        if (best->capacity[band] < model->banded[band] || best->capacity[band] > model->capacity[band])
+            return 0;
+    return 1;
+}
+
 /* The model as it is becomes the best one. */
 static sf_status keep(sf_fitter *f) {
-    if (!f->best || f->best->capacity < f->model->count) {
+    if (!f->best || !suits(f->best, f->model)) {
         sf_model *best;
-        sf_status status = sf_model_copy(f->model, f->capacity, f->model->sh_degree, &best);
+        sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
         if (status) return status;
         sf_model_destroy(&f->best);
         f->best = best;
         return SF_OK;
     }
-    sf_model_resize(f->best, f->model->count);
-    for (size_t i = 0; i < f->model->count; i++) sf_params_copy(&f->model->params, i, &f->best->params, i);
+    sf_model_assign(f->best, f->model);
     return SF_OK;
 }
 
 /* The best model comes back; what the optimiser knew belongs to the other one. */
-static void bring_back(sf_fitter *f) {
-    sf_model_resize(f->model, f->best->count);
-    for (size_t i = 0; i < f->best->count; i++) {
-        sf_params_copy(&f->best->params, i, &f->model->params, i);
-        sf_moments_forget(&f->moments, i);
-    }
+static sf_status bring_back(sf_fitter *f) {
+    sf_status status = sf_fitter_room(f, f->best->banded);
+    if (status) return status;
+    sf_model_assign(f->model, f->best);
+    sf_moments_forget_all(&f->moments, f->model);
+    f->validation_psnr = f->best_psnr;
+    return SF_OK;
 }
 
 sf_status sf_consider(sf_fitter *f, double fraction) {
@@ -106,10 +114,9 @@ sf_status sf_consider(sf_fitter *f, double fraction) {
     }
     int hopeless = o->patience > 0 && fraction > f->best_fraction + o->patience && fraction > o->grow_end;
     if (hopeless && fraction < f->settle_from) f->settle_from = fraction;
-    f->ended = fraction >= sf_end_of_run(f) || (o->target_psnr > 0 && psnr >= o->target_psnr);
-    if (f->ended && psnr < f->best_psnr) {
-        bring_back(f);
-        f->validation_psnr = f->best_psnr;
-    }
-    return f->ended ? SF_ERR_END : SF_OK;
+    int ended = fraction >= sf_end_of_run(f) || (o->target_psnr > 0 && psnr >= o->target_psnr);
+    if (ended && psnr < f->best_psnr) status = bring_back(f);
+    if (status) return status;
+    f->ended = ended;
+    return ended ? SF_ERR_END : SF_OK;
 }
