@@ -108,14 +108,12 @@ sf_status sf_model_pack(sf_model *model) {
     sf_status status = sf_order_create(model->ctx, places, model->count, NULL, &order);
     sf_free(model->ctx, places);
     if (!status) status = sf_order_prepare(model->ctx, &order);
-    if (!status) {
-        sf_model_arrange(model, &order);
-        for (int band = 1; band <= model->sh_degree; band++)
-            if (sf_blocks(model->banded[band]) * SF_LANES < model->capacity[band])
-                (void)sf_model_set_room(model, band,
-                                        model->banded[band]); /* else it is larger than need be */
-    }
+    if (!status) sf_model_arrange(model, &order);
     sf_order_free(model->ctx, &order);
+    for (int band = 1; band <= model->sh_degree && !status; band++) {
+        size_t room = model->banded[band]; /* where this fails, the arrays are larger than need be */
+        if (sf_blocks(room) * SF_LANES < model->capacity[band]) (void)sf_model_set_room(model, band, room);
+    }
     return status;
 }
 

@@ -139,9 +139,10 @@ void sf_model_assign(sf_model *model, const sf_model *from) {
 
 void sf_model_arrange(sf_model *model, const sf_order *order) {
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
-        int band = sf_field_band(f);
-        sf_field_arrange(f, model->params.field[f], model->banded[band], order);
-        set_neutral(&model->params, f, order->banded[band], model->banded[band]);
+        size_t had = model->banded[sf_field_band(f)], now = order->banded[sf_field_band(f)];
+        size_t end = sf_blocks(had > now ? had : now) * SF_LANES;
+        sf_field_arrange(f, model->params.field[f], had, order);
+        set_neutral(&model->params, f, now, end);
     }
     memcpy(model->banded, order->banded, sizeof model->banded);
     model->count = order->banded[0];
