@@ -36,9 +36,21 @@ SF_API int sf_model_antialiased(const sf_model *model);
 SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 
 /* Copies Gaussians first .. first+count-1 from or to the caller's arrays; an array that is NULL is left out.
- * SF_ERR_ARGUMENT: the range exceeds the model. */
+ * Bands that a Gaussian lacks (sf_model_pack) are got as 0. SF_ERR_ARGUMENT, and nothing is copied: the range
+ * exceeds the model, or a value to set that is not 0 belongs to a band that its Gaussian lacks. */
 SF_API sf_status sf_model_set(sf_model *model, size_t first, size_t count, const sf_gaussians *from);
 SF_API sf_status sf_model_get(const sf_model *model, size_t first, size_t count, const sf_gaussians *to);
+
+/* Gives each Gaussian an SH degree of its own: that of its highest band with a value that is not 0. The bands
+ * above are let go, with their memory and the time that they take, and Gaussians are sorted by falling
+ * degree; those of one degree stay in their order. Pictures stay what they were, but for the order of
+ * Gaussians at the same depth. A new or loaded model has all bands for all of its Gaussians, and a file of a
+ * packed one is padded with 0s. SF_ERR_MEMORY: the model is what it was. */
+SF_API sf_status sf_model_pack(sf_model *model);
+
+/* count[d]: Gaussians that have degree d; and the floats that describe the model, 14 to 59 a Gaussian. */
+SF_API void sf_model_degrees(const sf_model *model, size_t count[SF_MAX_SH_DEGREE + 1]);
+SF_API size_t sf_model_floats(const sf_model *model);
 
 /* Files that hold a model. */
 typedef enum sf_model_format {

@@ -48,6 +48,18 @@ static void print_model(const sf_model *model, const sf_gaussians *g, long long 
     printf("needles        %zu with a longest axis above 100 times the middle one\n", needles);
 }
 
+/* How many Gaussians use which bands, and what that makes of the model. */
+static int print_degrees(const args *a, sf_context *ctx, sf_model *model) {
+    size_t count[SF_MAX_SH_DEGREE + 1];
+    if (sf_model_pack(model)) return app_fail(a, ctx);
+    sf_model_degrees(model, count);
+    printf("SH degrees    ");
+    for (int degree = 0; degree <= sf_model_sh_degree(model); degree++)
+        printf("%s %zu of degree %d", degree ? "," : "", count[degree], degree);
+    printf("\nfloats         %zu without bands that are 0\n", sf_model_floats(model));
+    return 0;
+}
+
 static int info_model(const args *a, sf_context *ctx, const char *path) {
     sf_model *model = NULL;
     if (sf_model_load(ctx, path, &model)) return app_fail(a, ctx);
@@ -58,10 +70,9 @@ static int info_model(const args *a, sf_context *ctx, const char *path) {
         sf_gaussians g = {.means = values, .log_scales = values + 3 * n, .logit_opacities = values + 6 * n};
         struct stat st = {0};
         long long bytes = stat(path, &st) ? 0 : (long long)st.st_size;
-        if (sf_model_get(model, 0, n, &g))
-            error = app_fail(a, ctx);
-        else
-            print_model(model, &g, bytes);
+        error = sf_model_get(model, 0, n, &g) ? app_fail(a, ctx) : 0;
+        if (!error) print_model(model, &g, bytes);
+        if (!error && n) error = print_degrees(a, ctx, model);
     }
     free(values);
     sf_model_destroy(&model);

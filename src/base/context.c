@@ -62,6 +62,18 @@ sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t
     return SF_OK;
 }
 
+sf_status sf_resize(sf_context *ctx, void *block_pointer, size_t used, size_t count, size_t size) {
+    char *old, *block = sf_alloc(ctx, count, size);
+    if (!block) return SF_ERR_MEMORY;
+    memcpy(&old, block_pointer, sizeof old);
+    if (used > count) used = count;
+    if (used) memcpy(block, old, used * size);
+    memset(block + used * size, 0, (count - used) * size);
+    sf_free(ctx, old);
+    memcpy(block_pointer, &block, sizeof block);
+    return SF_OK;
+}
+
 sf_status sf_grow_together(sf_context *ctx, const sf_array *arrays, size_t n, size_t *capacity, size_t need) {
     size_t grown = *capacity;
     for (size_t i = 0; i < n; i++) {

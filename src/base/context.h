@@ -46,6 +46,10 @@ void sf_free(sf_context *ctx, void *block);
 sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t used, size_t need,
                   size_t size);
 
+/* Puts a block of `count` items in the place of *block: the first `used` of them as they were, the others 0.
+ * SF_ERR_MEMORY leaves it. */
+sf_status sf_resize(sf_context *ctx, void *block_pointer, size_t used, size_t count, size_t size);
+
 /* Arrays of one capacity; what they held is lost. SF_ERR_MEMORY leaves *capacity as it was, each array with
  * at least that. */
 typedef struct sf_array {

@@ -150,6 +150,6 @@ sf_status bench_scene_project(const bench_scene *scene, sf_workspace *ws) {
     const sf_model *model = scene->model;
     sf_status status = sf_workspace_look(ws, &scene->camera, BENCH_NEAR);
     if (!status) status = sf_workspace_loss_room(ws);
-    if (!status) status = sf_stage_project(ws, &model->params, model->count, model->sh_degree, 0);
+    if (!status) status = sf_stage_project(ws, model, model->sh_degree, 0);
     return status ? status : sf_stage_bin(ws);
 }

@@ -12,8 +12,8 @@ const char *const bench_stage_names[STAGES] = {"project", "bin",       "blend", 
 
 sf_status bench_moments_create(sf_context *ctx, const sf_model *model, bench_moments *moments) {
     *moments = (bench_moments){0};
-    sf_status status = sf_params_create(ctx, model->count, model->sh_degree, &moments->m);
-    if (!status) status = sf_params_create(ctx, model->count, model->sh_degree, &moments->v);
+    sf_status status = sf_params_create(ctx, model->banded, model->sh_degree, &moments->m);
+    if (!status) status = sf_params_create(ctx, model->banded, model->sh_degree, &moments->v);
     if (status) bench_moments_destroy(ctx, moments);
     return status;
 }
@@ -63,7 +63,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     static const sf_adam step = {.rate = 0, .beta1 = 0.9f, .beta2 = 0.999f, .v_scale = 1, .epsilon = 1e-15f};
     const update_job *job = job_pointer;
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
-        if (!sf_field_stored(field, job->model->sh_degree)) continue;
+        if (!grads->field[field]) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         job->ws->ctx->kernels->adam(job->model->params.field[field] + at, grads->field[field],
                                     job->moments->m.field[field] + at, job->moments->v.field[field] + at,
@@ -87,7 +87,7 @@ sf_status bench_step(sf_workspace *ws, const sf_model *model, const bench_moment
     if (!status) status = sf_workspace_loss_room(ws);
     if (status) return status;
     double start = bench_clock(ws->ctx), mark = start;
-    status = sf_stage_project(ws, &model->params, model->count, model->sh_degree, model->antialiased);
+    status = sf_stage_project(ws, model, model->sh_degree, model->antialiased);
     end_stage(ws, &mark, &seconds[STAGE_PROJECT]);
     if (!status) status = sf_stage_bin(ws);
     if (status) return status;

@@ -50,7 +50,6 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(next_validation)                                                                                       \
     F(settle_from)                                                                                           \
     F(least_squares)                                                                                         \
-    F(merged_squares)                                                                                        \
     F(settle_for)
 
 #define COUNT_ONE(name) +1
@@ -73,41 +72,41 @@ static field_name name_of(const char *prefix, int field) {
 }
 
 /* Whole blocks: the lanes behind the last Gaussian come back as they were. */
-static size_t field_size(size_t count, int field) {
-    return sf_blocks(count) * SF_LANES * (size_t)sf_field_components(field);
+static size_t field_size(const sf_model *model, int field) {
+    return sf_field_values(field, model->banded[sf_field_band(field)]);
 }
 
-static void put_params(sf_sections_out *out, const char *prefix, const sf_params *params, size_t count) {
+static void put_params(sf_sections_out *out, const char *prefix, const sf_model *model) {
     for (int i = 0; i < SF_FIELD_COUNT; i++)
-        if (params->field[i])
-            sf_sections_put(out, name_of(prefix, i).text, params->field[i], field_size(count, i),
+        if (model->params.field[i])
+            sf_sections_put(out, name_of(prefix, i).text, model->params.field[i], field_size(model, i),
                             sizeof(float));
 }
 
-static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_params *params, size_t count) {
+static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_model *model) {
     sf_status status = SF_OK;
     for (int i = 0; i < SF_FIELD_COUNT && !status; i++)
-        if (params->field[i])
-            status = sf_sections_take(in, name_of(prefix, i).text, params->field[i], field_size(count, i),
-                                      sizeof(float));
+        if (model->params.field[i])
+            status = sf_sections_take(in, name_of(prefix, i).text, model->params.field[i],
+                                      field_size(model, i), sizeof(float));
     return status;
 }
 
-static void put_moments(sf_sections_out *out, const sf_moments *moments, size_t count) {
+static void put_moments(sf_sections_out *out, const sf_moments *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT; i++)
             if (moments->part[part][i])
                 sf_sections_put(out, name_of(sf_moment_part(moments->format, part), i).text,
-                                moments->part[part][i], field_size(count, i), SF_MOMENT_VALUE);
+                                moments->part[part][i], field_size(model, i), SF_MOMENT_VALUE);
 }
 
-static sf_status take_moments(sf_sections_in *in, const sf_moments *moments, size_t count) {
+static sf_status take_moments(sf_sections_in *in, const sf_moments *moments, const sf_model *model) {
     sf_status status = SF_OK;
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT && !status; i++)
             if (moments->part[part][i])
                 status = sf_sections_take(in, name_of(sf_moment_part(moments->format, part), i).text,
-                                          moments->part[part][i], field_size(count, i), SF_MOMENT_VALUE);
+                                          moments->part[part][i], field_size(model, i), SF_MOMENT_VALUE);
     return status;
 }
 
@@ -551,7 +550,12 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
 #define VALUE(name) (double)f->name,
     const double reals[] = {STATE_REALS(VALUE)};
 #undef VALUE
-    const int64_t model[] = {(int64_t)m->count, m->sh_degree, m->antialiased};
+    const int64_t model[] = {m->sh_degree, m->antialiased};
+    int64_t banded[SF_BANDS], best[SF_BANDS];
+    for (int band = 0; band < SF_BANDS; band++) {
+        banded[band] = (int64_t)m->banded[band];
+        best[band] = f->best ? (int64_t)f->best->banded[band] : -1;
+    }
     const double seconds = sf_clock() - f->start;
     sf_sections_put(out, "integers", integers, INTEGERS, sizeof *integers);
     sf_sections_put(out, "reals", reals, REALS, sizeof *reals);
@@ -562,17 +566,17 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     sf_sections_put(out, "background.v", f->background_v, 3, sizeof *f->background_v);
     sf_sections_put(out, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
     sf_sections_put(out, "plan", f->plan, f->plan_count, sizeof *f->plan);
-    sf_sections_put(out, "model", model, 3, sizeof *model);
-    put_params(out, "model", &m->params, m->count);
-    put_moments(out, &f->moments, m->count);
+    sf_sections_put(out, "model", model, 2, sizeof *model);
+    sf_sections_put(out, "model.banded", banded, SF_BANDS, sizeof *banded);
+    put_params(out, "model", m);
+    put_moments(out, &f->moments, m);
     sf_sections_put(out, "screen.sum", f->screen_sum, m->count, sizeof *f->screen_sum);
     sf_sections_put(out, "screen.seen", f->screen_seen, m->count, sizeof *f->screen_seen);
-    const int64_t best = f->best ? (int64_t)f->best->count : -1;
     const double psnr[] = {f->validation_psnr, f->best_psnr}; /* NAN before the first validation */
-    sf_sections_put(out, "best", &best, 1, sizeof best);
+    sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
     sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
     sf_sections_put(out, "best.background", f->best_background, 3, sizeof *f->best_background);
-    if (f->best) put_params(out, "best", &f->best->params, f->best->count);
+    if (f->best) put_params(out, "best", f->best);
 }
 
 static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
@@ -614,28 +618,49 @@ static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
     return sf_plan_check(f->ctx, f->plan, f->plan_count) ? bad(in, "plan", "times do not rise") : SF_OK;
 }
 
-/* The number is believed only where the file is long enough for it. */
+/* How many Gaussians have each band, at most max_gaussians. The numbers are believed only where the file is
+ * long enough for them. *none: they are -1. */
+static sf_status take_banded(sf_sections_in *in, const char *prefix, int sh_degree, size_t most,
+                             size_t banded[SF_BANDS], int *none) {
+    int64_t kept[SF_BANDS];
+    char section[SF_SECTION_NAME];
+    snprintf(section, sizeof section, "%s.banded", prefix);
+    sf_status status = sf_sections_take(in, section, kept, SF_BANDS, sizeof *kept);
+    *none = !status && kept[0] == -1;
+    for (int band = 0; band < SF_BANDS && !status && !*none; band++) {
+        int64_t least = band < SF_MAX_SH_DEGREE ? kept[band + 1] : 0,
+                limit = band > sh_degree ? 0 : (int64_t)most;
+        if (kept[band] < 0 || kept[band] < least || kept[band] > limit)
+            status = bad(in, section, "a number of Gaussians is out of range");
+        banded[band] = (size_t)kept[band];
+    }
+    for (int i = 0; i < SF_FIELD_COUNT && !status && !*none && sf_field_stored(i, sh_degree); i++) {
+        uint64_t have;
+        status = sf_sections_count(in, name_of(prefix, i).text, sizeof(float), &have);
+        if (!status && have != sf_field_values(i, banded[sf_field_band(i)]))
+            status = bad(in, name_of(prefix, i).text, "is not of the model's length");
+    }
+    return status;
+}
+
 static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
-    int64_t model[3];
-    uint64_t have;
-    sf_status status = sf_sections_take(in, "model", model, 3, sizeof *model);
+    int64_t model[2];
+    size_t banded[SF_BANDS], most = (size_t)f->options.max_gaussians;
+    int none, degree = 0;
+    sf_status status = sf_sections_take(in, "model", model, 2, sizeof *model);
+    if (!status && (model[0] < 0 || model[0] > SF_MAX_SH_DEGREE))
+        status = bad(in, "model", "the degree is out of range");
+    if (!status) degree = (int)model[0];
+    if (!status) status = take_banded(in, "model", degree, most, banded, &none);
+    if (!status && none) status = bad(in, "model.banded", "a number of Gaussians is out of range");
+    if (!status) status = sf_fitter_plan_memory(f, most, degree);
+    if (!status) status = sf_model_create_banded(f->ctx, banded, banded[0], degree, &f->model);
     if (status) return status;
-    if (model[0] < 0 || model[0] > f->options.max_gaussians || model[1] < 0 || model[1] > SF_MAX_SH_DEGREE)
-        return bad(in, "model", "the number of Gaussians or the degree is out of range");
-    size_t count = (size_t)model[0];
-    status = sf_sections_count(in, name_of("model", SF_FIELD_mean).text, sizeof(float), &have);
-    if (!status && have != field_size(count, SF_FIELD_mean))
-        status = bad(in, name_of("model", SF_FIELD_mean).text, "is not of the model's length");
-    if (!status) status = sf_fitter_plan_memory(f, (size_t)f->options.max_gaussians, (int)model[1]);
-    if (!status) status = sf_model_create_room(f->ctx, count, (int)model[1], &f->model);
-    if (status) return status;
-    f->model->antialiased = model[2] != 0;
-    size_t most = sf_planned_count(f, 1);
-    status = sf_fitter_room(f, most > count ? most : count);
-    if (status) return status;
-    f->model->count = count;
-    status = take_params(in, "model", &f->model->params, count);
-    if (!status) status = take_moments(in, &f->moments, count);
+    f->model->antialiased = model[1] != 0;
+    status = take_params(in, "model", f->model);
+    if (!status) status = sf_fitter_start_room(f, sf_planned_count(f, 1));
+    if (!status) status = take_moments(in, &f->moments, f->model);
+    size_t count = banded[0];
     if (!status) status = sf_sections_take(in, "screen.sum", f->screen_sum, count, sizeof *f->screen_sum);
     if (!status) status = sf_sections_take(in, "screen.seen", f->screen_seen, count, sizeof *f->screen_seen);
     return status;
@@ -643,25 +668,20 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
 
 /* The best model so far, if the run validates. */
 static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
-    int64_t count;
     double psnr[2];
-    uint64_t have;
+    size_t banded[SF_BANDS];
+    int none, degree = f->model->sh_degree;
     sf_status status = sf_sections_take(in, "validation", psnr, 2, sizeof *psnr);
-    if (!status) status = sf_sections_take(in, "best", &count, 1, sizeof count);
     if (!status)
         status = sf_sections_take(in, "best.background", f->best_background, 3, sizeof *f->best_background);
+    if (!status) status = take_banded(in, "best", degree, f->model->capacity[0], banded, &none);
     if (status) return status;
     f->validation_psnr = psnr[0], f->best_psnr = psnr[1];
-    if (count < 0) return SF_OK;
-    status = sf_sections_count(in, name_of("best", SF_FIELD_mean).text, sizeof(float), &have);
-    if (status) return status;
-    if (count > (int64_t)f->capacity || have != field_size((size_t)count, SF_FIELD_mean))
-        return bad(in, "best", "is not of a model's length");
-    status = sf_model_create_room(f->ctx, f->capacity, f->model->sh_degree, &f->best);
+    if (none) return SF_OK;
+    status = sf_model_create_banded(f->ctx, banded, f->model->capacity[0], degree, &f->best);
     if (status) return status;
     f->best->antialiased = f->model->antialiased;
-    f->best->count = (size_t)count;
-    return take_params(in, "best", &f->best->params, (size_t)count);
+    return take_params(in, "best", f->best);
 }
 
 static sf_status take_state(sf_sections_in *in, sf_fitter *f) {

@@ -27,7 +27,7 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         f->gone_on = 1;
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
-        return sf_model_copy(from, from->count, degree, &f->model);
+        return sf_model_copy_whole(from, degree, &f->model);
     }
     size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
     sf_status status = sf_fitter_plan_memory(f, least, (int)o->sh_degree);
@@ -155,9 +155,7 @@ sf_status sf_draw_view(sf_fitter *f, const sf_view *view, const sf_view_state *s
     camera = sf_camera_downscaled(&camera, 1 << f->level);
     sf_status status = sf_workspace_look(ws, &camera, f->near_plane);
     if (!status) status = sf_workspace_loss_room(ws);
-    if (!status)
-        status =
-            sf_stage_project(ws, &f->model->params, f->model->count, f->sh_degree, f->model->antialiased);
+    if (!status) status = sf_stage_project(ws, f->model, f->sh_degree, f->model->antialiased);
     if (!status) status = sf_stage_bin(ws);
     if (!status && exposed) status = sf_exposure_room(&f->exposure, ws);
     if (status) return status;
@@ -290,7 +288,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
         status = make_plan(f);
     }
     size_t most = status ? 0 : sf_planned_count(f, 1);
-    if (!status) status = sf_fitter_room(f, most > f->model->count ? most : f->model->count);
+    if (!status) status = sf_fitter_start_room(f, most);
     if (status) sf_fitter_destroy(out);
     return status;
 }
@@ -401,7 +399,7 @@ void sf_fitter_skip_time(sf_fitter *f, double seconds) {
 }
 
 sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
-    return sf_model_copy(f->model, f->model->count, f->model->sh_degree, model);
+    return sf_model_copy(f->model, f->model->count, model);
 }
 
 sf_status sf_fitter_get_camera(const sf_fitter *f, uint32_t id, sf_camera *camera) {

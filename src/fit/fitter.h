@@ -27,15 +27,13 @@ struct sf_fitter {
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_moments moments; /* Adam's, arrays of the model's capacity */
-    double *screen_sum; /* [capacity] sum of the screen gradient's norm since the last growth; while growing
-                           by error the score, below 0 for what is to go */
-    uint32_t *screen_seen; /* [capacity] views in which it was seen */
-    size_t capacity;
+    sf_moments moments; /* Adam's; these arrays have the model's capacities */
+    double *screen_sum; /* sum of the screen gradient's norm since the last growth; while growing by error the
+                           score, below 0 for what is to go */
+    uint32_t *screen_seen; /* views in which it was seen */
     int grown_out;         /* price.c: growth no longer pays */
     int growths_in_vain;   /* since the one with least_squares */
     double least_squares;  /* error of some views at full resolution, the least after a growth; 0: none yet */
-    double merged_squares; /* squared error before the last merging; 0: there was none */
     int growth_ended;      /* memory ran out: said once, and N stays */
 
     /* validate.c */
@@ -155,11 +153,19 @@ void sf_forget_best(sf_fitter *fitter);
  * rates fall, and says when the run is over: SF_ERR_END. */
 sf_status sf_consider(sf_fitter *fitter, double fraction);
 
+/* arrange.c */
+/* Makes what stands beside a model that a fit begins with, and room for `count` Gaussians in all. */
+sf_status sf_fitter_start_room(sf_fitter *fitter, size_t count);
+/* Room for banded[b] Gaussians with band b in the model and all arrays beside it, at least. On failure what
+ * they hold is as before. */
+sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
+/* The Gaussians become those of places[0..n-1], sorted stably by falling degree, which is no higher than the
+ * model's sh_degree: each a copy of Gaussian `from` of before, with its moments and statistics. Bands beyond
+ * its degree are dropped, new ones start at 0 with moments of 0. where[k] (may be NULL): the index that
+ * places[k] got. Makes room, and lets go what is not needed any more. On failure nothing has changed. */
+sf_status sf_arrange(sf_fitter *fitter, const sf_place *places, size_t n, uint32_t *where);
+
 /* grow.c */
-/* Gaussian `from` with its moments and statistics to place `to`. */
-void sf_copy_all(sf_fitter *fitter, size_t from, size_t to);
-/* Room for `count` Gaussians in the model and all arrays beside it. On failure all is as before. */
-sf_status sf_fitter_room(sf_fitter *fitter, size_t count);
 /* Removes what is faint or not finite, then clones and splits up to the plan; or relocates. */
 void sf_grow_and_prune(sf_fitter *fitter, double fraction);
 
@@ -177,8 +183,9 @@ sf_status sf_look_at_views(sf_fitter *fitter, size_t wanted, int others, sf_look
 sf_status sf_score_errors(sf_fitter *fitter);
 
 /* relocate.c */
-/* What is faint or not finite moves to live Gaussians, and `more` join them, for which there is room: drawn
- * by opacity, and corrected so that the picture stays. Nothing happens where none is live, or on failure. */
+/* What is faint or not finite moves to live Gaussians, and `more` join them: drawn by opacity, of the degree
+ * of where they come to, and corrected so that the picture stays. Nothing happens where none is live, or on
+ * failure. */
 sf_status sf_relocate(sf_fitter *fitter, size_t more);
 /* Opacity of each of n Gaussians in the place of one of `opacity`, 0 < opacity < 1; *shrink: what to multiply
  * its scales by, so that a line through the middle has the same integral. */

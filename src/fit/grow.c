@@ -35,46 +35,6 @@ static int longest_axis(const sf_params *params, size_t i) {
     return longest;
 }
 
-sf_status sf_fitter_room(sf_fitter *f, size_t count) {
-    if (count <= f->capacity) return SF_OK;
-    size_t most = (size_t)f->options.max_gaussians, room = count + count / 2;
-    if (room > most) room = count > most ? count : most;
-    int degree = f->model->sh_degree;
-    sf_model *model = NULL;
-    sf_moments moments = {0};
-    double *sum = sf_calloc(f->ctx, room, sizeof *sum);
-    uint32_t *seen = sf_calloc(f->ctx, room, sizeof *seen);
-    sf_status status = sum && seen ? sf_model_copy(f->model, room, degree, &model) : SF_ERR_MEMORY;
-    if (!status) status = sf_moments_create(f->ctx, f->options.moments, room, degree, &moments);
-    if (status) {
-        sf_free(f->ctx, sum);
-        sf_free(f->ctx, seen);
-        sf_moments_destroy(f->ctx, &moments);
-        sf_model_destroy(&model);
-        return status;
-    }
-    for (size_t i = 0; f->capacity && i < f->model->count; i++) {
-        sf_moments_copy(&f->moments, i, &moments, i);
-        sum[i] = f->screen_sum[i];
-        seen[i] = f->screen_seen[i];
-    }
-    sf_free(f->ctx, f->screen_sum);
-    sf_free(f->ctx, f->screen_seen);
-    sf_moments_destroy(f->ctx, &f->moments);
-    sf_model_destroy(&f->model);
-    f->model = model, f->moments = moments;
-    f->screen_sum = sum, f->screen_seen = seen;
-    f->capacity = room;
-    return SF_OK;
-}
-
-void sf_copy_all(sf_fitter *f, size_t from, size_t to) {
-    sf_params_copy(&f->model->params, from, &f->model->params, to);
-    sf_moments_copy(&f->moments, from, &f->moments, to);
-    f->screen_sum[to] = f->screen_sum[from];
-    f->screen_seen[to] = f->screen_seen[from];
-}
-
 float sf_faintest(const sf_fitter *f) {
     double opacity = f->options.prune_opacity;
     return opacity > 0 ? sf_logit(fminf((float)opacity, 0.999f)) : -INFINITY;
@@ -83,21 +43,26 @@ float sf_faintest(const sf_fitter *f) {
 int sf_worth_keeping(const sf_fitter *f, size_t i, float faintest) {
     const sf_params *p = &f->model->params;
     for (int field = 0; field < SF_FIELD_COUNT; field++)
-        for (int c = 0; p->field[field] && c < sf_field_components(field); c++)
+        for (int c = 0; i < f->model->banded[sf_field_band(field)] && c < sf_field_components(field); c++)
             if (!isfinite(*sf_value(p, field, i, c))) return 0;
     return p->field[SF_FIELD_logit_opacity][i] >= faintest && !(f->screen_sum[i] < 0);
 }
 
-static void prune(sf_fitter *f) {
+/* Gaussian i as it is. */
+static sf_place itself(const sf_fitter *f, size_t i) {
+    return (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
+}
+
+static sf_status prune(sf_fitter *f) {
     float faintest = sf_faintest(f);
-    size_t kept = 0;
-    for (size_t i = 0; i < f->model->count; i++) {
-        if (!sf_worth_keeping(f, i, faintest)) continue;
-        if (kept != i) sf_copy_all(f, i, kept);
-        kept++;
-    }
-    for (size_t i = kept; i < f->model->count; i++) sf_moments_forget(&f->moments, i);
-    sf_model_resize(f->model, kept);
+    size_t kept = 0, count = f->model->count;
+    sf_place *places = sf_alloc(f->ctx, count, sizeof *places);
+    if (!places) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < count; i++)
+        if (sf_worth_keeping(f, i, faintest)) places[kept++] = itself(f, i);
+    sf_status status = kept < count ? sf_arrange(f, places, kept, NULL) : SF_OK;
+    sf_free(f->ctx, places);
+    return status;
 }
 
 void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction) {
@@ -130,8 +95,8 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     }
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_moments_forget(&f->moments, i);
-    sf_moments_forget(&f->moments, j);
+    sf_moments_forget(&f->moments, f->model, i);
+    sf_moments_forget(&f->moments, f->model, j);
 }
 
 /* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
@@ -146,7 +111,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
     float opacity = 1.0f - sqrtf(1.0f - sf_opacity(p->field[SF_FIELD_logit_opacity][i]));
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_moments_forget(&f->moments, j);
+    sf_moments_forget(&f->moments, f->model, j);
 }
 
 typedef struct candidate {
@@ -167,63 +132,83 @@ static void end_growth(sf_fitter *f) {
     sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", f->model->count);
 }
 
-static void grow(sf_fitter *f, size_t wanted) {
-    size_t n = 0, count = f->model->count;
+/* Those with the largest scores, at most `wanted`, in their order; *n: how many. */
+static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) {
+    size_t found = 0, count = f->model->count;
     candidate *candidates = sf_alloc(f->ctx, count, sizeof *candidates);
-    if (!candidates) {
-        end_growth(f);
-        return;
-    }
+    if (!candidates) return NULL;
     for (size_t i = 0; i < count; i++) {
         double score = f->screen_seen[i] ? f->screen_sum[i] / f->screen_seen[i] : 0;
         if (score > 0 && score >= f->options.grow_threshold)
-            candidates[n++] = (candidate){score, (uint32_t)i};
+            candidates[found++] = (candidate){score, (uint32_t)i};
     }
-    qsort(candidates, n, sizeof *candidates, by_score);
+    qsort(candidates, found, sizeof *candidates, by_score);
+    *n = found < wanted ? found : wanted;
+    return candidates;
+}
+
+/* A copy of each candidate joins, of its degree, and they part. */
+static sf_status add_copies(sf_fitter *f, const candidate *candidates, size_t n) {
+    size_t count = f->model->count;
+    sf_place *places = sf_alloc(f->ctx, count + n, sizeof *places);
+    uint32_t *where = sf_alloc(f->ctx, count + n, sizeof *where);
+    sf_status status = places && where ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        for (size_t i = 0; i < count; i++) places[i] = itself(f, i);
+        for (size_t k = 0; k < n; k++) places[count + k] = places[candidates[k].index];
+        status = sf_arrange(f, places, count + n, where);
+    }
     float split_log_scale = (float)log(fmax(f->options.split_scale * f->extent, 1e-30));
-    if (n > wanted) n = wanted;
-    sf_model_resize(f->model, count + n);
-    for (size_t k = 0; k < n; k++) {
-        size_t i = candidates[k].index, j = count + k;
-        sf_copy_all(f, i, j);
+    for (size_t k = 0; k < n && !status; k++) {
+        size_t i = where[candidates[k].index], j = where[count + k];
         int longest = longest_axis(&f->model->params, i);
         if (*sf_value(&f->model->params, SF_FIELD_log_scale, i, longest) > split_log_scale)
             split(f, i, j);
         else
             clone(f, i, j);
     }
-    sf_free(f->ctx, candidates);
+    sf_free(f->ctx, places);
+    sf_free(f->ctx, where);
+    return status;
 }
 
-/* How many more there should be, with room for them. */
-static size_t find_room(sf_fitter *f, double fraction) {
+static sf_status grow(sf_fitter *f, size_t wanted) {
+    size_t n;
+    candidate *candidates = find_candidates(f, wanted, &n);
+    if (!candidates) return SF_ERR_MEMORY;
+    sf_status status = n ? add_copies(f, candidates, n) : SF_OK;
+    sf_free(f->ctx, candidates);
+    return status;
+}
+
+/* How many more there should be. */
+static size_t wanted_more(const sf_fitter *f, double fraction) {
     size_t count = f->model->count, planned = sf_planned_count(f, fraction);
     size_t wanted = planned > count ? planned - count : 0;
     size_t most = (size_t)(f->options.grow_rate * (double)count);
     if (wanted > most) wanted = most;
-    if (!wanted || f->growth_ended) return 0;
-    if (!sf_fitter_room(f, count + wanted)) return wanted;
-    end_growth(f);
-    return 0;
+    return f->growth_ended ? 0 : wanted;
 }
 
 void sf_grow_and_prune(sf_fitter *f, double fraction) {
     int kind = f->options.growth, growing = sf_growth_due(f, fraction);
     int charging = sf_charging_due(f, fraction);
     size_t had = f->model->count;
+    sf_status status;
     if (kind == SF_GROWTH_RELOCATE) {
-        if (sf_relocate(f, find_room(f, fraction)) && !f->growth_ended) end_growth(f);
+        status = sf_relocate(f, wanted_more(f, fraction));
     } else {
         if (growing && kind == SF_GROWTH_ERROR && sf_score_errors(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
-        if (charging && sf_charge(f, fraction >= f->settle_from))
+        if (charging && sf_charge(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
         if (growing && sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
-        prune(f);
+        status = prune(f);
         if (charging && had - f->model->count > had / NOTABLE) sf_forget_best(f);
-        size_t wanted = growing && !f->grown_out ? find_room(f, fraction) : 0;
-        if (wanted) grow(f, wanted);
+        size_t wanted = growing && !f->grown_out && !status ? wanted_more(f, fraction) : 0;
+        if (wanted) status = grow(f, wanted);
     }
-    memset(f->screen_sum, 0, f->capacity * sizeof *f->screen_sum);
-    memset(f->screen_seen, 0, f->capacity * sizeof *f->screen_seen);
+    if (status && !f->growth_ended) end_growth(f);
+    memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
+    memset(f->screen_seen, 0, f->model->count * sizeof *f->screen_seen);
 }

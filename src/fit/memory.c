@@ -18,9 +18,9 @@ enum {
     SHOWN_PLANES = 7 /* and whoever evaluates it: the picture, its weight, the render */
 };
 
-/* Bytes of a Gaussian that growth takes while it goes on: relocation most; and writing the result: a .spz
- * most. */
-enum { GROWING = 24, WRITING = 24 };
+/* Bytes of a Gaussian that growth takes while it goes on: the candidates or the draws of relocation, places,
+ * and the order that they make; and those that writing the result takes: a .spz most. */
+enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_place), WRITING = 24 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5

@@ -12,7 +12,6 @@
 #include "../base/pool.h"
 #include "../scene/nearest.h"
 #include "grow.h"
-#include "worth.h"
 
 enum {
     CLOSE = 8,  /* neighbours that each is tried with */
@@ -196,17 +195,25 @@ static void set_shape(const sf_params *p, size_t i, const blob *m) {
     sf_set_opacity(p, i, (float)m->opacity);
 }
 
-/* Gaussian a becomes the one of both, b is not to be seen. */
-static void merge(const sf_params *p, const pair *q) {
-    blob a = blob_of(p, q->a), b = blob_of(p, q->b), m = fused(&a, &b);
+/* Value c of a field; 0 of a band that the Gaussian lacks. */
+static float value_of(const sf_model *m, int field, size_t i, int c) {
+    return i < m->banded[sf_field_band(field)] ? *sf_value(&m->params, field, i, c) : 0;
+}
+
+/* Gaussian a becomes the one of both, with its own degree, and b is to go. */
+static void merge(sf_fitter *f, const pair *q) {
+    const sf_model *m = f->model;
+    const sf_params *p = &m->params;
+    blob a = blob_of(p, q->a), b = blob_of(p, q->b), one = fused(&a, &b);
     float part = (float)(a.mass / (a.mass + b.mass));
-    for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT && p->field[field]; field++)
-        for (int c = 0; c < sf_field_components(field); c++) {
+    for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT; field++)
+        for (int c = 0; q->a < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++) {
             float *x = sf_value(p, field, q->a, c);
-            *x = part * *x + (1 - part) * *sf_value(p, field, q->b, c);
+            *x = part * *x + (1 - part) * value_of(m, field, q->b, c);
         }
-    set_shape(p, q->a, &m);
-    p->field[SF_FIELD_logit_opacity][q->b] = SF_INVISIBLE;
+    set_shape(p, q->a, &one);
+    sf_moments_forget(&f->moments, m, q->a);
+    f->screen_sum[q->b] = -1;
 }
 
 /* Leaves each Gaussian in its cheapest pair alone; returns how many pairs there are. */
@@ -223,35 +230,8 @@ static size_t choose(pair *pairs, size_t count, uint8_t *taken) {
     return chosen;
 }
 
-/* Merges the pairs, and takes the dearer half of them back as long as the squared error is above `most`. */
-static sf_status merge_within(sf_fitter *f, const pair *pairs, size_t n, double most, size_t *merged) {
-    const sf_params *p = &f->model->params;
-    sf_model *before;
-    double squares = INFINITY;
-    sf_status status = sf_model_copy(f->model, f->model->count, f->model->sh_degree, &before);
-    if (status) return status;
-    for (size_t k = 0; k < n; k++) merge(p, &pairs[k]);
-    while (n) {
-        status = sf_look_for_squares(f, &squares);
-        if (!status && squares <= most) break;
-        size_t kept = status ? 0 : n / 2;
-        for (size_t k = kept; k < n; k++) {
-            sf_params_copy(&before->params, pairs[k].a, p, pairs[k].a);
-            sf_params_copy(&before->params, pairs[k].b, p, pairs[k].b);
-        }
-        n = kept;
-    }
-    for (size_t k = 0; k < n; k++) {
-        sf_moments_forget(&f->moments, pairs[k].a);
-        f->screen_sum[pairs[k].b] = -1;
-    }
-    sf_model_destroy(&before);
-    *merged = n;
-    return status;
-}
-
 /* One pass over what is left. */
-static sf_status merge_once(sf_fitter *f, double misfit, const float *effect, double most, size_t *merged) {
+static sf_status merge_once(sf_fitter *f, double misfit, const float *effect, size_t *merged) {
     size_t count = f->model->count;
     float *points = sf_alloc(f->ctx, count, 3 * sizeof *points);
     sf_nearest *nearest = sf_alloc(f->ctx, count, CLOSE * sizeof *nearest);
@@ -264,7 +244,8 @@ static sf_status merge_once(sf_fitter *f, double misfit, const float *effect, do
     if (!status) {
         merge_job job = {f, left, n, nearest, effect, misfit, pairs};
         sf_pool_run(f->ctx->pool, (n + CHUNK - 1) / CHUNK, find_task, &job);
-        status = merge_within(f, pairs, choose(pairs, n, taken), most, merged);
+        *merged = choose(pairs, n, taken);
+        for (size_t k = 0; k < *merged; k++) merge(f, &pairs[k]);
     }
     sf_free(f->ctx, points);
     sf_free(f->ctx, nearest);
@@ -274,13 +255,13 @@ static sf_status merge_once(sf_fitter *f, double misfit, const float *effect, do
     return status;
 }
 
-sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *effect, double most, size_t *merged) {
+sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *effect, size_t *merged) {
     size_t once = 1;
     sf_status status = SF_OK;
     *merged = 0;
     for (int pass = 0; pass < PASSES && once && !status; pass++) {
         once = 0;
-        status = merge_once(f, misfit, effect, most, &once);
+        status = merge_once(f, misfit, effect, &once);
         *merged += once;
     }
     return status;

@@ -15,18 +15,14 @@ size_t sf_moment_bytes(int format) {
     return bytes;
 }
 
-sf_status sf_moments_create(sf_context *ctx, int format, size_t capacity, int sh_degree,
-                            sf_moments *moments) {
+sf_status sf_moments_create(const sf_model *model, int format, sf_moments *moments) {
     *moments = (sf_moments){.format = format};
-    for (int part = 0; part < SF_MOMENT_PARTS; part++)
-        for (int field = 0; field < SF_FIELD_COUNT; field++) {
-            if (!sf_moment_part(format, part) || !sf_field_stored(field, sh_degree)) continue;
-            size_t lanes = (size_t)sf_field_components(field) * SF_LANES;
-            moments->part[part][field] = sf_calloc(ctx, sf_blocks(capacity), lanes * SF_MOMENT_VALUE);
-            if (moments->part[part][field]) continue;
-            sf_moments_destroy(ctx, moments);
-            return SF_ERR_MEMORY;
-        }
+    for (int band = 0; band <= model->sh_degree; band++) {
+        sf_status status = sf_moments_set_room(moments, model, band, model->capacity[band]);
+        if (!status) continue;
+        sf_moments_destroy(model->ctx, moments);
+        return status;
+    }
     return SF_OK;
 }
 
@@ -36,27 +32,47 @@ void sf_moments_destroy(sf_context *ctx, sf_moments *moments) {
     memset(moments->part, 0, sizeof moments->part);
 }
 
-/* The moments of component c of Gaussian i, of whatever type. */
-static char *value_at(void *array, int field, size_t i, int c) {
-    return (char *)array + SF_MOMENT_VALUE * sf_at(i, sf_field_components(field), c);
+/* Whether there is such an array. */
+static int is_kept(const sf_moments *moments, int part, int field, const sf_model *model) {
+    return sf_moment_part(moments->format, part) && sf_field_stored(field, model->sh_degree);
 }
 
-void sf_moments_copy(const sf_moments *source, size_t from, const sf_moments *moments, size_t to) {
+sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int band, size_t room) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
-            void *array = moments->part[part][field], *of = source->part[part][field];
-            for (int c = 0; array && c < sf_field_components(field); c++)
-                memcpy(value_at(array, field, to, c), value_at(of, field, from, c), SF_MOMENT_VALUE);
+            void **array = &moments->part[part][field];
+            if (sf_field_band(field) != band || !is_kept(moments, part, field, model)) continue;
+            sf_status status =
+                sf_field_resize(model->ctx, field, array, *array ? model->banded[band] : 0, room);
+            if (status) return status;
+        }
+    return SF_OK;
+}
+
+void sf_moments_arrange(const sf_moments *moments, const sf_model *model, const sf_order *order) {
+    for (int part = 0; part < SF_MOMENT_PARTS; part++)
+        for (int field = 0; field < SF_FIELD_COUNT; field++)
+            if (is_kept(moments, part, field, model))
+                sf_field_arrange(field, moments->part[part][field], model->banded[sf_field_band(field)],
+                                 order);
+}
+
+void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i) {
+    for (int part = 0; part < SF_MOMENT_PARTS; part++)
+        for (int field = 0; field < SF_FIELD_COUNT; field++) {
+            int n = sf_field_components(field);
+            char *array = moments->part[part][field];
+            for (int c = 0; array && i < model->banded[sf_field_band(field)] && c < n; c++)
+                memset(array + SF_MOMENT_VALUE * sf_at(i, n, c), 0, SF_MOMENT_VALUE);
         }
 }
 
-void sf_moments_forget(const sf_moments *moments, size_t i) {
+void sf_moments_forget_all(const sf_moments *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
-        for (int field = 0; field < SF_FIELD_COUNT; field++) {
-            void *array = moments->part[part][field];
-            for (int c = 0; array && c < sf_field_components(field); c++)
-                memset(value_at(array, field, i, c), 0, SF_MOMENT_VALUE);
-        }
+        for (int field = 0; field < SF_FIELD_COUNT; field++)
+            if (is_kept(moments, part, field, model))
+                memset(moments->part[part][field], 0,
+                       SF_MOMENT_VALUE * sf_field_values(field, model->capacity[sf_field_band(field)]));
 }
 
 void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int field, size_t at, size_t n,

@@ -20,13 +20,17 @@ const char *sf_moment_part(int format, int part);
 /* Bytes that both moments of a parameter take. */
 size_t sf_moment_bytes(int format);
 
-/* Zeros for `capacity` Gaussians (rounded up to SF_LANES). On failure none is left. */
-sf_status sf_moments_create(sf_context *ctx, int format, size_t capacity, int sh_degree, sf_moments *moments);
+/* Zeros, with room for as many as the model has room for. On failure none is left. */
+sf_status sf_moments_create(const sf_model *model, int format, sf_moments *moments);
 void sf_moments_destroy(sf_context *ctx, sf_moments *moments);
 
-/* Those of Gaussian `from` of `source` to Gaussian `to` of `moments`, of one format; and back to 0. */
-void sf_moments_copy(const sf_moments *source, size_t from, const sf_moments *moments, size_t to);
-void sf_moments_forget(const sf_moments *moments, size_t i);
+/* What sf_model_set_room and sf_model_arrange do to the model, before they do it. */
+sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int band, size_t room);
+void sf_moments_arrange(const sf_moments *moments, const sf_model *model, const sf_order *order);
+
+/* Those of Gaussian i of the model, and of all that there is room for, back to 0. */
+void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i);
+void sf_moments_forget_all(const sf_moments *moments, const sf_model *model);
 
 /* One step of Adam for parameters at .. at+n-1 of an array of a field, p and g their first; both are
  * multiples of SF_LANES. key: of the random rounding, another one each step and field. */

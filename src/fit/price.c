@@ -6,19 +6,10 @@
 #include "merge.h"
 #include "worth.h"
 
-/* What a Gaussian must take away of the squared error, in mean squared errors of a value: 2 ln 2 times the
- * bits of a Gaussian times the values that count as one observation. While the rates are high, the noise of
- * single views is most of the error. */
-#define PRICE       50.0
-#define PRICE_NOISY 50.0
+/* What a Gaussian must take away of the squared error, in mean squared errors of a value. */
+#define PRICE 50.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.0 / 255)
-/* Two Gaussians that differ from one in less than this part of their square integral become it. */
-#define MISFIT 0.2
-
-/* What goes at once may raise the squared error by this part: the steps to come make up for it. */
-#define RISE_MERGED 0.1
-
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
  */
 #define GROWTH_GAIN 0.02
@@ -33,7 +24,7 @@ enum {
 /* Charging begins at this part of the run, when what has grown has found its place, and ends when so much of
  * the settling is over: what goes later is not made up for. */
 #define CHARGE_FROM  0.6
-#define CHARGE_UNTIL 0.5
+#define CHARGE_UNTIL 0.25
 
 int sf_is_priced(const sf_fitter *f) {
     return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE;
@@ -41,16 +32,15 @@ int sf_is_priced(const sf_fitter *f) {
 
 int sf_charging_due(const sf_fitter *f, double fraction) {
     double settling = sf_end_of_run(f) - f->settle_from;
-    int64_t every = (f->options.grow_every + 1) / 2;
-    double from = f->grown_out ? 0 : fmin(fmax(CHARGE_FROM, f->options.grow_end), f->settle_from);
-    return sf_is_priced(f) && f->step % every == 0 && fraction > from &&
+    return sf_is_priced(f) && f->step % f->options.grow_every == 0 &&
+           fraction >= fmin(CHARGE_FROM, f->settle_from) &&
            fraction <= f->settle_from + CHARGE_UNTIL * settling;
 }
 
 /* What a Gaussian must take away of the squared error. */
-static double price_of(const sf_fitter *f, const sf_worth *w, int settling) {
+static double price_of(const sf_fitter *f, const sf_worth *w) {
     double mean = w->squares / w->values + NOTHING * NOTHING;
-    return (settling ? PRICE : PRICE_NOISY) / f->options.quality * mean;
+    return PRICE / f->options.quality * mean;
 }
 
 sf_status sf_consider_growth(sf_fitter *f) {
@@ -64,7 +54,7 @@ sf_status sf_consider_growth(sf_fitter *f) {
         f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
         if (gained) f->least_squares = w.squares;
         if (f->growths_in_vain >= GROWTHS_IN_VAIN) f->grown_out = 1;
-        double price = price_of(f, &w, 0);
+        double price = price_of(f, &w);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
             if (f->screen_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price) f->screen_sum[i] = 0;
     }
@@ -72,34 +62,19 @@ sf_status sf_consider_growth(sf_fitter *f) {
     return status;
 }
 
-static void take_out(sf_fitter *f, const sf_worth *w, int settling) {
-    double price = price_of(f, w, settling);
-    for (size_t i = 0; i < w->count; i++)
-        if ((double)w->effect[i] < price) f->screen_sum[i] = -1;
-}
-
-/* Pairs that one can stand for, as long as what was merged before has been made up for. */
-static sf_status merge(sf_fitter *f, const sf_worth *w) {
-    double before, unseen = NOTHING * NOTHING * w->values / fmax(w->squares, 1e-30);
-    size_t merged = 0;
-    if (f->merged_squares > 0 && w->squares > f->merged_squares * (1 + unseen)) return SF_OK;
-    sf_status status = sf_look_for_squares(f, &before);
-    if (!status)
-        status = sf_merge_pairs(f, MISFIT, w->effect, before * (1 + RISE_MERGED * (1 + unseen)), &merged);
-    if (merged) f->merged_squares = w->squares;
-    return status;
-}
-
-sf_status sf_charge(sf_fitter *f, int settling) {
+sf_status sf_charge(sf_fitter *f) {
     sf_worth w;
+    size_t merged;
     int level = f->level;
     f->level = 0;
     sf_status status = sf_weigh(f, 0, &w);
-    if (!status && w.views) {
-        take_out(f, &w, settling);
-        status = merge(f, &w);
-    }
     f->level = level;
+    if (!status && w.views) {
+        double price = price_of(f, &w);
+        for (size_t i = 0; i < w.count; i++)
+            if ((double)w.effect[i] < price) f->screen_sum[i] = -1;
+        if (f->options.merge > 0) status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
+    }
     sf_worth_free(f->ctx, &w);
     return status;
 }

@@ -16,6 +16,6 @@ int sf_charging_due(const sf_fitter *fitter, double fraction);
 
 /* Marks in screen_sum what is worth less than its price, and merges what one Gaussian can stand for.
  * SF_ERR_MEMORY: what is marked is marked rightly, the rest is left. */
-sf_status sf_charge(sf_fitter *fitter, int settling);
+sf_status sf_charge(sf_fitter *fitter);
 
 #endif

@@ -81,12 +81,12 @@ static sf_status measure(pruner *p, double *psnr) {
 }
 
 /* Gaussian i of the model so far to place k of the tried one, with bands up to `degree`. */
-static void copy_bands(const pruner *p, size_t i, size_t k, int degree) {
-    const sf_params *tried = &p->fitter->model->params;
-    sf_params_copy(&p->kept->params, i, tried, k);
-    for (int band = degree + 1; band <= p->kept->sh_degree; band++)
-        for (int c = 0; c < sf_field_components(SF_FIELD_sh0 + band); c++)
-            *sf_value(tried, SF_FIELD_sh0 + band, k, c) = 0;
+/* Gaussian k of the tried model becomes its Gaussian i >= k, with bands up to a degree, the others 0. */
+static void copy_bands(const sf_params *tried, size_t i, size_t k, int degree) {
+    for (int field = 0; field < SF_FIELD_COUNT && tried->field[field]; field++)
+        for (int c = 0; c < sf_field_components(field); c++)
+            *sf_value(tried, field, k, c) =
+                sf_field_band(field) <= degree ? *sf_value(tried, field, i, c) : 0;
 }
 
 /* Makes the tried model: the one so far without the first n items. */
@@ -98,17 +98,16 @@ static void try_without(pruner *p, size_t n) {
         int8_t *degree = &p->degrees[p->items[i].gaussian];
         if (p->items[i].degree < *degree) *degree = (int8_t)p->items[i].degree;
     }
-    sf_model_resize(tried, p->kept->count);
+    sf_model_assign(tried, p->kept);
     for (size_t i = 0; i < p->kept->count; i++)
-        if (p->degrees[i] >= 0) copy_bands(p, i, kept++, p->degrees[i]);
+        if (p->degrees[i] >= 0) copy_bands(&tried->params, i, kept++, p->degrees[i]);
     sf_model_resize(tried, kept);
 }
 
 /* The tried model, of this PSNR, is the one so far from here on. */
 static void accept(pruner *p, double psnr) {
     const sf_model *tried = p->fitter->model;
-    sf_model_resize(p->kept, tried->count);
-    for (size_t i = 0; i < tried->count; i++) sf_params_copy(&tried->params, i, &p->kept->params, i);
+    sf_model_assign(p->kept, tried);
     p->psnr = psnr;
 }
 
@@ -274,9 +273,10 @@ static sf_status refit(pruner *p) {
     if (status) return status;
     fitter->near_plane = p->fitter->near_plane;
     status = sf_fitter_run(fitter, NULL, NULL);
-    sf_model *tried = p->fitter->model;
-    for (size_t i = 0; i < tried->count && !status; i++)
-        sf_params_copy(&fitter->model->params, i, &tried->params, i);
+    sf_model *fitted = NULL;
+    if (!status) status = sf_model_copy_whole(fitter->model, p->kept->sh_degree, &fitted);
+    if (!status) sf_model_assign(p->fitter->model, fitted);
+    sf_model_destroy(&fitted);
     sf_fitter_destroy(&fitter);
     return status;
 }
@@ -337,7 +337,7 @@ static sf_status make_fitter(pruner *p) {
     sf_fit_options o = sf_fit_options_default();
     o.validate = 0; /* all training views count */
     sf_status status = sf_fitter_create_empty(p->ctx, p->scene, &o, &p->fitter);
-    if (!status) status = sf_model_copy(p->kept, p->kept->count, p->kept->sh_degree, &p->fitter->model);
+    if (!status) status = sf_model_copy_whole(p->kept, p->kept->sh_degree, &p->fitter->model);
     if (status) return status;
     sf_fitter *f = p->fitter;
     f->sh_degree = p->kept->sh_degree;
@@ -370,7 +370,7 @@ sf_status sf_prune(sf_context *ctx, sf_scene *scene, const sf_model *model, cons
     double before = 0;
     *pruned = NULL;
     sf_status status = check(ctx, model, p.options);
-    if (!status) status = sf_model_copy(model, model->count, model->sh_degree, &p.kept);
+    if (!status) status = sf_model_copy_whole(model, model->sh_degree, &p.kept);
     if (!status) status = make_fitter(&p);
     p.items = status ? NULL : sf_alloc(ctx, most, sizeof *p.items);
     p.degrees = status ? NULL : sf_alloc(ctx, model->count, sizeof *p.degrees);
@@ -378,7 +378,8 @@ sf_status sf_prune(sf_context *ctx, sf_scene *scene, const sf_model *model, cons
     if (!status) status = measure(&p, &before);
     p.psnr = before;
     if (!status) status = prune(&p);
-    if (!status) status = sf_model_copy(p.kept, p.kept->count, p.kept->sh_degree, pruned);
+    if (!status) status = sf_model_pack(p.kept);
+    if (!status) status = sf_model_copy(p.kept, p.kept->count, pruned);
     if (!status && result) *result = (sf_prune_result){before, p.psnr, p.renders};
     sf_fitter_destroy(&p.fitter);
     sf_model_destroy(&p.kept);

@@ -34,49 +34,52 @@ static void correct(sf_fitter *f, size_t i, uint32_t n) {
     double opacity = fmin(1 / (1 + exp(-(double)p->field[SF_FIELD_logit_opacity][i])), 0.9999), shrink;
     sf_set_opacity(p, i, (float)sf_relocated(opacity, n, &shrink));
     for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_log_scale, i, k) += (float)log(shrink);
-    sf_moments_forget(&f->moments, i);
+    sf_moments_forget(&f->moments, f->model, i);
 }
 
+/* Of a place that nobody has come to yet. */
+#define NOBODY UINT32_MAX
+
 typedef struct relocation {
-    size_t count;     /* Gaussians */
+    size_t count, places; /* Gaussians before and afterwards */
+    size_t moving;
     double *until;    /* [count] sum of the opacities of live ones up to here */
     uint32_t *copies; /* [count] how many come to this one */
-    uint32_t *source; /* [places] */
-    uint32_t *place;  /* [places] who moves: the dead, then new ones */
-    size_t places;
+    sf_place *place;  /* [places] */
+    uint32_t *where;  /* [places] */
 } relocation;
 
 static void free_relocation(sf_context *ctx, relocation *r) {
     sf_free(ctx, r->until);
     sf_free(ctx, r->copies);
-    sf_free(ctx, r->source);
     sf_free(ctx, r->place);
+    sf_free(ctx, r->where);
 }
 
 static sf_status make_relocation(const sf_fitter *f, size_t more, relocation *r) {
-    size_t count = f->model->count;
+    size_t count = f->model->count, places = count + more;
     *r = (relocation){.count = count,
+                      .places = places,
                       .until = sf_alloc(f->ctx, count, sizeof *r->until),
                       .copies = sf_calloc(f->ctx, count, sizeof *r->copies),
-                      .source = sf_alloc(f->ctx, count + more, sizeof *r->source),
-                      .place = sf_alloc(f->ctx, count + more, sizeof *r->place)};
-    if (r->until && r->copies && r->source && r->place) return SF_OK;
+                      .place = sf_alloc(f->ctx, places, sizeof *r->place),
+                      .where = sf_alloc(f->ctx, places, sizeof *r->where)};
+    if (r->until && r->copies && r->place && r->where) return SF_OK;
     free_relocation(f->ctx, r);
     return SF_ERR_MEMORY;
 }
 
 /* Who lives and who moves. */
-static void find_places(const sf_fitter *f, size_t more, relocation *r) {
+static void find_places(const sf_fitter *f, relocation *r) {
     float faintest = sf_faintest(f);
     double sum = 0;
-    for (size_t i = 0; i < r->count; i++) {
-        if (sf_worth_keeping(f, i, faintest))
-            sum += (double)sf_opacity(f->model->params.field[SF_FIELD_logit_opacity][i]);
-        else
-            r->place[r->places++] = (uint32_t)i;
-        r->until[i] = sum;
+    for (size_t i = 0; i < r->places; i++) {
+        int lives = i < r->count && sf_worth_keeping(f, i, faintest);
+        if (lives) sum += (double)sf_opacity(f->model->params.field[SF_FIELD_logit_opacity][i]);
+        if (i < r->count) r->until[i] = sum;
+        r->place[i].from = lives ? (uint32_t)i : NOBODY;
+        r->moving += !lives;
     }
-    for (size_t k = 0; k < more; k++) r->place[r->places++] = (uint32_t)(r->count + k);
 }
 
 /* The first Gaussian up to which the opacities sum to more than `sum`: a live one. */
@@ -92,25 +95,33 @@ static uint32_t find_source(const relocation *r, double sum) {
     return (uint32_t)first;
 }
 
+static sf_status relocate(sf_fitter *f, relocation *r, double sum) {
+    for (size_t k = 0; k < r->places; k++) {
+        sf_place *place = &r->place[k];
+        if (place->from == NOBODY) {
+            place->from = find_source(r, sum * sf_rng_uniform(&f->rng));
+            r->copies[place->from]++;
+        }
+        place->degree = (uint8_t)sf_degree_of(f->model, place->from);
+    }
+    sf_status status = sf_arrange(f, r->place, r->places, r->where);
+    for (size_t k = 0; k < r->places && !status; k++) {
+        uint32_t copies = r->copies[r->place[k].from];
+        if (copies) correct(f, r->where[k], copies + 1);
+    }
+    return status;
+}
+
 sf_status sf_relocate(sf_fitter *f, size_t more) {
     relocation r;
     if (!f->model->count) return SF_OK;
     sf_status status = make_relocation(f, more, &r);
     if (status) return status;
-    find_places(f, more, &r);
+    find_places(f, &r);
     double sum = r.until[r.count - 1];
-    if (sum > 0 && r.places) {
-        for (size_t k = 0; k < r.places; k++) {
-            r.source[k] = find_source(&r, sum * sf_rng_uniform(&f->rng));
-            r.copies[r.source[k]]++;
-        }
-        for (size_t i = 0; i < r.count; i++)
-            if (r.copies[i]) correct(f, i, r.copies[i] + 1);
-        sf_model_resize(f->model, r.count + more);
-        for (size_t k = 0; k < r.places; k++) sf_copy_all(f, r.source[k], r.place[k]);
-    }
+    if (sum > 0 && r.moving) status = relocate(f, &r, sum);
     free_relocation(f->ctx, &r);
-    return SF_OK;
+    return status;
 }
 
 /* A Gaussian's noise in a step: of no other draw, so that no order matters. */

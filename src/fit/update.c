@@ -64,7 +64,8 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     sf_fitter *f = job->fitter;
     if (job->d_opacity > 0 || job->d_scale > 0) regularise(job, grads, first, end);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
-        if (!sf_field_stored(field, f->sh_degree)) continue; /* a band not in use has no gradient */
+        /* neither what these blocks lack nor a band that is not in use yet has a gradient */
+        if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         sf_moments_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
                         f->model->params.field[field] + at, grads->field[field], &job->step[field],

@@ -123,33 +123,41 @@ sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
     return status;
 }
 
+/* Whether there is room, and no more than the model itself has. */
+static int suits(const sf_model *best, const sf_model *model) {
+    for (int band = 0; band <= model->sh_degree; band++)
+        if (best->capacity[band] < model->banded[band] || best->capacity[band] > model->capacity[band])
+            return 0;
+    return 1;
+}
+
 /* The model as it is becomes the best one. */
 static sf_status keep(sf_fitter *f) {
     memcpy(f->best_background, f->background, sizeof f->background);
-    if (!f->best || f->best->capacity < f->model->count) {
+    if (!f->best || !suits(f->best, f->model)) {
         sf_model *best;
-        sf_status status = sf_model_copy(f->model, f->capacity, f->model->sh_degree, &best);
+        sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
         if (status) return status;
         sf_model_destroy(&f->best);
         f->best = best;
         return SF_OK;
     }
-    sf_model_resize(f->best, f->model->count);
-    for (size_t i = 0; i < f->model->count; i++) sf_params_copy(&f->model->params, i, &f->best->params, i);
+    sf_model_assign(f->best, f->model);
     return SF_OK;
 }
 
 /* The best model comes back; what the optimiser and growth knew belongs to the other one. */
-static void bring_back(sf_fitter *f) {
-    sf_model_resize(f->model, f->best->count);
-    for (size_t i = 0; i < f->best->count; i++) {
-        sf_params_copy(&f->best->params, i, &f->model->params, i);
-        sf_moments_forget(&f->moments, i);
-        f->screen_sum[i] = 0, f->screen_seen[i] = 0;
-    }
+static sf_status bring_back(sf_fitter *f) {
+    sf_status status = sf_fitter_room(f, f->best->banded);
+    if (status) return status;
+    sf_model_assign(f->model, f->best);
+    sf_moments_forget_all(&f->moments, f->model);
+    memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
+    memset(f->screen_seen, 0, f->model->count * sizeof *f->screen_seen);
     memcpy(f->background, f->best_background, sizeof f->background);
     f->validation_psnr = f->best_psnr;
     f->adam_before = f->step;
+    return SF_OK;
 }
 
 /* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer
@@ -188,12 +196,15 @@ static sf_status look(sf_fitter *f, double fraction) {
 
 /* The rates fall, and the views of validation are trained on: the model is to have seen all there is. It is
  * the present one, unless that has lost more than the noise that will settle. */
-static void join(sf_fitter *f) {
+static sf_status join(sf_fitter *f) {
     double most = sf_settles_early(f) ? 0 : FALL;
-    if (f->best && f->validation_psnr < f->best_psnr - most) bring_back(f);
+    sf_status status = SF_OK;
+    if (f->best && f->validation_psnr < f->best_psnr - most) status = bring_back(f);
+    if (status) return status;
     sf_model_destroy(&f->best);
     f->joined = 1;
     f->order_at = f->order_count; /* a pass over all of them begins */
+    return SF_OK;
 }
 
 static int why_over(const sf_fitter *f) {
@@ -209,15 +220,16 @@ static int is_time(const sf_fitter *f, double fraction) {
 
 sf_status sf_consider(sf_fitter *f, double fraction) {
     int watching = f->kept_out_count && !f->joined, over = fraction >= sf_end_of_run(f);
+    sf_status status = SF_OK;
     if (f->end == SF_FIT_TARGET) return SF_ERR_END;
     f->end = SF_FIT_GOES_ON;                               /* an ended run may have got more time */
     int joins = watching && !(f->options.target_psnr > 0); /* a target is looked for to the end */
     if (watching && (over || is_time(f, fraction) || (joins && fraction >= f->settle_from))) {
-        sf_status status = look(f, fraction);
+        status = look(f, fraction);
         if (status) return status;
     }
     if (over && !f->end) f->end = why_over(f);
-    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) bring_back(f);
-    if (!f->end && joins && fraction >= f->settle_from) join(f);
-    return f->end ? SF_ERR_END : SF_OK;
+    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) status = bring_back(f);
+    if (!f->end && joins && fraction >= f->settle_from) status = join(f);
+    return status ? status : f->end ? SF_ERR_END : SF_OK;
 }

@@ -9,38 +9,7 @@
 
 #include "../base/pool.h"
 
-enum {
-    GATHER = 1024, /* Gaussians a task */
-    TRIED = 16     /* views that a change is tried on */
-};
-
-/* Of the picture that was drawn last. */
-static double squares_of(const sf_workspace *ws) {
-    double squares = 0;
-    for (size_t y = 0; y < (size_t)ws->eye.height; y++)
-        for (int ch = 0; ch < SF_CHANNELS; ch++) {
-            const float *x = ws->rgb[ch] + y * ws->stride, *target = ws->target[ch] + y * ws->stride;
-            const float *weight = ws->has_weight ? ws->weight + y * ws->stride : NULL;
-            float row = 0;
-            for (size_t i = 0; i < (size_t)ws->eye.width; i++) {
-                float r = (weight ? weight[i] * x[i] : x[i]) - target[i];
-                row += r * r;
-            }
-            squares += (double)row;
-        }
-    return squares;
-}
-
-static sf_status add_squares(sf_fitter *f, sf_view_state *state, double pixels, void *squares) {
-    (void)state;
-    *(double *)squares += pixels * squares_of(&f->workspace);
-    return SF_OK;
-}
-
-sf_status sf_look_for_squares(sf_fitter *f, double *squares) {
-    *squares = 0;
-    return sf_look_at_views(f, TRIED, 0, add_squares, squares, NULL);
-}
+enum { GATHER = 1024 /* Gaussians a task */ };
 
 typedef struct weigh_job {
     sf_workspace *ws;
@@ -137,7 +106,7 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status) status = sf_look_at_views(f, views, 1, look_at, &job, &there);
+    if (!status) status = sf_look_at_views(f, views, 0, look_at, &job, &there);
     if (!status && views && views < there) scale_up(w, (double)there / (double)views);
     return status;
 }

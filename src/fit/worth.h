@@ -25,8 +25,4 @@ typedef struct sf_worth {
 sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
-/* The squared error of some views, always the same (at most 16, spread over those that are trained on), with
- * the model as it is. SF_ERR_MEMORY. */
-sf_status sf_look_for_squares(sf_fitter *fitter, double *squares);
-
 #endif

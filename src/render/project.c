@@ -1,8 +1,9 @@
 /* project.c - all Gaussians to the screen, and the gradient from there to the raw parameters. */
 #include "workspace.h"
 
+#include <string.h>
+
 #include "../base/pool.h"
-#include "../scene/gaussians.h"
 
 static size_t tasks_of(size_t count) {
     return (sf_blocks(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
@@ -19,6 +20,15 @@ static sf_status room(sf_workspace *ws, size_t count) {
     return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->gaussian_capacity, need);
 }
 
+/* The highest degree up to `most` in block `first`, and where the blocks of that degree end, at `end` at the
+ * latest. A block with Gaussians of several degrees counts by its highest: bands that a lane lacks are 0. */
+static size_t end_of_degree(const sf_workspace *ws, int most, size_t first, size_t end, int *degree) {
+    int d = most;
+    while (d && sf_blocks(ws->banded[d]) <= first) d--;
+    *degree = d;
+    return d && sf_blocks(ws->banded[d]) < end ? sf_blocks(ws->banded[d]) : end;
+}
+
 typedef struct project_job {
     sf_workspace *ws;
     sf_project_args args;
@@ -26,10 +36,15 @@ typedef struct project_job {
 
 static void project_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    project_job *job = job_pointer;
-    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(job->ws->count);
+    const project_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    sf_project_args args = job->args;
+    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(ws->count);
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
-    job->ws->ctx->kernels->project(&job->args, first, end);
+    for (size_t until; first < end; first = until) {
+        until = end_of_degree(ws, ws->sh_degree, first, end, &args.sh_degree);
+        ws->ctx->kernels->project(&args, first, until);
+    }
 }
 
 static sf_project_args project_args(const sf_workspace *ws) {
@@ -43,12 +58,13 @@ static sf_project_args project_args(const sf_workspace *ws) {
                              .rows = ws->rows};
 }
 
-sf_status sf_stage_project(sf_workspace *ws, const sf_params *params, size_t count, int sh_degree,
-                           int antialiased) {
+sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degree, int antialiased) {
+    size_t count = model->count;
     sf_status status = room(ws, count);
     if (status) return status;
-    ws->params = *params;
+    ws->params = model->params;
     ws->count = count;
+    memcpy(ws->banded, model->banded, sizeof ws->banded);
     ws->sh_degree = sh_degree;
     ws->antialiased = antialiased;
     project_job job = {ws, project_args(ws)};
@@ -73,22 +89,46 @@ typedef struct project_bwd_job {
     void *user;
 } project_bwd_job;
 
-static void project_bwd_task(void *job_pointer, size_t task, int thread) {
-    project_bwd_job *job = job_pointer;
-    sf_project_bwd_args args = job->args;
-    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(job->ws->count);
-    size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
-    args.camera = job->camera ? job->camera + SF_CAMERA_SUMS * task : NULL;
-    args.not_finite = &job->ws->partial_count[task];
-    float *at = job->ws->grads + (size_t)thread * grads_size();
-    for (int field = 0; field < SF_FIELD_COUNT; field++) {
-        args.grads.field[field] = job->ws->params.field[field] ? at : NULL;
+/* The fields of a degree to a thread's part of the room for gradients. */
+static sf_params grads_of(const sf_workspace *ws, int thread, int degree) {
+    sf_params grads = {{NULL}};
+    float *at = ws->grads + (size_t)thread * grads_size();
+    for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, degree); field++) {
+        grads.field[field] = at;
         at += sf_field_components(field) * SF_LANES * SF_GRAD_BLOCKS;
     }
-    for (size_t b = first; b < end; b += SF_GRAD_BLOCKS) {
-        size_t until = b + SF_GRAD_BLOCKS < end ? b + SF_GRAD_BLOCKS : end;
-        job->ws->ctx->kernels->project_bwd(&args, b, until);
-        job->take(job->user, &args.grads, b, until);
+    return grads;
+}
+
+/* What lacks a band but shares the last block of it has no gradient there. */
+static void clear_lacking(const sf_workspace *ws, const sf_params *grads, int degree, size_t first,
+                          size_t end) {
+    for (int band = 1; band <= degree; band++) {
+        int n = sf_field_components(SF_FIELD_sh0 + band);
+        float *values = grads->field[SF_FIELD_sh0 + band];
+        size_t from = ws->banded[band] > first * SF_LANES ? ws->banded[band] : first * SF_LANES;
+        for (size_t i = from; i < end * SF_LANES; i++)
+            for (int c = 0; c < n; c++) values[sf_at(i - first * SF_LANES, n, c)] = 0;
+    }
+}
+
+static void project_bwd_task(void *job_pointer, size_t task, int thread) {
+    project_bwd_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    sf_project_bwd_args args = job->args;
+    size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(ws->count);
+    size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
+    args.camera = job->camera ? job->camera + SF_CAMERA_SUMS * task : NULL;
+    args.not_finite = &ws->partial_count[task];
+    for (size_t until; first < end; first = until) {
+        int degree;
+        until = first + SF_GRAD_BLOCKS < end ? first + SF_GRAD_BLOCKS : end;
+        until = end_of_degree(ws, SF_MAX_SH_DEGREE, first, until, &degree);
+        args.forward.sh_degree = degree < ws->sh_degree ? degree : ws->sh_degree;
+        args.grads = grads_of(ws, thread, degree);
+        ws->ctx->kernels->project_bwd(&args, first, until);
+        clear_lacking(ws, &args.grads, args.forward.sh_degree, first, until);
+        job->take(job->user, &args.grads, first, until);
     }
 }
 

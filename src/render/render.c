@@ -5,17 +5,15 @@
 #include <math.h>
 #include <string.h>
 
-#include "../scene/gaussians.h"
-
 struct sf_renderer {
     sf_context *ctx;
     sf_workspace picture;    /* of sf_render */
     sf_workspace comparison; /* of sf_loss and sf_compare */
     sf_params grads;
-    size_t grad_capacity;
-    int grad_degree;
+    size_t grad_room[SF_BANDS]; /* Gaussians with a band, at least */
+    int grad_degree, has_grads;
     int rendered; /* the workspace holds a picture */
-    size_t count;
+    size_t banded[SF_BANDS];
     int stored_degree;
 };
 
@@ -57,7 +55,7 @@ sf_status sf_forward(sf_workspace *ws, const sf_model *model, const sf_camera *c
                        model->sh_degree);
     int antialiased = options->antialiased < 0 ? model->antialiased : options->antialiased != 0;
     sf_status status = sf_workspace_look(ws, camera, options->near_plane);
-    if (!status) status = sf_stage_project(ws, &model->params, model->count, degree, antialiased);
+    if (!status) status = sf_stage_project(ws, model, degree, antialiased);
     if (!status) status = sf_stage_bin(ws);
     if (!status) sf_stage_blend(ws, options->background, with_depth);
     return status;
@@ -71,22 +69,24 @@ sf_status sf_render(sf_renderer *renderer, const sf_model *model, const sf_camer
         sf_forward(&renderer->picture, model, camera, options ? options : &defaults, out->depth != NULL);
     if (status) return status;
     renderer->rendered = 1;
-    renderer->count = model->count;
+    memcpy(renderer->banded, model->banded, sizeof renderer->banded);
     renderer->stored_degree = model->sh_degree;
     sf_copy_out(&renderer->picture, out);
     return SF_OK;
 }
 
 static sf_status gradient_room(sf_renderer *renderer, const sf_model *model) {
-    if (model->count <= renderer->grad_capacity && model->sh_degree == renderer->grad_degree &&
-        renderer->grad_capacity)
-        return SF_OK;
+    int enough = renderer->has_grads && model->sh_degree == renderer->grad_degree;
+    for (int band = 0; band < SF_BANDS; band++)
+        enough = enough && model->banded[band] <= renderer->grad_room[band];
+    if (enough) return SF_OK;
     sf_params_destroy(renderer->ctx, &renderer->grads);
-    renderer->grad_capacity = 0;
-    sf_status status = sf_params_create(renderer->ctx, model->count, model->sh_degree, &renderer->grads);
+    renderer->has_grads = 0;
+    sf_status status = sf_params_create(renderer->ctx, model->banded, model->sh_degree, &renderer->grads);
     if (status) return status;
-    renderer->grad_capacity = sf_blocks(model->count) * SF_LANES;
+    memcpy(renderer->grad_room, model->banded, sizeof renderer->grad_room);
     renderer->grad_degree = model->sh_degree;
+    renderer->has_grads = 1;
     return SF_OK;
 }
 
@@ -104,7 +104,8 @@ static void keep_grads(void *renderer_pointer, const sf_params *grads, size_t fi
 sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                              const sf_render_grads *grads) {
     sf_workspace *ws = &renderer->picture;
-    if (!renderer->rendered || model->count != renderer->count || model->sh_degree != renderer->stored_degree)
+    if (!renderer->rendered || memcmp(model->banded, renderer->banded, sizeof model->banded) ||
+        model->sh_degree != renderer->stored_degree)
         return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "model: not the one that was rendered last");
     sf_status status = gradient_room(renderer, model);
     if (status) return status;
@@ -116,7 +117,8 @@ sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const
     if (!status && grads->pose) memcpy(grads->pose, camera, 6 * sizeof *camera);
     if (!status && grads->focal) memcpy(grads->focal, camera + 6, 2 * sizeof *camera);
     if (!status && grads->background) status = sf_stage_background_bwd(ws, grads->background);
-    if (!status) sf_params_get(&renderer->grads, model->sh_degree, 0, model->count, &grads->gaussians);
+    if (!status)
+        sf_params_get(&renderer->grads, model->banded, model->sh_degree, 0, model->count, &grads->gaussians);
     return status;
 }
 

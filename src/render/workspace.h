@@ -9,6 +9,7 @@
 
 #include "../base/context.h"
 #include "../kernels/kernels.h"
+#include "../scene/gaussians.h"
 
 #include <splatfit/camera.h>
 #include <splatfit/render.h>
@@ -39,6 +40,7 @@ typedef struct sf_workspace {
 
     /* Gaussians, [n] padded to SF_LANES */
     size_t count, gaussian_capacity;
+    size_t banded[SF_BANDS]; /* as the model's */
     int sh_degree, antialiased;
     sf_params params;
     sf_splat *splats;
@@ -86,8 +88,9 @@ sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float nea
 sf_status sf_workspace_loss_room(sf_workspace *ws);
 
 /* The stages, in order. Those that return a status make room when the picture or the model has grown. */
-sf_status sf_stage_project(sf_workspace *ws, const sf_params *params, size_t count, int sh_degree,
-                           int antialiased);
+/* sh_degree: bands to use of those that a Gaussian has, no higher than the model's. The model's arrays must
+ * stand until the way back is done. */
+sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degree, int antialiased);
 sf_status sf_stage_bin(sf_workspace *ws);
 void sf_stage_blend(sf_workspace *ws, const float background[3], int with_depth);
 
@@ -100,7 +103,8 @@ sf_status sf_stage_blend_bwd(sf_workspace *ws);
 /* The sums of blend_worth in the slots, of ws->d_rgb and ws->weight, which is 0 beyond the picture. */
 sf_status sf_stage_blend_worth(sf_workspace *ws);
 /* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
- * grads' arrays. Called on the pool's threads, for each block once. */
+ * grads' arrays, of which those are NULL whose band none of these blocks has; lanes that lack a band have 0.
+ * Called on the pool's threads, for each block once. */
 typedef void (*sf_grads_fn)(void *user, const sf_params *grads, size_t first, size_t end);
 /* camera: NULL or [SF_CAMERA_SUMS], overwritten. A failure comes before the first call of `take`. */
 sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn take, void *user);

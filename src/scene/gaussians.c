@@ -11,16 +11,18 @@ int sf_field_components(int field) { return field_components[field]; }
 
 int sf_field_stored(int field, int sh_degree) { return field <= SF_FIELD_sh0 + sh_degree; }
 
-sf_status sf_params_create(sf_context *ctx, size_t capacity, int sh_degree, sf_params *params) {
+sf_status sf_field_resize(sf_context *ctx, int field, void *array_pointer, size_t used, size_t room) {
+    size_t block = (size_t)field_components[field] * SF_LANES * sizeof(float);
+    return sf_resize(ctx, array_pointer, sf_blocks(used), sf_blocks(room), block);
+}
+
+sf_status sf_params_create(sf_context *ctx, const size_t room[SF_BANDS], int sh_degree, sf_params *params) {
     memset(params, 0, sizeof *params);
-    for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, sh_degree); f++) {
-        size_t lane_bytes = (size_t)field_components[f] * SF_LANES * sizeof(float);
-        params->field[f] = sf_calloc(ctx, sf_blocks(capacity), lane_bytes);
-        if (!params->field[f]) {
+    for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, sh_degree); f++)
+        if (sf_field_resize(ctx, f, &params->field[f], 0, room[sf_field_band(f)])) {
             sf_params_destroy(ctx, params);
             return SF_ERR_MEMORY;
         }
-    }
     return SF_OK;
 }
 
@@ -29,45 +31,61 @@ void sf_params_destroy(sf_context *ctx, sf_params *params) {
     memset(params, 0, sizeof *params);
 }
 
-void sf_params_copy(const sf_params *source, size_t from, const sf_params *params, size_t to) {
-    for (int f = 0; f < SF_FIELD_COUNT; f++)
-        for (int c = 0; params->field[f] && c < field_components[f]; c++)
-            params->field[f][sf_at(to, field_components[f], c)] =
-                source->field[f][sf_at(from, field_components[f], c)];
+/* Lanes first .. end-1 of a field. */
+static void set_neutral(const sf_params *params, int field, size_t first, size_t end) {
+    float *array = params->field[field];
+    int n = field_components[field];
+    for (size_t i = first; i < end; i++) {
+        for (int c = 0; c < n; c++) array[sf_at(i, n, c)] = 0;
+        if (field == SF_FIELD_quat) array[sf_at(i, n, 0)] = 1;
+        if (field == SF_FIELD_logit_opacity) array[i] = SF_INVISIBLE;
+    }
 }
 
-static void set_neutral(sf_model *model, size_t i) {
-    for (int f = 0; f < SF_FIELD_COUNT; f++)
-        for (int c = 0; model->params.field[f] && c < field_components[f]; c++)
-            model->params.field[f][sf_at(i, field_components[f], c)] = 0;
-    model->params.field[SF_FIELD_quat][sf_at(i, 4, 0)] = 1;
-    model->params.field[SF_FIELD_logit_opacity][i] = SF_INVISIBLE;
-}
-
-sf_status sf_model_create_room(sf_context *ctx, size_t capacity, int sh_degree, sf_model **out) {
+sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS], size_t capacity,
+                                 int sh_degree, sf_model **out) {
     *out = NULL;
-    if (sh_degree < 0 || sh_degree > SF_MAX_SH_DEGREE)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "sh_degree: %d is not in 0..%d", sh_degree, SF_MAX_SH_DEGREE);
     if (capacity > INT32_MAX - SF_LANES)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "count: %zu Gaussians are more than 2^31 - 17", capacity);
     sf_model *model = sf_calloc(ctx, 1, sizeof *model);
     if (!model) return SF_ERR_MEMORY;
     model->ctx = ctx;
     model->sh_degree = sh_degree;
-    model->capacity = sf_blocks(capacity) * SF_LANES;
-    if (sf_params_create(ctx, capacity, sh_degree, &model->params)) {
-        sf_free(ctx, model);
-        return SF_ERR_MEMORY;
+    for (int band = 0; band <= sh_degree; band++) {
+        int by_all = banded[band] == banded[0];
+        sf_status status = sf_model_set_room(model, band, by_all ? capacity : banded[band]);
+        if (!status) continue;
+        sf_model_destroy(&model);
+        return status;
     }
-    for (size_t i = 0; i < model->capacity; i++) set_neutral(model, i);
+    model->count = banded[0];
+    memcpy(model->banded, banded, sizeof model->banded);
     *out = model;
     return SF_OK;
 }
 
+/* The capacity is never more than what all arrays of the band have. */
+sf_status sf_model_set_room(sf_model *model, int band, size_t room) {
+    sf_params *p = &model->params;
+    size_t used = model->banded[band], whole = sf_blocks(room) * SF_LANES;
+    if (model->capacity[band] > whole) model->capacity[band] = whole;
+    for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
+        if (sf_field_band(f) != band) continue;
+        sf_status status = sf_field_resize(model->ctx, f, &p->field[f], used, room);
+        if (status) return status;
+        set_neutral(p, f, used, whole);
+    }
+    model->capacity[band] = whole;
+    return SF_OK;
+}
+
 sf_status sf_model_create(sf_context *ctx, size_t count, int sh_degree, sf_model **model) {
-    sf_status status = sf_model_create_room(ctx, count, sh_degree, model);
-    if (!status) (*model)->count = count;
-    return status;
+    size_t banded[SF_BANDS] = {0};
+    *model = NULL;
+    if (sh_degree < 0 || sh_degree > SF_MAX_SH_DEGREE)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "sh_degree: %d is not in 0..%d", sh_degree, SF_MAX_SH_DEGREE);
+    for (int band = 0; band <= sh_degree; band++) banded[band] = count;
+    return sf_model_create_banded(ctx, banded, count, sh_degree, model);
 }
 
 void sf_model_destroy(sf_model **model_pointer) {
@@ -79,20 +97,53 @@ void sf_model_destroy(sf_model **model_pointer) {
 }
 
 void sf_model_resize(sf_model *model, size_t count) {
-    for (size_t i = count; i < model->count; i++) set_neutral(model, i);
+    for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++)
+        set_neutral(&model->params, f, count, model->banded[sf_field_band(f)]);
+    for (int band = 0; band < SF_BANDS; band++)
+        if (model->banded[band] > count) model->banded[band] = count;
     model->count = count;
 }
 
-sf_status sf_model_copy(const sf_model *model, size_t capacity, int sh_degree, sf_model **copy) {
-    sf_status status = sf_model_create_room(model->ctx, capacity, sh_degree, copy);
+/* Whole blocks of all fields that both store. */
+static void copy_fields(const sf_model *from, const sf_model *to) {
+    for (int f = 0; f < SF_FIELD_COUNT; f++) {
+        size_t count = from->banded[sf_field_band(f)];
+        if (count && to->params.field[f])
+            memcpy(to->params.field[f], from->params.field[f], sf_field_values(f, count) * sizeof(float));
+    }
+}
+
+sf_status sf_model_copy(const sf_model *model, size_t capacity, sf_model **copy) {
+    sf_status status = sf_model_create_banded(model->ctx, model->banded, capacity, model->sh_degree, copy);
+    if (!status) sf_model_assign(*copy, model);
+    return status;
+}
+
+sf_status sf_model_copy_whole(const sf_model *model, int sh_degree, sf_model **copy) {
+    sf_status status = sf_model_create(model->ctx, model->count, sh_degree, copy);
     if (status) return status;
-    for (int f = 0; f < SF_FIELD_COUNT; f++)
-        if (model->params.field[f] && (*copy)->params.field[f])
-            memcpy((*copy)->params.field[f], model->params.field[f],
-                   sf_blocks(model->count) * SF_LANES * (size_t)field_components[f] * sizeof(float));
-    (*copy)->count = model->count;
+    copy_fields(model, *copy);
     (*copy)->antialiased = model->antialiased;
     return SF_OK;
+}
+
+void sf_model_assign(sf_model *model, const sf_model *from) {
+    sf_model_resize(model, 0);
+    copy_fields(from, model);
+    model->count = from->count;
+    memcpy(model->banded, from->banded, sizeof model->banded);
+    model->antialiased = from->antialiased;
+}
+
+void sf_model_arrange(sf_model *model, const sf_order *order) {
+    for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
+        size_t had = model->banded[sf_field_band(f)], now = order->banded[sf_field_band(f)];
+        size_t end = sf_blocks(had > now ? had : now) * SF_LANES;
+        sf_field_arrange(f, model->params.field[f], had, order);
+        set_neutral(&model->params, f, now, end);
+    }
+    memcpy(model->banded, order->banded, sizeof model->banded);
+    model->count = order->banded[0];
 }
 
 size_t sf_model_count(const sf_model *model) { return model->count; }
@@ -106,24 +157,41 @@ typedef void (*move_fn)(float *blocked, float *plain);
 static void take(float *blocked, float *plain) { *blocked = *plain; }
 static void give(float *blocked, float *plain) { *plain = *blocked; }
 
-static void move_field(const sf_params *params, int field, size_t first, size_t count, float *plain,
-                       size_t stride, size_t at, move_fn move) {
+/* A range of Gaussians, in both forms. */
+typedef struct walk {
+    const sf_params *params;
+    const size_t *banded;
+    int sh_degree;
+    size_t first, count;
+    const sf_gaussians *plain;
+    move_fn move;
+} walk;
+
+static void move_field(const walk *w, int field, float *plain, size_t stride, size_t at) {
     int n = field_components[field];
-    for (size_t i = 0; plain && i < count; i++)
-        for (int c = 0; c < n; c++)
-            move(&params->field[field][sf_at(first + i, n, c)], &plain[i * stride + at + (size_t)c]);
+    size_t banded = w->banded[sf_field_band(field)];
+    float lacking = 0; /* given as 0; what is taken has been checked to be 0 */
+    for (size_t i = 0; plain && i < w->count; i++)
+        for (int c = 0; c < n; c++) {
+            int has = w->first + i < banded;
+            w->move(has ? &w->params->field[field][sf_at(w->first + i, n, c)] : &lacking,
+                    &plain[i * stride + at + (size_t)c]);
+        }
 }
 
-static void move_all(const sf_params *params, int sh_degree, size_t first, size_t count,
-                     const sf_gaussians *g, move_fn move) {
-    static const size_t band_at[] = {0, 3, 12, 27};
-    size_t sh_stride = 3 * (size_t)(sh_degree + 1) * (size_t)(sh_degree + 1);
-    move_field(params, SF_FIELD_mean, first, count, g->means, 3, 0, move);
-    move_field(params, SF_FIELD_quat, first, count, g->quats, 4, 0, move);
-    move_field(params, SF_FIELD_log_scale, first, count, g->log_scales, 3, 0, move);
-    move_field(params, SF_FIELD_logit_opacity, first, count, g->logit_opacities, 1, 0, move);
-    for (int band = 0; band <= sh_degree; band++)
-        move_field(params, SF_FIELD_sh0 + band, first, count, g->sh, sh_stride, band_at[band], move);
+/* Where the coefficients of each band begin. */
+static const size_t band_at[SF_BANDS + 1] = {0, 3, 12, 27, 48};
+
+static size_t sh_values(int sh_degree) { return band_at[sh_degree + 1]; }
+
+static void move_all(const walk *w) {
+    const sf_gaussians *g = w->plain;
+    move_field(w, SF_FIELD_mean, g->means, 3, 0);
+    move_field(w, SF_FIELD_quat, g->quats, 4, 0);
+    move_field(w, SF_FIELD_log_scale, g->log_scales, 3, 0);
+    move_field(w, SF_FIELD_logit_opacity, g->logit_opacities, 1, 0);
+    for (int band = 0; band <= w->sh_degree; band++)
+        move_field(w, SF_FIELD_sh0 + band, g->sh, sh_values(w->sh_degree), band_at[band]);
 }
 
 static sf_status check_range(const sf_model *model, size_t first, size_t count) {
@@ -132,19 +200,37 @@ static sf_status check_range(const sf_model *model, size_t first, size_t count) 
                    model->count);
 }
 
+/* Values for bands that a Gaussian lacks would be lost. */
+static sf_status check_bands(const sf_model *model, size_t first, size_t count, const float *sh) {
+    size_t stride = sh_values(model->sh_degree);
+    for (size_t i = 0; sh && i < count; i++) {
+        int degree = sf_degree_of(model, first + i);
+        for (size_t k = sh_values(degree); k < stride; k++)
+            if (sh[i * stride + k] != 0)
+                return sf_fail(model->ctx, SF_ERR_ARGUMENT,
+                               "sh: Gaussian %zu is packed to degree %d and cannot take %g of a higher one",
+                               first + i, degree, (double)sh[i * stride + k]);
+    }
+    return SF_OK;
+}
+
 sf_status sf_model_set(sf_model *model, size_t first, size_t count, const sf_gaussians *from) {
     sf_status status = check_range(model, first, count);
-    if (!status) move_all(&model->params, model->sh_degree, first, count, from, take);
-    return status;
+    if (!status) status = check_bands(model, first, count, from->sh);
+    if (status) return status;
+    walk w = {&model->params, model->banded, model->sh_degree, first, count, from, take};
+    move_all(&w);
+    return SF_OK;
 }
 
 sf_status sf_model_get(const sf_model *model, size_t first, size_t count, const sf_gaussians *to) {
     sf_status status = check_range(model, first, count);
-    if (!status) sf_params_get(&model->params, model->sh_degree, first, count, to);
+    if (!status) sf_params_get(&model->params, model->banded, model->sh_degree, first, count, to);
     return status;
 }
 
-void sf_params_get(const sf_params *params, int sh_degree, size_t first, size_t count,
-                   const sf_gaussians *to) {
-    move_all(params, sh_degree, first, count, to, give);
+void sf_params_get(const sf_params *params, const size_t banded[SF_BANDS], int sh_degree, size_t first,
+                   size_t count, const sf_gaussians *to) {
+    walk w = {params, banded, sh_degree, first, count, to, give};
+    move_all(&w);
 }

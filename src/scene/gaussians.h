@@ -1,4 +1,8 @@
-/* gaussians.h - the inside of sf_model: the fields as the kernels take them. */
+/* gaussians.h - the inside of sf_model: the fields as the kernels take them.
+ *
+ * Gaussians stand in the order of falling SH degree, so that those with a band are the first ones: the array
+ * of a band ends with the last Gaussian that has it.
+ */
 #ifndef SF_SCENE_GAUSSIANS_H
 #define SF_SCENE_GAUSSIANS_H
 
@@ -13,39 +17,96 @@
 /* Greatest |log-scale|: beyond it a file hurts other tools, and is not written. */
 #define SF_LOG_SCALE_MOST 20.0f
 
+enum { SF_BANDS = SF_MAX_SH_DEGREE + 1 };
+
 struct sf_model {
     sf_context *ctx;
-    size_t count, capacity; /* Gaussians; arrays hold capacity, a multiple of SF_LANES */
-    int sh_degree;
+    int sh_degree; /* the highest that a Gaussian may have */
     int antialiased;
-    sf_params params; /* lanes count .. capacity-1 are neutral */
+    size_t count;              /* Gaussians */
+    size_t banded[SF_BANDS];   /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
+                                  above sh_degree */
+    size_t capacity[SF_BANDS]; /* Gaussians that the arrays of a band have room for, multiples of SF_LANES;
+                                  all other fields go with band 0 */
+    sf_params params;          /* lanes banded[b] .. capacity[b]-1 are neutral */
 };
 
-/* Components of a field, and whether a model of a degree stores it. */
+/* Components of a field, whether a model of a degree stores it, and the band that it goes with. */
 int sf_field_components(int field);
 int sf_field_stored(int field, int sh_degree);
-
-/* Arrays for `capacity` Gaussians (rounded up to SF_LANES), zeroed. On failure none is left. */
-sf_status sf_params_create(sf_context *ctx, size_t capacity, int sh_degree, sf_params *params);
-void sf_params_destroy(sf_context *ctx, sf_params *params);
-
-/* Copies Gaussian `from` of `source` to Gaussian `to` of `params`; both store the same fields. */
-void sf_params_copy(const sf_params *source, size_t from, const sf_params *params, size_t to);
+static inline int sf_field_band(int field) { return field > SF_FIELD_sh0 ? field - SF_FIELD_sh0 : 0; }
 
 /* Blocks of SF_LANES that hold `count` Gaussians. */
 static inline size_t sf_blocks(size_t count) { return (count + SF_LANES - 1) / SF_LANES; }
 
-/* A model with room for `capacity` and none used yet. */
-sf_status sf_model_create_room(sf_context *ctx, size_t capacity, int sh_degree, sf_model **model);
+/* Values of a field's array, of whole blocks, for `count` Gaussians. */
+static inline size_t sf_field_values(int field, size_t count) {
+    return sf_blocks(count) * SF_LANES * (size_t)sf_field_components(field);
+}
 
-/* Sets count <= capacity; lanes that leave become neutral. */
+/* Arrays for room[b] Gaussians with band b (rounded up to SF_LANES), zeroed. On failure none is left. */
+sf_status sf_params_create(sf_context *ctx, const size_t room[SF_BANDS], int sh_degree, sf_params *params);
+void sf_params_destroy(sf_context *ctx, sf_params *params);
+
+/* A new array of a field, of values of 4 bytes: room for `room` Gaussians, the first `used` as they were, the
+ * others 0. On failure the old one stays. */
+sf_status sf_field_resize(sf_context *ctx, int field, void *array_pointer, size_t used, size_t room);
+
+/* A model of neutral Gaussians, banded[b] of them with band b, with room for `capacity` >= banded[0]; of the
+ * bands that not all have, for those that have them. */
+sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS], size_t capacity,
+                                 int sh_degree, sf_model **model);
+
+/* Room for `room` Gaussians, at least those that there are, in the arrays of a band; less where it was more.
+ * On failure the model is what it was. */
+sf_status sf_model_set_room(sf_model *model, int band, size_t room);
+
+/* Keeps the first `count` <= the model's; lanes that leave become neutral. */
 void sf_model_resize(sf_model *model, size_t count);
 
-/* A copy with room for `capacity` >= count and bands up to sh_degree (new ones 0, lost ones dropped). */
-sf_status sf_model_copy(const sf_model *model, size_t capacity, int sh_degree, sf_model **copy);
+/* A copy, each Gaussian of its degree, with room as above. */
+sf_status sf_model_copy(const sf_model *model, size_t capacity, sf_model **copy);
+/* A copy in which all Gaussians have all bands up to sh_degree (new ones 0, higher ones dropped). */
+sf_status sf_model_copy_whole(const sf_model *model, int sh_degree, sf_model **copy);
+/* The Gaussians of another model of the same sh_degree, for which there is room. */
+void sf_model_assign(sf_model *model, const sf_model *from);
 
-/* Copies from blocked arrays to the caller's plain ones, and back. */
-void sf_params_get(const sf_params *params, int sh_degree, size_t first, size_t count,
-                   const sf_gaussians *to);
+/* Copies from blocked arrays to the caller's plain ones; 0 for bands that a Gaussian lacks. */
+void sf_params_get(const sf_params *params, const size_t banded[SF_BANDS], int sh_degree, size_t first,
+                   size_t count, const sf_gaussians *to);
+
+/* The SH degree of Gaussian i. */
+int sf_degree_of(const sf_model *model, size_t i);
+
+/* arrange.c: which Gaussian comes from where. */
+
+/* A copy of Gaussian `from`, with the bands up to `degree`. */
+typedef struct sf_place {
+    uint32_t from;
+    uint8_t degree;
+} sf_place;
+
+/* Places in the order of falling degree. */
+typedef struct sf_order {
+    uint32_t *from;          /* [banded[0]] */
+    size_t banded[SF_BANDS]; /* afterwards */
+    size_t unmoved;          /* the first so many stay where they are */
+    void *scratch;           /* room for the array of any field, from unmoved's block on */
+} sf_order;
+
+/* Sorts n places stably by falling degree. where[k] (may be NULL): the index that places[k] gets.
+ * sf_order_free releases it, also after a failure. */
+sf_status sf_order_create(sf_context *ctx, const sf_place *places, size_t n, uint32_t *where,
+                          sf_order *order);
+/* The room that the order takes for the rearranging, without which nothing may be rearranged. */
+sf_status sf_order_prepare(sf_context *ctx, sf_order *order);
+void sf_order_free(sf_context *ctx, sf_order *order);
+
+/* Rearranges the array of a field, of values of 4 bytes, in which `had` Gaussians were; it has room for
+ * those that there will be. Who had no value gets 0. */
+void sf_field_arrange(int field, void *array, size_t had, const sf_order *order);
+/* Rearranges a whole model, which has room; and an array of `count` values of at most 16 bytes beside it. */
+void sf_model_arrange(sf_model *model, const sf_order *order);
+void sf_values_arrange(void *values, size_t size, size_t count, const sf_order *order);
 
 #endif

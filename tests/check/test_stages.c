@@ -60,7 +60,7 @@ static step run(sf_workspace *ws, const sf_model *model, const test_ref_scene *s
         assert_non_null(s.grads[field]);
     }
     assert_ok(ws->ctx, sf_workspace_look(ws, &scene->camera, (float)scene->near_plane));
-    assert_ok(ws->ctx, sf_stage_project(ws, &model->params, model->count, model->sh_degree, 0));
+    assert_ok(ws->ctx, sf_stage_project(ws, model, model->sh_degree, 0));
     assert_ok(ws->ctx, sf_stage_bin(ws));
     sf_stage_blend(ws, background, 1);
     assert_ok(ws->ctx, sf_workspace_loss_room(ws));

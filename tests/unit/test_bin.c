@@ -21,7 +21,7 @@ static void bin(const test_ref_scene *scene, int threads, binned *b) {
     b->model = test_model_of(b->ctx, scene);
     sf_workspace_init(&b->ws, b->ctx);
     assert_ok(b->ctx, sf_workspace_look(&b->ws, &scene->camera, (float)scene->near_plane));
-    assert_ok(b->ctx, sf_stage_project(&b->ws, &b->model->params, scene->count, scene->sh_degree, 0));
+    assert_ok(b->ctx, sf_stage_project(&b->ws, b->model, scene->sh_degree, 0));
     assert_ok(b->ctx, sf_stage_bin(&b->ws));
 }
 
@@ -221,7 +221,7 @@ static void workspace_can_be_used_again(void **state) {
         binned fresh;
         bin(scene, 2, &fresh);
         assert_ok(again.ctx, sf_workspace_look(&again.ws, &scene->camera, (float)scene->near_plane));
-        assert_ok(again.ctx, sf_stage_project(&again.ws, &fresh.model->params, scene->count, 0, 0));
+        assert_ok(again.ctx, sf_stage_project(&again.ws, fresh.model, 0, 0));
         assert_ok(again.ctx, sf_stage_bin(&again.ws));
         assert_same_lists(&again.ws, &fresh.ws);
         unbin(&fresh);

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "base/hash.h"
+#include "fit/fitter.h"
 
 #define SCENE "sim:studio?width=64&height=48&frames=9"
 
@@ -238,6 +239,58 @@ static void test_same_bytes_when_stopped(void **state) {
     options.lr_mean = 0.05;
     options.lr_mean_final = 1;
     assert_int_equal(check_interrupted_every(&options, 23), SF_FIT_VALIDATION);
+}
+
+/* Gaussian i gets degree (i + shift) % 4, shift counting upwards. */
+static void mix_degrees(const run *r, size_t shift) {
+    sf_fitter *f = r->fitter;
+    sf_place *places = calloc(f->model->count, sizeof *places);
+    assert_non_null(places);
+    for (size_t i = 0; i < f->model->count; i++)
+        places[i] = (sf_place){(uint32_t)i, (uint8_t)((i + shift) % 4)};
+    assert_ok(r->ctx, sf_arrange(f, places, f->model->count, NULL));
+    free(places);
+}
+
+/* Degrees that differ, and change in the course of a run that keeps its best model: N + N steps are 2N. */
+static void check_degrees(int moments) {
+    const char *path = test_path("d");
+    int64_t half = whole() / 4;
+    sf_fit_options options = short_fit(2 * half);
+    options.grow_every = 3;
+    options.validate = 4;
+    options.moments = moments;
+    content expected = {0};
+    for (int64_t at = -1; at <= half; at += half / 2) { /* interrupted at step half + at; the first is not */
+        run r = start(2, &options);
+        mix_degrees(&r, 0);
+        take_steps(&r, half);
+        mix_degrees(&r, 1);
+        if (at >= 0) {
+            size_t degrees[4], back[4];
+            take_steps(&r, at);
+            assert_ok(r.ctx, sf_fitter_save(r.fitter, path));
+            sf_model_degrees(r.fitter->model, degrees);
+            end(&r);
+            r = go_on(1, path);
+            sf_model_degrees(r.fitter->model, back);
+            assert_true(degrees[0] && degrees[1] && degrees[2] && degrees[3]);
+            assert_memory_equal(back, degrees, sizeof back);
+        }
+        assert_ok(r.ctx, sf_fitter_run(r.fitter, NULL, NULL));
+        if (at < 0)
+            expected = model_of(&r), at = -(half / 2);
+        else
+            assert_same(&expected, model_of(&r));
+        end(&r);
+    }
+    free(expected.data);
+}
+
+static void test_same_bytes_of_mixed_degrees(void **state) {
+    (void)state;
+    check_degrees(SF_MOMENTS_FLOAT);
+    check_degrees(SF_MOMENTS_HALF);
 }
 
 /* A checkpoint of a checkpoint is the same but for its time; saving changes nothing. */
@@ -822,6 +875,7 @@ int main(void) {
         cmocka_unit_test(test_same_bytes_otherwise),
         cmocka_unit_test(test_same_bytes_however_grown),
         cmocka_unit_test(test_same_bytes_with_half_moments),
+        cmocka_unit_test(test_same_bytes_of_mixed_degrees),
         cmocka_unit_test(test_again_and_again),
         cmocka_unit_test(test_same_bytes_when_stopped),
         cmocka_unit_test(test_gone_on_model),

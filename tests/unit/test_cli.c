@@ -948,6 +948,8 @@ static void test_info(void **state) {
     (void)state;
     outcome o = run_ok("info", "good.ply");
     test_assert_contains(o.out, "5 Gaussians, SH degree 1", __FILE__, __LINE__);
+    test_assert_contains(o.out, " of degree 0, ", __FILE__, __LINE__);
+    test_assert_contains(o.out, "floats  ", __FILE__, __LINE__);
     assert_string_equal(o.err, "");
     free_outcome(&o);
     o = run_ok("info", "good");

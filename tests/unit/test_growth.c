@@ -245,7 +245,6 @@ static void test_picture_stays(void **state) {
     sf_fitter *f = fitter_of(ctx, scene, balls, 4, &options);
     f->model->params.field[SF_FIELD_mean][sf_at(3, 3, 0)] = NAN; /* dead too */
     ((float *)f->moments.part[0][SF_FIELD_mean])[sf_at(2, 3, 1)] = 1;
-    assert_ok(ctx, sf_fitter_room(f, 6));
     draw(ctx, f->model, 0, before);
     assert_ok(ctx, sf_relocate(f, 2));
     draw(ctx, f->model, 0, after);

@@ -249,8 +249,7 @@ static void bin(const test_ref_scene *scene, binned *b) {
     b->model = test_model_of(b->ctx, scene);
     sf_workspace_init(&b->ws, b->ctx);
     assert_ok(b->ctx, sf_workspace_look(&b->ws, &scene->camera, (float)scene->near_plane));
-    assert_ok(b->ctx, sf_stage_project(&b->ws, &b->model->params, scene->count, scene->sh_degree,
-                                       scene->antialiased));
+    assert_ok(b->ctx, sf_stage_project(&b->ws, b->model, scene->sh_degree, scene->antialiased));
     b->offset = calloc(scene->count + 1, sizeof *b->offset);
     assert_non_null(b->offset);
     for (size_t i = 0; i < scene->count; i++) b->offset[i + 1] = b->offset[i] + b->ws.rows[i];

@@ -1,0 +1,81 @@
+/* arrange.c - which Gaussians there are, in which order, with which bands; and room for them. */
+#include "fitter.h"
+
+#include <string.h>
+
+static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
+
+/* Of a band's arrays. The model comes last, or says first that there is less: no other has less room than it
+ * says. */
+static sf_status set_room(sf_fitter *f, int band, size_t room) {
+    sf_model *m = f->model;
+    size_t used = m->count;
+    room = sf_blocks(room) * SF_LANES;
+    if (room < m->capacity[band]) m->capacity[band] = room;
+    sf_status status = sf_moments_set_room(&f->moments, m, band, room);
+    if (!status && band == 0) {
+        status = sf_resize(f->ctx, &f->screen_sum, used, room, sizeof *f->screen_sum);
+        if (!status) status = sf_resize(f->ctx, &f->screen_seen, used, room, sizeof *f->screen_seen);
+    }
+    return status ? status : sf_model_set_room(m, band, room);
+}
+
+/* Half as much again, but no more than there may ever be. */
+static size_t room_for(const sf_fitter *f, size_t count) {
+    size_t most = (size_t)f->options.max_gaussians, room = count + count / 2;
+    return room <= most ? room : count > most ? count : most;
+}
+
+/* A band that all have follows the plan, as all other fields do. */
+static size_t room_of_band(const sf_fitter *f, const size_t banded[SF_BANDS], int band, size_t whole) {
+    return banded[band] == banded[0] ? whole : least_of(room_for(f, banded[band]), whole);
+}
+
+sf_status sf_fitter_room(sf_fitter *f, const size_t banded[SF_BANDS]) {
+    size_t whole = f->model->capacity[0];
+    sf_status status = SF_OK;
+    if (banded[0] > whole) whole = room_for(f, banded[0]);
+    for (int band = 0; band <= f->model->sh_degree && !status; band++)
+        if (banded[band] > f->model->capacity[band])
+            status = set_room(f, band, room_of_band(f, banded, band, whole));
+    return status;
+}
+
+/* Lets go the room of bands of which most is not used. A failure leaves them larger than they need be. */
+static void trim(sf_fitter *f) {
+    const sf_model *m = f->model;
+    for (int band = 1; band <= m->sh_degree; band++) {
+        size_t room = room_of_band(f, m->banded, band, m->capacity[0]);
+        if (m->capacity[band] > room + room / 2 + SF_LANES) (void)set_room(f, band, room);
+    }
+}
+
+sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
+    sf_model *m = f->model;
+    size_t whole = count > m->count ? count : m->count;
+    sf_status status = SF_OK;
+    for (int band = 0; band <= m->sh_degree && !status; band++)
+        status = sf_model_set_room(m, band, room_of_band(f, m->banded, band, whole));
+    if (!status) status = sf_moments_create(m, (int)f->options.moments, &f->moments);
+    if (status) return status;
+    f->screen_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->screen_sum);
+    f->screen_seen = sf_calloc(f->ctx, m->capacity[0], sizeof *f->screen_seen);
+    return f->screen_sum && f->screen_seen ? SF_OK : SF_ERR_MEMORY;
+}
+
+sf_status sf_arrange(sf_fitter *f, const sf_place *places, size_t n, uint32_t *where) {
+    sf_order order;
+    size_t had = f->model->count;
+    sf_status status = sf_order_create(f->ctx, places, n, where, &order);
+    if (!status) status = sf_fitter_room(f, order.banded);
+    if (!status) status = sf_order_prepare(f->ctx, &order);
+    if (!status) {
+        sf_values_arrange(f->screen_sum, sizeof *f->screen_sum, had, &order);
+        sf_values_arrange(f->screen_seen, sizeof *f->screen_seen, had, &order);
+        sf_moments_arrange(&f->moments, f->model, &order);
+        sf_model_arrange(f->model, &order);
+    }
+    sf_order_free(f->ctx, &order);
+    if (!status) trim(f);
+    return status;
+}

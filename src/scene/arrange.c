@@ -1,0 +1,130 @@
+/* arrange.c - Gaussians in the order of falling SH degree, and other orders of them.
+ *
+ * One field's array at a time goes to a scratch and back, so that at the peak there is one array more and not
+ * another model.
+ */
+#include "gaussians.h"
+
+#include <string.h>
+
+enum { VALUE = 4, MOST_PLAIN = 16 }; /* bytes */
+
+int sf_degree_of(const sf_model *model, size_t i) {
+    int degree = model->sh_degree;
+    while (degree && i >= model->banded[degree]) degree--;
+    return degree;
+}
+
+sf_status sf_order_create(sf_context *ctx, const sf_place *places, size_t n, uint32_t *where,
+                          sf_order *order) {
+    size_t at[SF_BANDS];
+    *order = (sf_order){.from = sf_alloc(ctx, n, sizeof *order->from)};
+    if (!order->from) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < n; k++)
+        for (int band = 0; band <= places[k].degree; band++) order->banded[band]++;
+    for (int degree = 0; degree < SF_BANDS; degree++) /* those of higher degrees come first */
+        at[degree] = degree < SF_MAX_SH_DEGREE ? order->banded[degree + 1] : 0;
+    for (size_t k = 0; k < n; k++) {
+        size_t to = at[places[k].degree]++;
+        order->from[to] = places[k].from;
+        if (where) where[k] = (uint32_t)to;
+    }
+    while (order->unmoved < n && order->from[order->unmoved] == order->unmoved) order->unmoved++;
+    return SF_OK;
+}
+
+/* The blocks of a band that change, but for those that nobody has afterwards. */
+static void changed_blocks(const sf_order *order, int band, size_t *first, size_t *end) {
+    size_t count = order->banded[band];
+    *first = (order->unmoved < count ? order->unmoved : count) / SF_LANES;
+    *end = sf_blocks(count);
+}
+
+static size_t block_bytes(int field) { return (size_t)sf_field_components(field) * SF_LANES * VALUE; }
+
+sf_status sf_order_prepare(sf_context *ctx, sf_order *order) {
+    size_t first, end, most = MOST_PLAIN * order->banded[0];
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        changed_blocks(order, sf_field_band(field), &first, &end);
+        if ((end - first) * block_bytes(field) > most) most = (end - first) * block_bytes(field);
+    }
+    order->scratch = sf_alloc(ctx, most, 1);
+    return order->scratch ? SF_OK : SF_ERR_MEMORY;
+}
+
+void sf_order_free(sf_context *ctx, sf_order *order) {
+    sf_free(ctx, order->from);
+    sf_free(ctx, order->scratch);
+    *order = (sf_order){0};
+}
+
+/* Block b of a field to where it is built; lanes for which there is nothing are 0. */
+static void gather_block(int field, const char *array, size_t had, const sf_order *order, size_t b,
+                         char *block) {
+    size_t n = (size_t)sf_field_components(field), end = order->banded[sf_field_band(field)];
+    memset(block, 0, block_bytes(field));
+    for (size_t lane = 0; lane < SF_LANES && b * SF_LANES + lane < end; lane++) {
+        size_t from = order->from[b * SF_LANES + lane];
+        if (from >= had) continue;
+        const char *value = array + VALUE * sf_at(from, (int)n, 0);
+        for (size_t c = 0; c < n; c++)
+            memcpy(block + VALUE * (c * SF_LANES + lane), value + VALUE * c * SF_LANES, VALUE);
+    }
+}
+
+void sf_field_arrange(int field, void *array, size_t had, const sf_order *order) {
+    size_t first, end, block = block_bytes(field);
+    char *values = array, *scratch = order->scratch;
+    changed_blocks(order, sf_field_band(field), &first, &end);
+    for (size_t b = first; b < end; b++)
+        gather_block(field, values, had, order, b, scratch + (b - first) * block);
+    if (end > first) memcpy(values + first * block, scratch, (end - first) * block);
+    if (end * SF_LANES < had) memset(values + end * block, 0, (sf_blocks(had) - end) * block);
+}
+
+void sf_values_arrange(void *values, size_t size, size_t count, const sf_order *order) {
+    char *at = values, *scratch = order->scratch;
+    size_t n = order->banded[0];
+    for (size_t k = 0; k < n; k++) memcpy(scratch + k * size, at + order->from[k] * size, size);
+    memcpy(at, scratch, n * size);
+    if (n < count) memset(at + n * size, 0, (count - n) * size);
+}
+
+/* The highest band of Gaussian i that is not all 0. */
+static uint8_t used_degree(const sf_model *model, size_t i) {
+    for (int degree = sf_degree_of(model, i); degree > 0; degree--) {
+        int field = SF_FIELD_sh0 + degree, n = sf_field_components(field);
+        for (int c = 0; c < n; c++)
+            if (model->params.field[field][sf_at(i, n, c)] != 0) return (uint8_t)degree;
+    }
+    return 0;
+}
+
+sf_status sf_model_pack(sf_model *model) {
+    sf_order order = {0};
+    sf_place *places = sf_alloc(model->ctx, model->count, sizeof *places);
+    if (!places) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < model->count; i++) places[i] = (sf_place){(uint32_t)i, used_degree(model, i)};
+    sf_status status = sf_order_create(model->ctx, places, model->count, NULL, &order);
+    sf_free(model->ctx, places);
+    if (!status) status = sf_order_prepare(model->ctx, &order);
+    if (!status) sf_model_arrange(model, &order);
+    sf_order_free(model->ctx, &order);
+    for (int band = 1; band <= model->sh_degree && !status; band++) {
+        size_t room = model->banded[band]; /* where this fails, the arrays are larger than need be */
+        if (sf_blocks(room) * SF_LANES < model->capacity[band]) (void)sf_model_set_room(model, band, room);
+    }
+    return status;
+}
+
+void sf_model_degrees(const sf_model *model, size_t count[SF_MAX_SH_DEGREE + 1]) {
+    for (int degree = 0; degree < SF_BANDS; degree++)
+        count[degree] = model->banded[degree] - (degree < SF_MAX_SH_DEGREE ? model->banded[degree + 1] : 0);
+}
+
+size_t sf_model_floats(const sf_model *model) {
+    size_t floats = 0;
+    for (int f = 0; f < SF_FIELD_COUNT; f++)
+        floats += model->banded[sf_field_band(f)] * (size_t)sf_field_components(f);
+    return floats;
+}
