@@ -191,8 +191,8 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
 }
 
 void sf_grow_and_prune(sf_fitter *f, double fraction) {
-    int kind = f->options.growth, growing = sf_growth_due(f, fraction);
-    int charging = sf_charging_due(f, fraction);
+    int kind = f->options.growth, charging = sf_charging_due(f, fraction);
+    int growing = !charging || sf_growth_due(f, fraction);
     size_t had = f->model->count;
     sf_status status;
     if (kind == SF_GROWTH_RELOCATE) {

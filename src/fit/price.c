@@ -2,6 +2,7 @@
 #include "price.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 #include "merge.h"
 #include "worth.h"
@@ -62,6 +63,34 @@ sf_status sf_consider_growth(sf_fitter *f) {
     return status;
 }
 
+/* What has an effect, the least first. */
+typedef struct poor {
+    float effect;
+    uint32_t gaussian;
+} poor;
+
+static int by_effect(const void *a, const void *b) {
+    const poor *x = a, *y = b;
+    if (x->effect != y->effect) return x->effect < y->effect ? -1 : 1;
+    return (x->gaussian > y->gaussian) - (x->gaussian < y->gaussian);
+}
+
+/* What is not worth its price goes, but half of all at most: where many do the same none is worth much, and
+ * what is left of them is worth more. */
+static sf_status take_out(sf_fitter *f, const sf_worth *w) {
+    double price = price_of(f, w);
+    poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
+    size_t n = 0;
+    if (!list) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < w->count; i++)
+        if ((double)w->effect[i] < price) list[n++] = (poor){w->effect[i], (uint32_t)i};
+    qsort(list, n, sizeof *list, by_effect);
+    if (n > w->count / 2) n = w->count / 2;
+    for (size_t k = 0; k < n; k++) f->screen_sum[list[k].gaussian] = -1;
+    sf_free(f->ctx, list);
+    return SF_OK;
+}
+
 sf_status sf_charge(sf_fitter *f) {
     sf_worth w;
     size_t merged;
@@ -70,10 +99,8 @@ sf_status sf_charge(sf_fitter *f) {
     sf_status status = sf_weigh(f, 0, &w);
     f->level = level;
     if (!status && w.views) {
-        double price = price_of(f, &w);
-        for (size_t i = 0; i < w.count; i++)
-            if ((double)w.effect[i] < price) f->screen_sum[i] = -1;
-        if (f->options.merge > 0) status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
+        status = take_out(f, &w);
+        if (!status && f->options.merge > 0) status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
     }
     sf_worth_free(f->ctx, &w);
     return status;

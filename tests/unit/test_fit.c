@@ -465,6 +465,7 @@ static void test_growth_is_gradual(void **state) {
     sf_fit_options options = short_fit(40);
     options.grow_every = 4;
     options.grow_rate = 0.1;
+    options.size = SF_SIZE_CAP;
     options.max_gaussians = 1000;
     sf_fitter *fitter = start(ctx, scene, &options);
     size_t before = progress_of(fitter).gaussians;

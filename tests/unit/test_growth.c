@@ -82,6 +82,7 @@ static sf_scene *scene_of(sf_context *ctx, const ball *balls, size_t count, int 
 
 static sf_fit_options options_of(int growth) {
     sf_fit_options options = sf_fit_options_default();
+    options.size = SF_SIZE_CAP;
     options.growth = growth;
     options.steps = 100;
     options.max_gaussians = 64;
@@ -410,6 +411,7 @@ static void test_growth_is_not_seen(void **state) {
     sf_scene *scene;
     assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=80&height=60&frames=16", NULL, &scene));
     sf_fit_options options = sf_fit_options_default();
+    options.size = SF_SIZE_CAP;
     options.steps = 200;
     options.grow_every = 1000; /* grows when the test says so */
     options.max_gaussians = 100000;
