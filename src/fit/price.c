@@ -8,7 +8,7 @@
 #include "worth.h"
 
 /* What a Gaussian must take away of the squared error, in mean squared errors of a value. */
-#define PRICE 50.0
+#define PRICE 25.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.0 / 255)
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
@@ -16,7 +16,7 @@
 #define GROWTH_GAIN 0.02
 enum { GROWTHS_IN_VAIN = 4 };
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
-#define GROWTH_PART 0.125
+#define GROWTH_PART 0.0625
 
 enum {
     LOOKED = 16 /* views that growth is judged by */

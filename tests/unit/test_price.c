@@ -1,0 +1,259 @@
+/* test_price.c - what Gaussians are worth, and models of no more of them than a scene needs. */
+#include "testing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/merge.h"
+#include "fit/price.h"
+#include "fit/worth.h"
+
+enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
+
+static const double pi = 3.141592653589793;
+
+/* Cameras around the middle, 4 away. */
+static sf_camera camera_of(int view) {
+    double angle = 2 * pi * view / VIEWS, c = cos(angle), s = sin(angle);
+    return (sf_camera){.width = WIDTH,
+                       .height = HEIGHT,
+                       .fx = 60,
+                       .fy = 60,
+                       .cx = WIDTH / 2.0,
+                       .cy = HEIGHT / 2.0,
+                       .R_cw = {s, -c, 0, 0, 0, -1, c, s, 0},
+                       .t_cw = {0, 0, 4}};
+}
+
+/* A Gaussian of one colour. */
+typedef struct ball {
+    float mean[3], scale[3], opacity, gray;
+} ball;
+
+static sf_model *model_of(sf_context *ctx, const ball *balls, size_t count, int sh_degree) {
+    sf_model *model;
+    assert_ok(ctx, sf_model_create(ctx, count, sh_degree, &model));
+    for (size_t i = 0; i < count; i++) {
+        const ball *b = &balls[i];
+        float quat[4] = {1, 0, 0, 0}, log_scale[3], sh[48] = {0}, logit = logf(b->opacity / (1 - b->opacity));
+        for (int k = 0; k < 3; k++) log_scale[k] = logf(b->scale[k]), sh[k] = (b->gray - 0.5f) / 0.28209479f;
+        sf_gaussians from = {(float *)b->mean, quat, log_scale, &logit, sh};
+        assert_int_equal(sf_model_set(model, i, 1, &from), SF_OK);
+    }
+    return model;
+}
+
+static void draw(sf_context *ctx, const sf_model *model, int view, float *rgb) {
+    sf_renderer *renderer;
+    sf_camera camera = camera_of(view);
+    sf_image_out out = {.rgb = rgb};
+    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
+    assert_ok(ctx, sf_render(renderer, model, &camera, NULL, &out));
+    sf_renderer_destroy(&renderer);
+}
+
+/* All views of a model. */
+static sf_scene *scene_of(sf_context *ctx, const sf_model *model) {
+    static float rgb[3 * PIXELS];
+    static uint8_t bytes[3 * PIXELS];
+    sf_scene *scene;
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    for (int view = 0; view < VIEWS; view++) {
+        sf_camera camera = camera_of(view);
+        draw(ctx, model, view, rgb);
+        for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
+        sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
+        assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+    }
+    return scene;
+}
+
+static sf_fitter *fitter_of(sf_context *ctx, sf_scene *scene, const sf_model *model) {
+    sf_fit_options options = sf_fit_options_default();
+    sf_fitter *f;
+    options.validate = 0;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, model, &options, &f));
+    f->sh_degree = model->sh_degree;
+    return f;
+}
+
+static const ball three[] = {{{0, 0, 0}, {0.3f, 0.3f, 0.3f}, 0.8f, 0.9f},
+                             {{0.2f, 0.1f, 0.3f}, {0.2f, 0.4f, 0.2f}, 0.6f, 0.4f},
+                             {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
+
+/* Squared error of a model, but for Gaussian `without` (-1: none), against the views of the scene: by hand.
+ */
+static double squares_without(sf_context *ctx, sf_scene *scene, const ball *balls, size_t n, int without) {
+    static float rgb[3 * PIXELS];
+    ball left[8];
+    size_t count = 0;
+    double squares = 0;
+    for (size_t i = 0; i < n; i++)
+        if ((int)i != without) left[count++] = balls[i];
+    sf_model *model = model_of(ctx, left, count, 0);
+    uint32_t *ids;
+    size_t views;
+    assert_ok(ctx, sf_scene_training_ids(scene, &ids, &views));
+    for (size_t v = 0; v < views; v++) {
+        sf_view *view = sf_scene_retain_id(scene, ids[v]);
+        draw(ctx, model, (int)v, rgb);
+        for (int px = 0; px < PIXELS; px++)
+            for (int ch = 0; ch < 3; ch++) {
+                double r = (double)rgb[3 * px + ch] - view->rgb[ch * PIXELS + px] / 255.0;
+                squares += r * r;
+            }
+        sf_view_release(view);
+    }
+    sf_free(ctx, ids);
+    sf_model_destroy(&model);
+    return squares;
+}
+
+/* What taking one out would add is known to the digits of the sum, before it is done. */
+static void test_worth_is_what_is_lost(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    ball off[3];
+    memcpy(off, three, sizeof off);
+    off[1].gray = 0.6f, off[2].scale[0] = 0.15f; /* the model is not the one of the pictures */
+    sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, off, 3, 0);
+    sf_scene *scene = scene_of(ctx, truth);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    sf_worth w;
+    assert_ok(ctx, sf_weigh(f, 0, &w));
+    double before = squares_without(ctx, scene, off, 3, -1);
+    assert_int_equal(w.views, VIEWS);
+    assert_true(fabs(w.values - 3.0 * VIEWS * PIXELS) < 1e-6);
+    assert_true(fabs(w.squares / before - 1) < 1e-4);
+    for (int i = 0; i < 3; i++) {
+        double added = squares_without(ctx, scene, off, 3, i) - before;
+        /* faint pairs that come or go at alpha 1/255, and pixels that were finished, are all that differs */
+        if (fabs((double)w.removal[i] / added - 1) > 0.01)
+            print_message("%d: %g, not %g\n", i, (double)w.removal[i], added);
+        assert_true(fabs((double)w.removal[i] / added - 1) < 0.01);
+        assert_true(w.effect[i] > 0 && w.share[i] >= 0 && w.shown[i] == VIEWS);
+    }
+    sf_worth some;
+    assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
+    assert_int_equal(some.views, VIEWS / 2);
+    assert_true(fabs(some.values / w.values - 1) < 1e-9);
+    assert_true(some.squares > 0.3 * w.squares && some.squares < 3 * w.squares);
+    sf_worth_free(ctx, &some);
+    sf_worth_free(ctx, &w);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* The useless go, at most half at once, and those that make the picture stay. */
+static void test_price(void **state) {
+    (void)state;
+    enum { USELESS = 9, ALL = 3 + USELESS };
+    sf_context *ctx = test_context();
+    ball balls[ALL];
+    memcpy(balls, three, sizeof three);
+    for (int i = 0; i < USELESS; i++) /* black, on black */
+        balls[3 + i] = (ball){{0.9f, 0.1f * (float)i - 0.5f, 0.8f}, {0.05f, 0.05f, 0.05f}, 0.3f, 0};
+    sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, balls, ALL, 0);
+    sf_scene *scene = scene_of(ctx, truth);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    assert_ok(ctx, sf_charge(f));
+    int going = 0;
+    for (int i = 0; i < ALL; i++) {
+        if (i < 3) assert_true(!(f->screen_sum[i] < 0));
+        going += f->screen_sum[i] < 0;
+    }
+    assert_int_equal(going, ALL / 2);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* A Gaussian cut in two along its longest axis becomes what it was; one that stands apart stays. */
+static void test_merge(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    const float half = 0.15f; /* variances: 0.2^2 + half^2 = 0.25^2 */
+    ball parts[3] = {{{half, 0, 0}, {0.2f, 0.1f, 0.1f}, 0.5f, 0.6f},
+                     {{-half, 0, 0}, {0.2f, 0.1f, 0.1f}, 0.5f, 0.6f},
+                     {{0, 0, 1}, {0.1f, 0.1f, 0.1f}, 0.8f, 0.6f}};
+    sf_model *model = model_of(ctx, parts, 3, 1);
+    sf_scene *scene = scene_of(ctx, model);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    const float effect[] = {1, 1, 1};
+    size_t merged;
+    assert_ok(ctx, sf_merge_pairs(f, 1e-6, effect, &merged)); /* less than the two are off */
+    assert_int_equal(merged, 0);
+    assert_ok(ctx, sf_merge_pairs(f, 0.2, effect, &merged));
+    assert_int_equal(merged, 1);
+    assert_true((f->screen_sum[0] < 0) != (f->screen_sum[1] < 0));
+    assert_true(!(f->screen_sum[2] < 0));
+    size_t left = f->screen_sum[0] < 0 ? 1 : 0;
+    float mean[3], log_scale[3], logit;
+    sf_gaussians to = {.means = mean, .log_scales = log_scale, .logit_opacities = &logit};
+    assert_int_equal(sf_model_get(f->model, left, 1, &to), SF_OK);
+    float longest = fmaxf(log_scale[0], fmaxf(log_scale[1], log_scale[2]));
+    for (int k = 0; k < 3; k++) assert_true(fabsf(mean[k]) < 1e-6f);
+    assert_true(fabsf(expf(longest) - 0.25f) < 1e-4f);
+    assert_true(fabsf(log_scale[0] + log_scale[1] + log_scale[2] - logf(0.25f * 0.1f * 0.1f)) < 1e-3f);
+    /* the mass of both: 2 x 0.5 x (0.2 x 0.1 x 0.1)^(2/3) = o (0.25 x 0.1 x 0.1)^(2/3), and not above 0.75 */
+    double opacity = 1 / (1 + exp(-(double)logit));
+    assert_true(fabs(opacity - fmin(0.75, pow(0.2 / 0.25, 2.0 / 3))) < 1e-3);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* From random first points, a fit that is charged has fewer Gaussians than one that is not, at nearly the
+ * same quality. */
+static void test_a_fit_pays(void **state) {
+    (void)state;
+    if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK is set");
+    sf_context *ctx = test_context();
+    sf_model *truth = model_of(ctx, three, 3, 0);
+    sf_scene *scene = scene_of(ctx, truth);
+    size_t count[2];
+    double squares[2];
+    for (int size = SF_SIZE_AUTO; size <= SF_SIZE_CAP; size++) {
+        sf_fit_options options = sf_fit_options_default();
+        sf_fitter *f;
+        sf_worth w;
+        options.steps = 600;
+        options.grow_every = 20;
+        options.sh_degree = 0;
+        options.first = SF_FIRST_RANDOM;
+        options.init_random = options.max_gaussians = 1000;
+        options.size = size;
+        options.merge = 0.2;
+        assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+        assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
+        assert_ok(ctx, sf_weigh(f, 0, &w));
+        count[size] = w.count, squares[size] = w.squares / w.values;
+        sf_worth_free(ctx, &w);
+        sf_fitter_destroy(&f);
+    }
+    if (count[0] > count[1] / 4 || !(squares[0] < 1e-4))
+        print_message("%zu of %zu Gaussians, squares %g and %g\n", count[0], count[1], squares[0],
+                      squares[1]);
+    assert_true(count[0] >= 3 && count[0] <= count[1] / 4);
+    assert_true(squares[0] < 1e-4); /* 40 dB */
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_context_destroy(&ctx);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_worth_is_what_is_lost),
+        cmocka_unit_test(test_price),
+        cmocka_unit_test(test_merge),
+        cmocka_unit_test(test_a_fit_pays),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
