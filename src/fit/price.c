@@ -11,15 +11,17 @@
 #define PRICE 25.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.0 / 255)
+/* What goes at once may raise the squared error by this part. */
+#define RISE 0.5
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
  */
 #define GROWTH_GAIN 0.02
 enum { GROWTHS_IN_VAIN = 4 };
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
-#define GROWTH_PART 0.0625
+#define GROWTH_PART 0.25
 
 enum {
-    LOOKED = 16 /* views that growth is judged by */
+    LOOKED = 16 /* views that growth and removal are judged by */
 };
 
 /* Charging begins at this part of the run, when what has grown has found its place, and ends when so much of
@@ -67,6 +69,7 @@ sf_status sf_consider_growth(sf_fitter *f) {
 typedef struct poor {
     float effect;
     uint32_t gaussian;
+    float logit; /* its opacity, while it is tried without */
 } poor;
 
 static int by_effect(const void *a, const void *b) {
@@ -75,20 +78,38 @@ static int by_effect(const void *a, const void *b) {
     return (x->gaussian > y->gaussian) - (x->gaussian < y->gaussian);
 }
 
-/* What is not worth its price goes, but half of all at most: where many do the same none is worth much, and
- * what is left of them is worth more. */
+/* The squared error of some views without the first n of the list. */
+static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares) {
+    float *logit = f->model->params.field[SF_FIELD_logit_opacity];
+    for (size_t k = 0; k < n; k++) {
+        list[k].logit = logit[list[k].gaussian];
+        logit[list[k].gaussian] = SF_INVISIBLE;
+    }
+    sf_status status = sf_look_for_squares(f, LOOKED, squares);
+    for (size_t k = 0; k < n; k++) logit[list[k].gaussian] = list[k].logit;
+    return status;
+}
+
+/* What is not worth its price goes, but half of all at most, and no more than the steps to come make up for:
+ * where many do the same none is worth much, and what is left of them is worth more. */
 static sf_status take_out(sf_fitter *f, const sf_worth *w) {
-    double price = price_of(f, w);
+    double price = price_of(f, w), before, after = INFINITY;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->effect[i] < price) list[n++] = (poor){w->effect[i], (uint32_t)i};
+        if ((double)w->effect[i] < price) list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
     if (n > w->count / 2) n = w->count / 2;
-    for (size_t k = 0; k < n; k++) f->screen_sum[list[k].gaussian] = -1;
+    sf_status status = sf_look_for_squares(f, LOOKED, &before);
+    while (n && !status) {
+        status = try_without(f, list, n, &after);
+        if (after <= before * (1 + RISE)) break;
+        n /= 2;
+    }
+    for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);
-    return SF_OK;
+    return status;
 }
 
 sf_status sf_charge(sf_fitter *f) {
@@ -97,11 +118,12 @@ sf_status sf_charge(sf_fitter *f) {
     int level = f->level;
     f->level = 0;
     sf_status status = sf_weigh(f, 0, &w);
-    f->level = level;
     if (!status && w.views) {
         status = take_out(f, &w);
-        if (!status && f->options.merge > 0) status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
+        if (!status && f->options.merge > 0)
+            status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
     }
+    f->level = level;
     sf_worth_free(f->ctx, &w);
     return status;
 }

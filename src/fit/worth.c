@@ -40,6 +40,22 @@ static void residual_task(void *job_pointer, size_t row, int thread) {
     job->sums[2 * row + 1] = weights;
 }
 
+/* Of the picture that was drawn last. */
+static sf_status residual(weigh_job *job, double pixels) {
+    size_t rows = job->ws->plane_rows;
+    job->pixels = pixels;
+    job->sums = sf_alloc(job->ws->ctx, rows, 2 * sizeof *job->sums);
+    if (!job->sums) return SF_ERR_MEMORY;
+    sf_pool_run(job->ws->ctx->pool, rows, residual_task, job);
+    for (size_t row = 0; row < rows; row++) {
+        job->worth->squares += pixels * job->sums[2 * row];
+        job->worth->values += pixels * SF_CHANNELS * job->sums[2 * row + 1];
+    }
+    sf_free(job->ws->ctx, job->sums);
+    job->worth->views++;
+    return SF_OK;
+}
+
 static void weigh_in(const weigh_job *job, size_t i) {
     const sf_workspace *ws = job->ws;
     sf_worth *w = job->worth;
@@ -64,21 +80,23 @@ static void gather_task(void *job_pointer, size_t task, int thread) {
 static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
     (void)state;
     weigh_job *job = job_pointer;
-    size_t rows = job->ws->plane_rows;
-    job->pixels = pixels;
-    job->sums = sf_alloc(f->ctx, rows, 2 * sizeof *job->sums);
-    if (!job->sums) return SF_ERR_MEMORY;
-    sf_pool_run(f->ctx->pool, rows, residual_task, job);
-    for (size_t row = 0; row < rows; row++) {
-        job->worth->squares += pixels * job->sums[2 * row];
-        job->worth->values += pixels * SF_CHANNELS * job->sums[2 * row + 1];
-    }
-    sf_free(f->ctx, job->sums);
-    sf_status status = sf_stage_blend_worth(job->ws);
-    if (status) return status;
-    sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
-    job->worth->views++;
-    return SF_OK;
+    sf_status status = residual(job, pixels);
+    if (!status) status = sf_stage_blend_worth(job->ws);
+    if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
+    return status;
+}
+
+static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
+    (void)f, (void)state;
+    return residual(job_pointer, pixels);
+}
+
+sf_status sf_look_for_squares(sf_fitter *f, size_t views, double *squares) {
+    sf_worth w = {0};
+    weigh_job job = {.ws = &f->workspace, .worth = &w};
+    sf_status status = sf_look_at_views(f, views, 0, glance_at, &job, NULL);
+    *squares = w.squares;
+    return status;
 }
 
 static sf_status make_arrays(sf_fitter *f, sf_worth *w) {

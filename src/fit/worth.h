@@ -25,4 +25,7 @@ typedef struct sf_worth {
 sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
+/* The squared error alone, of the same `views` as sf_weigh looks at. SF_ERR_MEMORY. */
+sf_status sf_look_for_squares(sf_fitter *fitter, size_t views, double *squares);
+
 #endif

@@ -31,7 +31,7 @@ run() { # LOG PROJECT OPTION...
     local log=$1 project=$2 TIMEFORMAT=%U
     shift 2
     [ -s "$log.cpu" ] && return
-    { time ${RUN:-} "$program" fit "$project" -o /dev/null --cameras none --validate 0 --threads 1 --log "$log" --progress none -q "$@" \
+    { time ${RUN:-} "$program" fit "$project" -o /dev/null --cameras none --validate 0 --size cap --grow-most 13 --threads 1 --log "$log" --progress none -q "$@" \
         </dev/null >/dev/null 2>&1; } 2>"$log.time"
     mv "$log.time" "$log.cpu"
 }

@@ -49,7 +49,7 @@ fit() { # PROJECT STEPS OPTION...
     shift 2
     for seed in "${seeds[@]}"; do
         # shellcheck disable=SC2086
-        ${RUN:-} "$program" fit "$project" -o /dev/null --seed "$seed" --steps "$steps" --validate 0 $most --log "$scratch/log.json" \
+        ${RUN:-} "$program" fit "$project" -o /dev/null --seed "$seed" --steps "$steps" --validate 0 --size cap --grow-most 13 $most --log "$scratch/log.json" \
             --progress none -q "$@" </dev/null
         awk -v fields="psnr fit_seconds ssim" -f "$here/result.awk" "$scratch/log.json"
     done | awk '{ p += $1; s += $2; q += $3 } END { printf "%.4f %.4f %.4f\n", p / NR, s / NR, q / NR }'

@@ -365,6 +365,8 @@ static void test_pack_without_memory(void **state) {
 
 static sf_fit_options fit_options(int moments) {
     sf_fit_options options = sf_fit_options_default();
+    options.validate = 0;
+    options.size = SF_SIZE_CAP;
     options.steps = 40;
     options.max_gaussians = 400;
     options.init_random = 150;

@@ -211,6 +211,8 @@ static void wander(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
 
 static sf_fit_options small_fit(int exposure) {
     sf_fit_options options = sf_fit_options_default();
+    options.validate = 0;
+    options.size = SF_SIZE_CAP;
     options.steps = is_quick() ? 60 : 2000;
     options.max_gaussians = 3000;
     options.exposure = exposure;

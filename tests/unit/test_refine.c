@@ -145,6 +145,8 @@ static pose_error error_of(const sf_camera *got, const sf_camera *want, size_t n
 
 static sf_fit_options small_fit(int64_t steps) {
     sf_fit_options options = sf_fit_options_default();
+    options.validate = 0;
+    options.size = SF_SIZE_CAP;
     options.steps = steps;
     options.max_gaussians = 4000;
     return options;
