@@ -128,7 +128,7 @@ static void fill_plane(check *c, const tile *t, const int size[2], const uint8_t
         }
 }
 
-/* What a pixel is worth has no cliff at the clamp: there, only the gradient is 0. */
+/* What an entry is worth has no cliff at the clamp: there, d_rgb alone is 0. */
 static void make_gradient(check *c, tile *t) {
     int size[2];
     for (int axis = 0; axis < 2; axis++)

@@ -1,4 +1,4 @@
-/* tile.c - a tile of Gaussians, the gradients of it and what each is worth, with bounds (M.1, M.2, F.9). */
+/* tile.c - a tile of Gaussians, the gradients of it and what each is worth, with bounds (M.1, M.2). */
 #include "bounds.h"
 
 #include <string.h>
@@ -165,8 +165,8 @@ static void pixel_backward(const sf_blend_args *a, int x, int y, const test_ref_
     }
 }
 
-/* What one pair is worth. `behind` is C - S_i. Without the pair, what is behind would shine by 1 / (1 -
- * alpha') brighter: the pixel loses w c and gains alpha' / (1 - alpha') of that. */
+/* What one pair is worth. `behind` is C - S_i. Without the pair, what is behind would count 1 / (1 -
+ * alpha') times: the pixel loses w c and gains alpha' / (1 - alpha') of what is behind. */
 static void pair_worth(const pair *p, const sf_splat *g, bounded T, const bounded *d, bounded m,
                        bounded *behind, sum sums[9]) {
     bounded w = b_mul(p->alpha, T), ratio = b_div(p->alpha, b_sub(b_of(1), p->alpha)), loss[3];
