@@ -60,8 +60,9 @@ double bench_stage_floor(const bench_step_times *step, int stage, double flops, 
 int bench_parameters(int sh_degree);
 
 /* Operations of floats as counted in the kernels' source (README.md). */
-#define BENCH_BLEND_OPERATIONS     31.0  /* a pair evaluated */
-#define BENCH_BLEND_BWD_OPERATIONS 56.0  /* a pair evaluated */
-#define BENCH_LOSS_OPERATIONS      283.0 /* a pixel of a channel */
+#define BENCH_BLEND_OPERATIONS       31.0  /* a pair evaluated */
+#define BENCH_BLEND_BWD_OPERATIONS   56.0  /* a pair evaluated */
+#define BENCH_BLEND_WORTH_OPERATIONS 68.0  /* a pair evaluated */
+#define BENCH_LOSS_OPERATIONS        283.0 /* a pixel of a channel */
 
 #endif

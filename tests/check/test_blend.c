@@ -1,4 +1,4 @@
-/* test_blend.c - blend and blend_bwd at every level against float64, tile by tile. */
+/* test_blend.c - blend, blend_bwd and blend_worth at every level against float64, tile by tile. */
 #include "check.h"
 
 #include <stdlib.h>
@@ -65,9 +65,10 @@ typedef struct tile {
     sf_blend_args args;
     uint32_t slot_count;
     int with_depth;
-    float *d_rgb[3];
+    float *d_rgb[3], *weight;
+    float *gradient, *worth; /* for the sums of the two */
     test_ref_tile forward;
-    bounded sums[MOST][9];
+    bounded gradient_sums[MOST][9], worth_sums[MOST][9];
 } tile;
 
 static void make_list(check *c, tile *t) {
@@ -110,26 +111,37 @@ static void make_planes(check *c, tile *t) {
     a->depth = t->with_depth ? check_floats_out(c, "depth", room) : NULL;
     a->last = check_output(c, "last", SF_TILE_PIXELS, sizeof *a->last, sizeof *a->last);
     a->parts = check_output(c, "parts", a->count, sizeof *a->parts, sizeof *a->parts);
-    a->sums = check_floats_out(c, "sums", (size_t)t->slot_count * SF_SUMS);
+    a->weight = t->weight = check_floats_in(c, "weight", room);
+    t->gradient = check_floats_out(c, "sums of the gradient", (size_t)t->slot_count * SF_SUMS);
+    t->worth = check_floats_out(c, "sums of worth", (size_t)t->slot_count * SF_SUMS);
 }
 
-/* Random; 0 where the picture ends and on the gradient's cliffs, so that these count for nothing. */
+/* Random in [least, 1) within the picture; 0 beyond it and on cliffs, so that these count for nothing. */
+static void fill_plane(check *c, const tile *t, const int size[2], const uint8_t *cliff, double least,
+                       float *plane) {
+    for (int y = 0; y < SF_TILE; y++)
+        for (size_t x = 0; x < (y + 1 < SF_TILE ? t->args.stride : SF_TILE); x++) {
+            float *at = &plane[(size_t)y * t->args.stride + x];
+            *at = x < SF_TILE ? 0.0f : NAN;
+            if ((int)x < size[0] && y < size[1] && !cliff[y * SF_TILE + (int)x])
+                *at = (float)check_between(c, least, 1);
+        }
+}
+
+/* What an entry is worth has no cliff at the clamp: there, d_rgb alone is 0. */
 static void make_gradient(check *c, tile *t) {
-    int width = check_pick(c, 3) ? SF_TILE : 1 + (int)check_pick(c, SF_TILE);
-    int height = check_pick(c, 3) ? SF_TILE : 1 + (int)check_pick(c, SF_TILE);
+    int size[2];
+    for (int axis = 0; axis < 2; axis++)
+        size[axis] = check_pick(c, 3) ? SF_TILE : 1 + (int)check_pick(c, SF_TILE);
     double middle = check_pick(c, 2) ? 1 : 0;
     for (int ch = 0; ch < 3; ch++)
-        for (int y = 0; y < SF_TILE; y++)
-            for (size_t x = 0; x < (y + 1 < SF_TILE ? t->args.stride : SF_TILE); x++) {
-                float *d = &t->d_rgb[ch][(size_t)y * t->args.stride + x];
-                *d = x < SF_TILE ? 0.0f : NAN;
-                if ((int)x < width && y < height && !t->forward.gradient_cliff[y * SF_TILE + (int)x])
-                    *d = (float)check_between(c, middle - 1, 1);
-            }
+        fill_plane(c, t, size, t->forward.gradient_cliff, middle - 1, t->d_rgb[ch]);
+    fill_plane(c, t, size, t->forward.cliff, 0, t->weight);
 }
 
 static void call_blend(const sf_kernels *kernels, void *args) { kernels->blend(args); }
 static void call_blend_bwd(const sf_kernels *kernels, void *args) { kernels->blend_bwd(args); }
+static void call_blend_worth(const sf_kernels *kernels, void *args) { kernels->blend_worth(args); }
 
 static void compare_plane(check *c, const tile *t, const char *what, const float *got, const bounded *want) {
     for (int px = 0; px < SF_TILE_PIXELS; px++)
@@ -150,22 +162,25 @@ static void compare_picture(check *c, const tile *t) {
     for (int px = 0; px < SF_TILE_PIXELS; px++) check_cliffs(c, t->forward.cliff[px]);
 }
 
-static void compare_sums(check *c, const tile *t) {
-    static const char *const names[9] = {"sum w dr", "sum w dg",  "sum w db",  "sum p",    "sum p t",
-                                         "sum p s",  "sum p t^2", "sum p t s", "sum p s^2"};
+static const char *const gradient_names[] = {"sum w dr", "sum w dg",  "sum w db",  "sum p",    "sum p t",
+                                             "sum p s",  "sum p t^2", "sum p t s", "sum p s^2"};
+static const char *const worth_names[SF_WORTH_SUMS] = {"sum w dr",    "sum w dg",  "sum w db",    "sum D . d",
+                                                       "sum m |D|^2", "sum m w^2", "sum w |d|^2", "sum m w"};
+
+/* The first `count` sums of each slot. */
+static void compare_sums(check *c, const tile *t, const float *got, bounded (*want)[9],
+                         const char *const *names, int count) {
     static uint8_t taken[MOST + 8];
     const sf_blend_args *a = &t->args;
     memset(taken, 0, sizeof taken);
     for (uint32_t e = 0; e < a->count; e++) {
         taken[a->slots[e]] = 1;
-        for (int k = 0; k < 9; k++)
-            check_near(c, names[k], e, (double)a->sums[(size_t)a->slots[e] * SF_SUMS + (size_t)k],
-                       t->sums[e][k]);
+        for (int k = 0; k < count; k++)
+            check_near(c, names[k], e, (double)got[(size_t)a->slots[e] * SF_SUMS + (size_t)k], want[e][k]);
     }
     for (uint32_t slot = 0; slot < t->slot_count; slot++)
-        check_that(
-            c, taken[slot] || check_untouched(a->sums + (size_t)slot * SF_SUMS, SF_SUMS * sizeof *a->sums),
-            "wrote into a slot of no entry", slot);
+        check_that(c, taken[slot] || check_untouched(got + (size_t)slot * SF_SUMS, SF_SUMS * sizeof *got),
+                   "wrote into a slot of no entry", slot);
 }
 
 /* Of all cases: each branch must have been there. */
@@ -177,20 +192,28 @@ static void blend_case(check *c) {
     make_planes(c, &t);
     test_ref_blend_tile(&t.args, &t.forward);
     make_gradient(c, &t);
-    test_ref_blend_tile_backward(&t.args, &t.forward, t.sums);
+    test_ref_blend_tile_backward(&t.args, &t.forward, t.gradient_sums);
+    test_ref_blend_tile_worth(&t.args, &t.forward, t.worth_sums);
     pairs += t.forward.pairs, saturated += t.forward.saturated, stopped += t.forward.stopped;
     for (size_t l = 0; l < c->level_count; l++) {
         check_at(c, l);
         if (!check_call(c, 0, call_blend, &t.args)) continue;
         compare_picture(c, &t);
-        if (check_call(c, 1, call_blend_bwd, &t.args)) compare_sums(c, &t);
+        t.args.sums = t.gradient;
+        if (check_call(c, 1, call_blend_bwd, &t.args))
+            compare_sums(c, &t, t.gradient, t.gradient_sums, gradient_names, 9);
+        t.args.sums = t.worth;
+        if (check_call(c, 2, call_blend_worth, &t.args))
+            compare_sums(c, &t, t.worth, t.worth_sums, worth_names, SF_WORTH_SUMS);
     }
 }
 
 static void blend_agrees_with_float64(void **state) {
     (void)state;
-    static const check_kernel kernels[] = {{"blend", SF_KERNEL_blend}, {"blend_bwd", SF_KERNEL_blend_bwd}};
-    check_kernels(kernels, 2, 2 * KINDS * COUNTS * ROUNDS, blend_case);
+    static const check_kernel kernels[] = {{"blend", SF_KERNEL_blend},
+                                           {"blend_bwd", SF_KERNEL_blend_bwd},
+                                           {"blend_worth", SF_KERNEL_blend_worth}};
+    check_kernels(kernels, 3, 2 * KINDS * COUNTS * ROUNDS, blend_case);
     print_message("%llu pairs, %llu saturated, %llu pixels stopped\n", (unsigned long long)pairs,
                   (unsigned long long)saturated, (unsigned long long)stopped);
     if (!getenv("SPLATFIT_SEED")) assert_true(pairs > 100000 && saturated > 1000 && stopped > 1000);

@@ -1,4 +1,4 @@
-/* tile.c - a tile of Gaussians and the gradients of it, with bounds (M.1, M.2). */
+/* tile.c - a tile of Gaussians, the gradients of it and what each is worth, with bounds (M.1, M.2). */
 #include "bounds.h"
 
 #include <string.h>
@@ -165,14 +165,59 @@ static void pixel_backward(const sf_blend_args *a, int x, int y, const test_ref_
     }
 }
 
-void test_ref_blend_tile_backward(const sf_blend_args *a, const test_ref_tile *tile, bounded (*out)[9]) {
+/* What one pair is worth. `behind` is C - S_i. Without the pair, what is behind would count 1 / (1 -
+ * alpha') times: the pixel loses w c and gains alpha' / (1 - alpha') of what is behind. */
+static void pair_worth(const pair *p, const sf_splat *g, bounded T, const bounded *d, bounded m,
+                       bounded *behind, sum sums[9]) {
+    bounded w = b_mul(p->alpha, T), ratio = b_div(p->alpha, b_sub(b_of(1), p->alpha)), loss[3];
+    for (int ch = 0; ch < 3; ch++) {
+        bounded here = b_mul(w, b_of((double)g->rgb[ch]));
+        behind[ch] = b_sub(behind[ch], here);
+        loss[ch] = b_sub(here, b_mul(ratio, behind[ch]));
+        add(&sums[ch], b_mul(w, d[ch]));
+    }
+    add(&sums[3], b_dot3(loss, d));
+    add(&sums[4], b_mul(m, b_dot3(loss, loss)));
+    add(&sums[5], b_mul(m, b_square(w)));
+    add(&sums[6], b_mul(w, b_dot3(d, d)));
+    add(&sums[7], b_mul(m, w));
+}
+
+static void pixel_worth(const sf_blend_args *a, int x, int y, const test_ref_tile *tile, sum (*sums)[9]) {
+    size_t at = (size_t)y * a->stride + (size_t)x;
+    walk w = {.a = a, .x = x, .y = y, .T = {1, 0}};
+    pair p;
+    uint32_t e;
+    bounded d[3], behind[3], m = b_of((double)a->weight[at]);
+    for (int ch = 0; ch < 3; ch++) {
+        d[ch] = b_of((double)a->d_rgb[ch][at]);
+        behind[ch] = tile->rgb[ch][y * SF_TILE + x];
+    }
+    if (m.v == 0 && d[0].v == 0 && d[1].v == 0 && d[2].v == 0) return;
+    while (step(&w, &p, &e)) {
+        pair_worth(&p, &a->splats[a->entries[e]], w.T, d, m, behind, sums[e]);
+        w.T = dimmed(w.T, p.alpha);
+    }
+}
+
+typedef void (*pixel_fn)(const sf_blend_args *a, int x, int y, const test_ref_tile *tile, sum (*sums)[9]);
+
+static void sum_pixels(const sf_blend_args *a, const test_ref_tile *tile, pixel_fn pixel, bounded (*out)[9]) {
     static sum sums[4096][9];
     memset(sums, 0, sizeof sums[0] * a->count);
     for (int y = 0; y < SF_TILE; y++)
-        for (int x = 0; x < SF_TILE; x++) pixel_backward(a, x, y, tile, sums);
+        for (int x = 0; x < SF_TILE; x++) pixel(a, x, y, tile, sums);
     for (uint32_t e = 0; e < a->count; e++)
         for (int k = 0; k < 9; k++) {
             const sum *s = &sums[e][k];
             out[e][k] = (bounded){s->v, s->e + (s->terms + 1) * FLOAT_UNIT * s->magnitude};
         }
+}
+
+void test_ref_blend_tile_backward(const sf_blend_args *a, const test_ref_tile *tile, bounded (*out)[9]) {
+    sum_pixels(a, tile, pixel_backward, out);
+}
+
+void test_ref_blend_tile_worth(const sf_blend_args *a, const test_ref_tile *tile, bounded (*out)[9]) {
+    sum_pixels(a, tile, pixel_worth, out);
 }

@@ -234,6 +234,7 @@ static void test_kernels_alone_have_their_figures(void **state) {
         "blend",
         "unpack",
         "loss",
+        "blend_worth",
         "blend_bwd",
         "project_bwd",
         "adam, in cache",
@@ -277,6 +278,7 @@ static void test_once_names_kernels_and_units(void **state) {
     size_t size;
     char *said = (char *)test_read(test_path("said"), &size);
     test_assert_contains(said, "sf_blend_scalar ", __FILE__, __LINE__);
+    test_assert_contains(said, "sf_blend_worth_scalar ", __FILE__, __LINE__);
     test_assert_contains(said, "sf_project_bwd_scalar 2000\n", __FILE__, __LINE__);
     free(said);
 }
