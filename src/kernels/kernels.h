@@ -277,8 +277,9 @@ typedef struct sf_kernels {
     /* The reverse of blend, also front to back (M.2). */
     void (*blend_bwd)(const sf_blend_args *args);
 
-    /* What the tile would lose with each Gaussian, and what of its error each has a part in (F.9). Without
-     * entry i, and all else as it is, C would be C - D_i, exactly: C is linear in each alpha. */
+    /* What the tile would lose with each Gaussian, and what of its error each has a part in
+     * (src/fit/README.md, Size). Without entry i, and all else as it is, C would be C - D_i, exactly: C is
+     * linear in each alpha. */
     void (*blend_worth)(const sf_blend_args *args);
 
     /* Blocks first .. end-1: sums of the slots, then M.3, M.4, M.6 to the raw parameters. */
