@@ -56,7 +56,9 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
          "the rates fall where they have gained nothing for so long; 0: never")                              \
     INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
-    ENUM(size, 0, "auto|cap", "Gaussians: those that pay for themselves, or as many as max_gaussians")       \
+    ENUM(size, 0, "auto|cap",                                                                                \
+         "Gaussians: those that pay for themselves, in runs of 1000 steps or more, or as many as "           \
+         "max_gaussians")                                                                                    \
     REAL(merge, 0, 0, 1, "",                                                                                 \
          "size auto: two Gaussians that one stands for but for this part of their square integral become "   \
          "it; 0: none")                                                                                      \

@@ -14,7 +14,10 @@
 
 #include <splatfit/fitter.h>
 
-enum { SF_LOSS_WINDOW = 50 };
+enum {
+    SF_LOSS_WINDOW = 50,
+    SF_SHORT_RUN = 1000 /* steps: fewer leave no time to grow more than is needed, and to take it away */
+};
 
 struct sf_fitter {
     sf_context *ctx;

@@ -30,7 +30,8 @@ enum {
 #define CHARGE_UNTIL 0.25
 
 int sf_is_priced(const sf_fitter *f) {
-    return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE;
+    return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE &&
+           f->options.plan_steps >= SF_SHORT_RUN;
 }
 
 int sf_charging_due(const sf_fitter *f, double fraction) {
@@ -120,8 +121,7 @@ sf_status sf_charge(sf_fitter *f) {
     sf_status status = sf_weigh(f, 0, &w);
     if (!status && w.views) {
         status = take_out(f, &w);
-        if (!status && f->options.merge > 0)
-            status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
+        if (!status && f->options.merge > 0) status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
     }
     f->level = level;
     sf_worth_free(f->ctx, &w);

@@ -4,7 +4,8 @@
 
 #include "fitter.h"
 
-/* Whether Gaussians have to pay for themselves: `size` is auto, and none is relocated. */
+/* Whether Gaussians have to pay for themselves: `size` is auto, none is relocated, and the run is not short.
+ */
 int sf_is_priced(const sf_fitter *fitter);
 
 /* Looks, before a growth, whether those before it have taken away from the error: where several have not,

@@ -18,6 +18,9 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* SH degree 1 starts at this part of sh_end. */
 #define SH_START 0.33
 
+/* A run shorter than SF_SHORT_RUN grows this part of grow_most. */
+#define SHORT_GROWTH 0.26
+
 /* A mean step in full steps with the first Gaussians; how steps grow with the Gaussians. */
 #define MEAN_STEP   0.55
 #define STEP_GROWTH 0.7
@@ -27,12 +30,17 @@ static double chosen(double value, double steps, double most, double planned) {
     return value > 0 ? value : fmin(most, steps / planned);
 }
 
+/* Most Gaussians to grow in a run of so many steps: a short one has no time to find out which of many pay. */
+static double most_grown(const sf_fitter *f, double steps) {
+    return f->options.grow_most * (steps < SF_SHORT_RUN ? SHORT_GROWTH : 1) * steps;
+}
+
 double sf_steps_in(const sf_fitter *f, double seconds, double step) {
     const sf_fit_options *o = &f->options;
     double first = fmax((double)f->first_count, 1), steps = 0, count = first;
     for (int round = 0; round < 8; round++) { /* a longer run has more Gaussians, and slower steps */
         steps = seconds / fmax(step * MEAN_STEP * pow(count / first, STEP_GROWTH), 1e-9);
-        count = fmin((double)o->max_gaussians, first + o->grow_most * steps);
+        count = fmin((double)o->max_gaussians, first + most_grown(f, steps));
     }
     return steps;
 }
@@ -133,7 +141,7 @@ int sf_growth_due(const sf_fitter *f, double fraction) {
 }
 
 size_t sf_planned_count(const sf_fitter *f, double fraction) {
-    double first = (double)f->first_count, grown = f->options.grow_most * (double)f->options.plan_steps;
+    double first = (double)f->first_count, grown = most_grown(f, (double)f->options.plan_steps);
     double most = fmin((double)f->options.max_gaussians, first + grown);
     double span = f->options.grow_end - f->options.grow_start;
     double part = span > 0 ? fmin((fraction - f->options.grow_start) / span, 1) : 1;

@@ -225,6 +225,7 @@ static void test_a_fit_pays(void **state) {
         sf_fitter *f;
         sf_worth w;
         options.steps = 600;
+        options.plan_steps = 1000;
         options.grow_every = 20;
         options.sh_degree = 0;
         options.first = SF_FIRST_RANDOM;
