@@ -5,6 +5,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <ftw.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -223,4 +224,17 @@ sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change chan
     }
     sf_scene_destroy(&from);
     return to;
+}
+
+sf_camera test_camera_around(int view, int views, int width, int height) {
+    const double pi = 3.141592653589793;
+    double angle = 2 * pi * view / views, c = cos(angle), s = sin(angle);
+    return (sf_camera){.width = width,
+                       .height = height,
+                       .fx = 60,
+                       .fy = 60,
+                       .cx = width / 2.0,
+                       .cy = height / 2.0,
+                       .R_cw = {s, -c, 0, 0, 0, -1, c, s, 0},
+                       .t_cw = {0, 0, 4}};
 }

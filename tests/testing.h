@@ -54,6 +54,9 @@ int test_exists(const char *path);
 /* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
 int test_count_entries(const char *path);
 
+/* Camera `view` of `views` on a ring 4 about the middle, upright, that look inwards; f = 60 px. */
+sf_camera test_camera_around(int view, int views, int width, int height);
+
 /* The JSON of a file, the caller's to release, and a number in an object; where there is none the test fails.
  */
 json_t *test_json(const char *path);

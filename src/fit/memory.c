@@ -21,6 +21,8 @@ enum {
 /* Bytes of a Gaussian that growth takes while it goes on: the candidates or the draws of relocation, places,
  * and the order that they make; and those that writing the result takes: a .spz most. */
 enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_place), WRITING = 24 };
+/* And merging: its neighbours most. */
+enum { MERGING = 128 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5
@@ -80,8 +82,9 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double pictures = pixels * planes * sizeof(float) + scratch;
     double models = f->options.validate > 1 ? 2 : 1; /* itself, the best one so far */
     models += (double)sf_moment_bytes(f->options.moments) / sizeof(float);
+    double growing = GROWING + (f->options.merge > 0 ? MERGING : 0);
     return (bill_rates){.gaussians =
-                            models * values + sizeof *f->screen_sum + sizeof *f->screen_seen + GROWING,
+                            models * values + sizeof *f->screen_sum + sizeof *f->screen_seen + growing,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),

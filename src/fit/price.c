@@ -30,8 +30,7 @@ enum {
 #define CHARGE_UNTIL 0.25
 
 int sf_is_priced(const sf_fitter *f) {
-    return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE &&
-           f->options.plan_steps >= SF_SHORT_RUN;
+    return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE;
 }
 
 int sf_charging_due(const sf_fitter *f, double fraction) {

@@ -50,6 +50,7 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     planned = fmax(planned, 1);
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
+    if (planned < SF_SHORT_RUN) o->size = SF_SIZE_CAP;
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);

@@ -67,7 +67,6 @@ static void weigh_in(const weigh_job *job, size_t i) {
     w->removal[i] += (float)(job->pixels * (sums[4] - 2 * sums[3]));
     w->effect[i] += (float)(job->pixels * sums[4]);
     w->share[i] += (float)(job->pixels * sums[6]);
-    w->shown[i]++;
 }
 
 static void gather_task(void *job_pointer, size_t task, int thread) {
@@ -104,9 +103,8 @@ static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
     *w = (sf_worth){.count = n,
                     .removal = sf_calloc(f->ctx, n, sizeof *w->removal),
                     .effect = sf_calloc(f->ctx, n, sizeof *w->effect),
-                    .share = sf_calloc(f->ctx, n, sizeof *w->share),
-                    .shown = sf_calloc(f->ctx, n, sizeof *w->shown)};
-    return w->removal && w->effect && w->share && w->shown ? SF_OK : SF_ERR_MEMORY;
+                    .share = sf_calloc(f->ctx, n, sizeof *w->share)};
+    return w->removal && w->effect && w->share ? SF_OK : SF_ERR_MEMORY;
 }
 
 /* To as many views as are trained on. */
@@ -133,6 +131,5 @@ void sf_worth_free(sf_context *ctx, sf_worth *w) {
     sf_free(ctx, w->removal);
     sf_free(ctx, w->effect);
     sf_free(ctx, w->share);
-    sf_free(ctx, w->shown);
     memset(w, 0, sizeof *w);
 }

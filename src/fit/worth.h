@@ -8,15 +8,14 @@
  * views are looked at, all sums are for as many as there are. */
 typedef struct sf_worth {
     size_t count;
-    size_t views;    /* looked at */
-    double squares;  /* squared error of the views */
-    double values;   /* weights of their pixels, times the channels */
-    float *removal;  /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
-                        be  below 0 */
-    float *effect;   /* [count] what that does to the pictures, squared: the removal where the residual is
-                        noise */
-    float *share;    /* [count] its part of the squared error: sum of w r^2 */
-    uint16_t *shown; /* [count] views that show it */
+    size_t views;   /* looked at */
+    double squares; /* squared error of the views */
+    double values;  /* weights of their pixels, times the channels */
+    float *removal; /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
+                       be  below 0 */
+    float *effect;  /* [count] what that does to the pictures, squared: the removal where the residual is
+                       noise */
+    float *share;   /* [count] its part of the squared error: sum of w r^2 */
 } sf_worth;
 
 /* Weighs all Gaussians by `views` of the views that are trained on (0: all), at the level, degree and

@@ -11,18 +11,7 @@ enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
 static const double pi = 3.141592653589793;
 
-/* Cameras around the middle, 4 away. */
-static sf_camera camera_of(int view) {
-    double angle = 2 * pi * view / VIEWS, c = cos(angle), s = sin(angle);
-    return (sf_camera){.width = WIDTH,
-                       .height = HEIGHT,
-                       .fx = 60,
-                       .fy = 60,
-                       .cx = WIDTH / 2.0,
-                       .cy = HEIGHT / 2.0,
-                       .R_cw = {s, -c, 0, 0, 0, -1, c, s, 0},
-                       .t_cw = {0, 0, 4}};
-}
+static sf_camera camera_of(int view) { return test_camera_around(view, VIEWS, WIDTH, HEIGHT); }
 
 /* A round Gaussian of one colour. */
 typedef struct ball {

@@ -9,19 +9,7 @@
 
 enum { VIEWS = 6, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT, USED = 60, USELESS = 60 };
 
-static const double pi = 3.141592653589793;
-
-static sf_camera camera_of(int view) {
-    double angle = 2 * pi * view / VIEWS, c = cos(angle), s = sin(angle);
-    return (sf_camera){.width = WIDTH,
-                       .height = HEIGHT,
-                       .fx = 60,
-                       .fy = 60,
-                       .cx = WIDTH / 2.0,
-                       .cy = HEIGHT / 2.0,
-                       .R_cw = {s, -c, 0, 0, 0, -1, c, s, 0},
-                       .t_cw = {0, 0, 4}};
-}
+static sf_camera camera_of(int view) { return test_camera_around(view, VIEWS, WIDTH, HEIGHT); }
 
 static float noise(unsigned *state) {
     *state = *state * 1664525u + 1013904223u;

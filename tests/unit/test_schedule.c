@@ -103,6 +103,7 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     sf_fitter *fitter = start(&options);
     size_t first = fitter->first_count;
     assert_int_equal(sf_planned_count(fitter, 1), first + 52); /* a short run: 0.26 of it */
+    assert_int_equal(fitter->options.size, SF_SIZE_CAP);
     fitter->options.plan_steps = SF_SHORT_RUN;
     assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_RUN);
     assert_int_equal(sf_planned_count(fitter, 0), first);
