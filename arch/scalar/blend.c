@@ -44,6 +44,19 @@ static int end_row_of(const sf_splat *g, const sf_blend_args *a) {
     return end_index(g->v + g->half_height + 0.01f, a->y0);
 }
 
+/* The distance along the row's own axis; with row.s it is the Gaussian's exponent (B.2). */
+static inline float t_at(const sf_splat *g, const row_span *row, int x) {
+    return row->t_row + g->l00 * (row->dx0 + (float)x);
+}
+
+/* Its opacity o g at a pixel of the row, before the clamp; 0 where it is too faint to count. */
+static inline float opacity_at(const sf_splat *g, const row_span *row, float t) {
+    float power = g->log2_opacity - (t * t + row->ss);
+    if (power < -8.0f) return 0.0f;
+    float opacity = sf_exp2(power);
+    return opacity < SF_ALPHA_MIN ? 0.0f : opacity;
+}
+
 void sf_blend_scalar(const sf_blend_args *a) {
     float T[SF_TILE_PIXELS], color[SF_TILE_PIXELS][3], depth[SF_TILE_PIXELS];
     uint8_t finished[SF_TILE_PIXELS];
@@ -62,22 +75,18 @@ void sf_blend_scalar(const sf_blend_args *a) {
             for (int x = row.x0; x < row.x1; x++) {
                 int px = y * SF_TILE + x;
                 if (finished[px]) continue;
-                /* 1. o g in base 2 */
-                float t = row.t_row + g->l00 * (row.dx0 + (float)x);
-                float power = g->log2_opacity - (t * t + row.ss);
-                if (power < -8.0f) continue;
-                /* 2. opacity at this pixel */
-                float alpha = sf_exp2(power);
-                if (alpha < SF_ALPHA_MIN) continue;
+                /* 1. opacity at this pixel */
+                float alpha = opacity_at(g, &row, t_at(g, &row, x));
+                if (alpha == 0.0f) continue;
                 if (alpha > SF_ALPHA_MAX) alpha = SF_ALPHA_MAX;
-                /* 3. stop before the Gaussian that would bring T under the threshold */
+                /* 2. stop before the Gaussian that would bring T under the threshold */
                 float T_next = T[px] * (1.0f - alpha);
                 if (T_next < SF_T_STOP) {
                     finished[px] = 1;
                     live--;
                     continue;
                 }
-                /* 4. accumulate */
+                /* 3. accumulate */
                 float w = alpha * T[px];
                 for (int ch = 0; ch < 3; ch++) color[px][ch] += w * g->rgb[ch];
                 depth[px] += w * g->depth;
@@ -126,16 +135,13 @@ void sf_blend_bwd_scalar(const sf_blend_args *a) {
             for (int x = row.x0; x < row.x1; x++) {
                 int px = y * SF_TILE + x;
                 if (e >= a->last[px]) continue;
-                /* 1. o g in base 2 */
-                float t = row.t_row + g->l00 * (row.dx0 + (float)x);
-                float power = g->log2_opacity - (t * t + row.ss);
-                if (power < -8.0f) continue;
-                /* 2. opacity at this pixel */
-                float alpha = sf_exp2(power);
-                if (alpha < SF_ALPHA_MIN) continue;
+                /* 1. opacity at this pixel */
+                float t = t_at(g, &row, x);
+                float alpha = opacity_at(g, &row, t);
+                if (alpha == 0.0f) continue;
                 int clamped = alpha > SF_ALPHA_MAX;
                 if (clamped) alpha = SF_ALPHA_MAX;
-                /* 3. B.5b, and B.5a in its front-to-back form */
+                /* 2. B.5b, and B.5a in its front-to-back form */
                 float w = alpha * T[px], along = 0;
                 for (int ch = 0; ch < 3; ch++) {
                     sums[ch] += w * d_rgb[px][ch];
@@ -144,7 +150,7 @@ void sf_blend_bwd_scalar(const sf_blend_args *a) {
                 behind[px] -= w * along;
                 float d_alpha = T[px] * along - behind[px] / (1.0f - alpha);
                 T[px] *= 1.0f - alpha;
-                /* 4. moments; the clamp passes no gradient */
+                /* 3. moments; the clamp passes no gradient */
                 float p = clamped ? 0.0f : d_alpha * alpha;
                 row_p += p;
                 row_pt += p * t;
@@ -189,15 +195,11 @@ void sf_blend_worth_scalar(const sf_blend_args *a) {
             for (int x = row.x0; x < row.x1; x++) {
                 int px = y * SF_TILE + x;
                 if (e >= a->last[px]) continue;
-                /* 1. o g in base 2 */
-                float t = row.t_row + g->l00 * (row.dx0 + (float)x);
-                float power = g->log2_opacity - (t * t + row.ss);
-                if (power < -8.0f) continue;
-                /* 2. opacity at this pixel */
-                float alpha = sf_exp2(power);
-                if (alpha < SF_ALPHA_MIN) continue;
+                /* 1. opacity at this pixel */
+                float alpha = opacity_at(g, &row, t_at(g, &row, x));
+                if (alpha == 0.0f) continue;
                 if (alpha > SF_ALPHA_MAX) alpha = SF_ALPHA_MAX;
-                /* 3. what the pixel has of it, and what it hides */
+                /* 2. what the pixel has of it, and what it hides */
                 float w = alpha * T[px], ratio = alpha / (1.0f - alpha), square = 0, along = 0;
                 for (int ch = 0; ch < 3; ch++) {
                     behind[px][ch] -= w * g->rgb[ch];
@@ -207,7 +209,7 @@ void sf_blend_worth_scalar(const sf_blend_args *a) {
                     square += part * part;
                 }
                 T[px] *= 1.0f - alpha;
-                /* 4. sums */
+                /* 3. sums */
                 sums[3] += along;
                 sums[4] += weight[px] * square;
                 sums[5] += weight[px] * w * w;
