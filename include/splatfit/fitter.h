@@ -59,9 +59,9 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     ENUM(size, 0, "auto|cap",                                                                                \
          "Gaussians: those that pay for themselves, in runs of 1000 steps or more, or as many as "           \
          "max_gaussians")                                                                                    \
-    REAL(merge, 0, 0, 1, "",                                                                                 \
+    REAL(merge, 1, 0, 1, "",                                                                                 \
          "size auto: two Gaussians that one stands for but for this part of their square integral become "   \
-         "it; 0: none")                                                                                      \
+         "it, on trial; 0: none")                                                                            \
     REAL(quality, 1, 0.001, 1000, "", "size auto: decibels against bits; the price is divided by it")        \
     INT(memory, 0, 0, 1000000000000000, "bytes",                                                             \
         "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \

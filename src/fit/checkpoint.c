@@ -40,6 +40,7 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(next_look)                                                                                             \
     F(best_step)                                                                                             \
     F(joined)                                                                                                \
+    F(trials.failures)                                                                                       \
     F(end)                                                                                                   \
     F(adam_before)
 #define STATE_REALS(F)                                                                                       \
@@ -49,6 +50,9 @@ enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUE
     F(best_fraction)                                                                                         \
     F(next_validation)                                                                                       \
     F(settle_from)                                                                                           \
+    F(least_mean)                                                                                            \
+    F(trials.part)                                                                                           \
+    F(trials.squares)                                                                                        \
     F(least_squares)                                                                                         \
     F(settle_for)
 
@@ -572,6 +576,8 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     put_moments(out, &f->moments, m);
     sf_sections_put(out, "screen.sum", f->screen_sum, m->count, sizeof *f->screen_sum);
     sf_sections_put(out, "screen.seen", f->screen_seen, m->count, sizeof *f->screen_seen);
+    sf_sections_put(out, "trials", f->trials.list, f->trials.count, sizeof *f->trials.list);
+    sf_sections_put(out, "trials.tiles", f->trials.tiles, f->trials.tile_count, sizeof *f->trials.tiles);
     const double psnr[] = {f->validation_psnr, f->best_psnr}; /* NAN before the first validation */
     sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
     sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
@@ -666,6 +672,22 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     return status;
 }
 
+/* Pairs on trial, and what they are judged by. */
+static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
+    sf_trials *t = &f->trials;
+    size_t n = f->model->count;
+    sf_status status = sf_sections_take_new(in, "trials", &t->list, &t->count, n, sizeof *t->list);
+    t->capacity = t->count;
+    for (size_t k = 0; k < t->count && !status; k++)
+        if (t->list[k].a >= n || t->list[k].b >= n || t->list[k].leader >= n)
+            status = bad(in, "trials", "names a Gaussian that is none");
+    if (!status)
+        status =
+            sf_sections_take_new(in, "trials.tiles", &t->tiles, &t->tile_count, INT32_MAX, sizeof *t->tiles);
+    t->tile_capacity = t->tile_count;
+    return status;
+}
+
 /* The best model so far, if the run validates. */
 static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
     double psnr[2];
@@ -694,6 +716,7 @@ static sf_status take_state(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = sf_sections_take(in, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
     if (!status) status = take_plan(in, f);
     if (!status) status = take_model(in, f);
+    if (!status) status = take_trials(in, f);
     if (!status) status = take_best(in, f);
     if (!status) status = take_learned(in, f);
     return status;

@@ -10,6 +10,7 @@
 #include "../scene/first.h"
 #include "price.h"
 #include "refine.h"
+#include "trial.h"
 
 enum {
     ROUNDS = 3,            /* to time a step */
@@ -301,6 +302,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_moments_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->screen_sum);
     sf_free(f->ctx, f->screen_seen);
+    sf_trials_free(f);
     sf_free(f->ctx, f->order);
     sf_free(f->ctx, f->kept_out);
     sf_free(f->ctx, f->plan);
@@ -399,7 +401,9 @@ void sf_fitter_skip_time(sf_fitter *f, double seconds) {
 }
 
 sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
-    return sf_model_copy(f->model, f->model->count, model);
+    sf_status status = sf_model_copy(f->model, f->model->count, model);
+    if (!status) sf_trials_undo(&f->trials, *model);
+    return status;
 }
 
 sf_status sf_fitter_get_camera(const sf_fitter *f, uint32_t id, sf_camera *camera) {

@@ -19,6 +19,24 @@ enum {
     SF_SHORT_RUN = 1000 /* steps: fewer leave no time to grow more than is needed, and to take it away */
 };
 
+enum { SF_MOST_FLOATS = 59 /* of a Gaussian */ };
+
+/* A pair on trial: Gaussian a stands for both, b is not to be seen. */
+typedef struct sf_trial {
+    uint32_t a, b, leader;                  /* that one stands for a in the end, or is a */
+    float of_a[SF_MOST_FLOATS], logit_of_b; /* as they were */
+} sf_trial;
+
+typedef struct sf_trials {
+    sf_trial *list; /* in the order in which they were merged */
+    size_t count, capacity;
+    float *tiles; /* before: the squared error of each tile of each training view */
+    size_t tile_count, tile_capacity;
+    double squares; /* their sum */
+    double part;    /* of the Gaussians, to try next */
+    int failures;   /* one after another */
+} sf_trials;
+
 struct sf_fitter {
     sf_context *ctx;
     sf_scene *scene;
@@ -37,7 +55,9 @@ struct sf_fitter {
     int grown_out;         /* price.c: growth no longer pays */
     int growths_in_vain;   /* since the one with least_squares */
     double least_squares;  /* error of some views at full resolution, the least after a growth; 0: none yet */
-    int growth_ended;      /* memory ran out: said once, and N stays */
+    double least_mean;     /* squared error of a value, the least that was charged with; 0: none yet */
+    sf_trials trials;
+    int growth_ended; /* memory ran out: said once, and N stays */
 
     /* validate.c */
     double validation_psnr, best_psnr; /* dB; NAN before the first */
@@ -167,6 +187,11 @@ sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
  * its degree are dropped, new ones start at 0 with moments of 0. where[k] (may be NULL): the index that
  * places[k] got. Makes room, and lets go what is not needed any more. On failure nothing has changed. */
 sf_status sf_arrange(sf_fitter *fitter, const sf_place *places, size_t n, uint32_t *where);
+
+/* trial.c */
+/* Whether Gaussian pairs are on trial, and an end to it, all as before. */
+void sf_trials_end(sf_fitter *fitter);
+void sf_trials_free(sf_fitter *fitter);
 
 /* grow.c */
 /* Removes what is faint or not finite, then clones and splits up to the plan; or relocates. */

@@ -14,8 +14,6 @@
 
 #include "price.h"
 
-enum { NOTABLE = 50 /* what takes less of the model away than this part hardly changes a validation */ };
-
 /* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
  * middle. */
 #define CLONE_SPREAD 0.3
@@ -53,7 +51,8 @@ static sf_place itself(const sf_fitter *f, size_t i) {
     return (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
 }
 
-static sf_status prune(sf_fitter *f) {
+/* effect: NULL or [count] what stands beside the model and is arranged with it. */
+static sf_status prune(sf_fitter *f, float *effect) {
     float faintest = sf_faintest(f);
     size_t kept = 0, count = f->model->count;
     sf_place *places = sf_alloc(f->ctx, count, sizeof *places);
@@ -61,6 +60,7 @@ static sf_status prune(sf_fitter *f) {
     for (size_t i = 0; i < count; i++)
         if (sf_worth_keeping(f, i, faintest)) places[kept++] = itself(f, i);
     sf_status status = kept < count ? sf_arrange(f, places, kept, NULL) : SF_OK;
+    for (size_t k = 0; k < kept && effect && !status; k++) effect[k] = effect[places[k].from];
     sf_free(f->ctx, places);
     return status;
 }
@@ -190,24 +190,38 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
     return f->growth_ended ? 0 : wanted;
 }
 
-void sf_grow_and_prune(sf_fitter *f, double fraction) {
-    int kind = f->options.growth, charging = sf_charging_due(f, fraction);
-    int growing = !charging || sf_growth_due(f, fraction);
+/* Those that are not worth their price go, pairs are judged and put on trial. */
+static sf_status charge(sf_fitter *f, double fraction) {
+    sf_worth w = {0};
     size_t had = f->model->count;
-    sf_status status;
-    if (kind == SF_GROWTH_RELOCATE) {
-        status = sf_relocate(f, wanted_more(f, fraction));
-    } else {
-        if (growing && kind == SF_GROWTH_ERROR && sf_score_errors(f))
-            sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
-        if (charging && sf_charge(f))
-            sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
-        if (growing && sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
-        status = prune(f);
-        if (charging && had - f->model->count > had / NOTABLE) sf_forget_best(f);
-        size_t wanted = growing && !f->grown_out && !status ? wanted_more(f, fraction) : 0;
-        if (wanted) status = grow(f, wanted);
-    }
+    sf_status status = sf_charge(f, fraction, &w);
+    if (!status) status = prune(f, w.effect);
+    size_t went = had - f->model->count;
+    if (went > had / SF_NOTABLE) sf_forget_best(f);
+    w.count = f->model->count;
+    if (!status) status = sf_try_pairs(f, fraction, went, &w);
+    sf_worth_free(f->ctx, &w);
+    if (status) sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
+    return status == SF_ERR_MEMORY ? SF_OK : status;
+}
+
+static sf_status grow_by_plan(sf_fitter *f, double fraction) {
+    int kind = f->options.growth;
+    if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
+    if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
+        sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
+    if (sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
+    sf_status status = prune(f, NULL);
+    size_t wanted = !f->grown_out && !status ? wanted_more(f, fraction) : 0;
+    return wanted ? grow(f, wanted) : status;
+}
+
+void sf_grow_and_prune(sf_fitter *f, double fraction) {
+    int charging = sf_charging_due(f, fraction);
+    sf_status status = charging ? charge(f, fraction) : SF_OK;
+    int growing = !charging || (sf_growth_due(f, fraction) && !f->grown_out);
+    /* those on trial stay where they are */
+    if (growing && !status && !f->trials.count) status = grow_by_plan(f, fraction);
     if (status && !f->growth_ended) end_growth(f);
     memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
     memset(f->screen_seen, 0, f->model->count * sizeof *f->screen_seen);

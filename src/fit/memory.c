@@ -21,8 +21,8 @@ enum {
 /* Bytes of a Gaussian that growth takes while it goes on: the candidates or the draws of relocation, places,
  * and the order that they make; and those that writing the result takes: a .spz most. */
 enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_place), WRITING = 24 };
-/* And merging: its neighbours most. */
-enum { MERGING = 128 };
+/* And charging: what each is worth, its neighbours, a quarter of them on trial. */
+enum { MERGING = 128 + sizeof(sf_trial) / 4 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5

@@ -1,7 +1,7 @@
 /* merge.c - two Gaussians that do the work of one become one.
  *
  * Each of two that lie on each other is needed as long as the other is as it is: what taking one out would
- * cost says nothing. What one in the place of both would leave out does (README, Size).
+ * cost says nothing. What one in the place of both leaves out does, in the end (trial.c; README, Size).
  */
 #include "merge.h"
 
@@ -14,8 +14,7 @@
 #include "grow.h"
 
 enum {
-    CLOSE = 8,  /* neighbours that each is tried with */
-    PASSES = 4, /* what has merged may merge again */
+    CLOSE = 8,  /* neighbours that each is compared with */
     CHUNK = 256 /* Gaussians a task */
 };
 
@@ -29,11 +28,6 @@ typedef struct blob {
     double mass; /* opacity times the area that it covers, but for a factor */
 } blob;
 
-typedef struct pair {
-    double rise; /* of the squared error, as expected; INFINITY: there is none */
-    uint32_t a, b;
-} pair;
-
 typedef struct merge_job {
     const sf_fitter *fitter;
     const uint32_t *left; /* [count] those that are there */
@@ -41,7 +35,7 @@ typedef struct merge_job {
     const sf_nearest *nearest; /* [count][CLOSE], by place in `left` */
     const float *effect;
     double misfit;
-    pair *best; /* [count] the cheapest of each Gaussian */
+    sf_pair *best; /* [count] the cheapest of each Gaussian; of a rise of INFINITY: none */
 } merge_job;
 
 static double determinant(const double C[9]) {
@@ -114,11 +108,11 @@ static double misfit_of(const blob *a, const blob *b) {
     return fmax(both + product(&m, &m) - 2 * (product(a, &m) + product(b, &m)), 0) / both;
 }
 
-/* Those that are not marked to go, and where they are; what is not finite is nobody's. */
-static size_t list_left(const sf_fitter *f, uint32_t *left, float *points) {
+/* Those that may be in a pair, and where they are. */
+static size_t list_left(const sf_fitter *f, const float *effect, uint32_t *left, float *points) {
     size_t n = 0;
     for (size_t i = 0; i < f->model->count; i++) {
-        int finite = 1;
+        int finite = isfinite(effect[i]) && f->model->params.field[SF_FIELD_logit_opacity][i] > SF_INVISIBLE;
         for (int k = 0; k < 3; k++) {
             points[3 * n + (size_t)k] = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
             finite &= isfinite(points[3 * n + (size_t)k]) != 0;
@@ -128,10 +122,10 @@ static size_t list_left(const sf_fitter *f, uint32_t *left, float *points) {
     return n;
 }
 
-static pair best_of(const merge_job *job, size_t k) {
+static sf_pair best_of(const merge_job *job, size_t k) {
     const sf_params *p = &job->fitter->model->params;
     uint32_t i = job->left[k];
-    pair best = {INFINITY, i, i};
+    sf_pair best = {INFINITY, i, i};
     blob a = blob_of(p, i);
     double reach = sqrt(fmax(fmax(a.C[0], a.C[4]), a.C[8]));
     for (const sf_nearest *n = job->nearest + CLOSE * k, *end = n + CLOSE; n < end; n++) {
@@ -140,7 +134,7 @@ static pair best_of(const merge_job *job, size_t k) {
         blob b = blob_of(p, other);
         double misfit = misfit_of(&a, &b),
                rise = misfit * ((double)job->effect[i] + (double)job->effect[other]);
-        if (misfit < job->misfit && rise < best.rise) best = (pair){rise, i, other};
+        if (misfit < job->misfit && rise < best.rise) best = (sf_pair){rise, i, other};
     }
     return best;
 }
@@ -154,7 +148,7 @@ static void find_task(void *job_pointer, size_t task, int thread) {
 
 /* A total order, so that any sort gives the same. */
 static int by_rise(const void *a, const void *b) {
-    const pair *x = a, *y = b;
+    const sf_pair *x = a, *y = b;
     if (x->rise != y->rise) return x->rise < y->rise ? -1 : 1;
     return (x->a > y->a) - (x->a < y->a);
 }
@@ -200,24 +194,22 @@ static float value_of(const sf_model *m, int field, size_t i, int c) {
     return i < m->banded[sf_field_band(field)] ? *sf_value(&m->params, field, i, c) : 0;
 }
 
-/* Gaussian a becomes the one of both, with its own degree, and b is to go. */
-static void merge(sf_fitter *f, const pair *q) {
+void sf_merge_pair(sf_fitter *f, const sf_pair *pair) {
     const sf_model *m = f->model;
     const sf_params *p = &m->params;
-    blob a = blob_of(p, q->a), b = blob_of(p, q->b), one = fused(&a, &b);
+    blob a = blob_of(p, pair->a), b = blob_of(p, pair->b), one = fused(&a, &b);
     float part = (float)(a.mass / (a.mass + b.mass));
     for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT; field++)
-        for (int c = 0; q->a < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++) {
-            float *x = sf_value(p, field, q->a, c);
-            *x = part * *x + (1 - part) * value_of(m, field, q->b, c);
+        for (int c = 0; pair->a < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++) {
+            float *x = sf_value(p, field, pair->a, c);
+            *x = part * *x + (1 - part) * value_of(m, field, pair->b, c);
         }
-    set_shape(p, q->a, &one);
-    sf_moments_forget(&f->moments, m, q->a);
-    f->screen_sum[q->b] = -1;
+    set_shape(p, pair->a, &one);
+    sf_moments_forget(&f->moments, m, pair->a);
 }
 
-/* Leaves each Gaussian in its cheapest pair alone; returns how many pairs there are. */
-static size_t choose(pair *pairs, size_t count, uint8_t *taken) {
+/* Leaves the cheapest pairs of Gaussians that are in no cheaper one; returns how many there are. */
+static size_t choose(sf_pair *pairs, size_t count, uint8_t *taken) {
     size_t n = 0, chosen = 0;
     for (size_t i = 0; i < count; i++)
         if (pairs[i].rise < INFINITY) pairs[n++] = pairs[i];
@@ -230,39 +222,27 @@ static size_t choose(pair *pairs, size_t count, uint8_t *taken) {
     return chosen;
 }
 
-/* One pass over what is left. */
-static sf_status merge_once(sf_fitter *f, double misfit, const float *effect, size_t *merged) {
-    size_t count = f->model->count;
-    float *points = sf_alloc(f->ctx, count, 3 * sizeof *points);
-    sf_nearest *nearest = sf_alloc(f->ctx, count, CLOSE * sizeof *nearest);
-    pair *pairs = sf_alloc(f->ctx, count, sizeof *pairs);
-    uint8_t *taken = sf_calloc(f->ctx, count, 1);
-    uint32_t *left = sf_alloc(f->ctx, count, sizeof *left);
-    sf_status status = points && nearest && pairs && taken && left ? SF_OK : SF_ERR_MEMORY;
-    size_t n = status ? 0 : list_left(f, left, points);
+sf_status sf_find_pairs(sf_fitter *f, double misfit, const float *effect, sf_pair **pairs, size_t *count) {
+    size_t all = f->model->count;
+    float *points = sf_alloc(f->ctx, all, 3 * sizeof *points);
+    sf_nearest *nearest = sf_alloc(f->ctx, all, CLOSE * sizeof *nearest);
+    uint8_t *taken = sf_calloc(f->ctx, all, 1);
+    uint32_t *left = sf_alloc(f->ctx, all, sizeof *left);
+    *pairs = sf_alloc(f->ctx, all, sizeof **pairs);
+    sf_status status = points && nearest && *pairs && taken && left ? SF_OK : SF_ERR_MEMORY;
+    size_t n = status ? 0 : list_left(f, effect, left, points);
     if (!status) status = sf_find_nearest(f->ctx, points, n, CLOSE, nearest);
     if (!status) {
-        merge_job job = {f, left, n, nearest, effect, misfit, pairs};
+        merge_job job = {f, left, n, nearest, effect, misfit, *pairs};
         sf_pool_run(f->ctx->pool, (n + CHUNK - 1) / CHUNK, find_task, &job);
-        *merged = choose(pairs, n, taken);
-        for (size_t k = 0; k < *merged; k++) merge(f, &pairs[k]);
+        *count = choose(*pairs, n, taken);
+    } else {
+        sf_free(f->ctx, *pairs);
+        *pairs = NULL;
     }
     sf_free(f->ctx, points);
     sf_free(f->ctx, nearest);
-    sf_free(f->ctx, pairs);
     sf_free(f->ctx, taken);
     sf_free(f->ctx, left);
-    return status;
-}
-
-sf_status sf_merge_pairs(sf_fitter *f, double misfit, const float *effect, size_t *merged) {
-    size_t once = 1;
-    sf_status status = SF_OK;
-    *merged = 0;
-    for (int pass = 0; pass < PASSES && once && !status; pass++) {
-        once = 0;
-        status = merge_once(f, misfit, effect, &once);
-        *merged += once;
-    }
     return status;
 }

@@ -4,10 +4,21 @@
 
 #include "fitter.h"
 
+/* Two Gaussians, a the one that stays. */
+typedef struct sf_pair {
+    double rise; /* of the squared error, as expected */
+    uint32_t a, b;
+} sf_pair;
+
 /* Pairs that one Gaussian of the same mass, mean and covariance stands for but for `misfit`, the part of
- * their square integral that is off, become that one: the other's place in screen_sum is marked to go. What
- * is marked already is left alone. effect: of each Gaussian on the pictures (worth.h); the cheapest pair of
- * each comes first. *merged: how many. SF_ERR_MEMORY: what is merged is merged. */
-sf_status sf_merge_pairs(sf_fitter *fitter, double misfit, const float *effect, size_t *merged);
+ * their square integral that is off; each Gaussian in one of them at most, the cheapest first. What is marked
+ * to go in screen_sum, is not to be seen or whose effect on the pictures (worth.h, [count]) is not finite is
+ * in none. *pairs is the caller's to free. SF_ERR_MEMORY: *pairs is NULL. */
+sf_status sf_find_pairs(sf_fitter *fitter, double misfit, const float *effect, sf_pair **pairs,
+                        size_t *count);
+
+/* Gaussian a becomes the one of both, with its own degree, and knows nothing of its gradients; b stays as it
+ * is. */
+void sf_merge_pair(sf_fitter *fitter, const sf_pair *pair);
 
 #endif

@@ -4,15 +4,18 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "merge.h"
-#include "worth.h"
+#include "trial.h"
 
 /* What a Gaussian must take away of the squared error, in mean squared errors of a value. */
 #define PRICE 25.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.0 / 255)
-/* What goes at once may raise the squared error by this part. */
-#define RISE 0.5
+/* So many times their square is hardly seen. */
+#define HARDLY_SEEN 4
+/* What goes at once may raise the squared error by this part; when few steps are left, to make up for it, by
+ * the other. */
+#define RISE      0.5
+#define LATE_RISE 0.002
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
  */
 #define GROWTH_GAIN 0.02
@@ -24,8 +27,8 @@ enum {
     LOOKED = 16 /* views that growth and removal are judged by */
 };
 
-/* Charging begins at this part of the run, when what has grown has found its place, and ends when so much of
- * the settling is over: what goes later is not made up for. */
+/* Charging begins at this part of the run, when what has grown has found its place. When so much of the
+ * settling is over what goes is no longer made up for. */
 #define CHARGE_FROM  0.6
 #define CHARGE_UNTIL 0.25
 
@@ -33,17 +36,40 @@ int sf_is_priced(const sf_fitter *f) {
     return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE;
 }
 
-int sf_charging_due(const sf_fitter *f, double fraction) {
-    double settling = sf_end_of_run(f) - f->settle_from;
-    return sf_is_priced(f) && f->step % f->options.grow_every == 0 &&
-           fraction >= fmin(CHARGE_FROM, f->settle_from) &&
-           fraction <= f->settle_from + CHARGE_UNTIL * settling;
+/* Until here what goes is made up for. */
+static double charge_until(const sf_fitter *f) {
+    return f->settle_from + CHARGE_UNTIL * (sf_end_of_run(f) - f->settle_from);
 }
 
-/* What a Gaussian must take away of the squared error. */
+static int taking_out(const sf_fitter *f, double fraction) {
+    return f->step % f->options.grow_every == 0 && fraction >= fmin(CHARGE_FROM, f->settle_from);
+}
+
+/* Whether pairs may be put on trial: nothing grows any more, and there is time for the verdict. */
+static int may_try(const sf_fitter *f, double fraction) {
+    double trial = (double)SF_TRIAL_STEPS / fmax((double)f->options.plan_steps, 1);
+    return f->options.merge > 0 && (f->grown_out || fraction > f->options.grow_end) &&
+           fraction + trial <= charge_until(f);
+}
+
+int sf_charging_due(const sf_fitter *f, double fraction) {
+    if (!sf_is_priced(f)) return 0;
+    if (taking_out(f, fraction)) return 1;
+    int trials = f->trials.count || (may_try(f, fraction) && sf_trials_promise(f));
+    return trials && f->step % SF_TRIAL_STEPS == 0;
+}
+
+/* What a Gaussian must take away of the squared error. What has gone may have cost something: that does not
+ * make the others worth less. */
 static double price_of(const sf_fitter *f, const sf_worth *w) {
-    double mean = w->squares / w->values + NOTHING * NOTHING;
-    return PRICE / f->options.quality * mean;
+    double mean = w->squares / w->values;
+    if (f->least_mean > 0) mean = fmin(mean, f->least_mean);
+    return PRICE / f->options.quality * (mean + NOTHING * NOTHING);
+}
+
+/* Its part of the squared error, but for what nobody sees. */
+static double seen_share(const sf_worth *w, size_t i) {
+    return (double)w->share[i] - SF_CHANNELS * NOTHING * NOTHING * (double)w->mass[i];
 }
 
 sf_status sf_consider_growth(sf_fitter *f) {
@@ -59,7 +85,7 @@ sf_status sf_consider_growth(sf_fitter *f) {
         if (f->growths_in_vain >= GROWTHS_IN_VAIN) f->grown_out = 1;
         double price = price_of(f, &w);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
-            if (f->screen_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price) f->screen_sum[i] = 0;
+            if (f->screen_sum[i] > 0 && GROWTH_PART * seen_share(&w, i) < price) f->screen_sum[i] = 0;
     }
     sf_worth_free(f->ctx, &w);
     return status;
@@ -92,37 +118,66 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
 
 /* What is not worth its price goes, but half of all at most, and no more than the steps to come make up for:
  * where many do the same none is worth much, and what is left of them is worth more. */
-static sf_status take_out(sf_fitter *f, const sf_worth *w) {
-    double price = price_of(f, w), before, after = INFINITY;
+static sf_status take_out(sf_fitter *f, double fraction, const sf_worth *w) {
+    double price = price_of(f, w), before, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
+    double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->effect[i] < price) list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
+        if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0))
+            list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
     if (n > w->count / 2) n = w->count / 2;
+    int level = f->level;
+    f->level = 0;
     sf_status status = sf_look_for_squares(f, LOOKED, &before);
     while (n && !status) {
         status = try_without(f, list, n, &after);
-        if (after <= before * (1 + RISE)) break;
+        if (after - before <= rise * (before + unseen)) break;
         n /= 2;
     }
+    f->level = level;
     for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);
     return status;
 }
 
-sf_status sf_charge(sf_fitter *f) {
-    sf_worth w;
-    size_t merged;
+/* Pairs are tried where the errors are such as hardly anybody sees: elsewhere each Gaussian has work to do.
+ */
+static void leave_visible_alone(sf_worth *w) {
+    double most = SF_CHANNELS * HARDLY_SEEN * NOTHING * NOTHING;
+    for (size_t i = 0; i < w->count; i++)
+        if ((double)w->share[i] > most * (double)w->mass[i]) w->effect[i] = INFINITY;
+}
+
+/* At full resolution. */
+static sf_status weigh(sf_fitter *f, sf_worth *w) {
     int level = f->level;
     f->level = 0;
-    sf_status status = sf_weigh(f, 0, &w);
-    if (!status && w.views) {
-        status = take_out(f, &w);
-        if (!status && f->options.merge > 0) status = sf_merge_pairs(f, f->options.merge, w.effect, &merged);
-    }
+    sf_status status = sf_weigh(f, 0, w);
     f->level = level;
-    sf_worth_free(f->ctx, &w);
     return status;
+}
+
+sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w) {
+    sf_status status = weigh(f, w);
+    if (status || !w->views) return status;
+    if (f->trials.count) sf_trials_judge(f, w, price_of(f, w), NOTHING * NOTHING);
+    double mean = w->squares / w->values;
+    if (!(f->least_mean > 0 && f->least_mean < mean)) f->least_mean = mean;
+    status = taking_out(f, fraction) ? take_out(f, fraction, w) : SF_OK;
+    leave_visible_alone(w);
+    return status;
+}
+
+sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) {
+    sf_status status = SF_OK;
+    if (!w->views || !may_try(f, fraction)) return SF_OK;
+    if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
+        sf_worth_free(f->ctx, w);
+        status = weigh(f, w);
+        if (!status) leave_visible_alone(w);
+    }
+    return status ? status : sf_trials_begin(f, w);
 }

@@ -3,6 +3,9 @@
 #define SF_FIT_PRICE_H
 
 #include "fitter.h"
+#include "worth.h"
+
+enum { SF_NOTABLE = 50 /* what takes less of the model away than this part hardly changes its errors */ };
 
 /* Whether Gaussians have to pay for themselves: `size` is auto, none is relocated, and the run is not short.
  */
@@ -12,11 +15,16 @@ int sf_is_priced(const sf_fitter *fitter);
  * growth ends (grown_out). SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_consider_growth(sf_fitter *fitter);
 
-/* Whether this step ends with charging: after growth, until the model must be left to settle. */
+/* Whether this step ends with charging: with those that are not worth their price, until the model must be
+ * left to settle, or with pairs on trial (trial.h). Not while it grows. */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 
-/* Marks in screen_sum what is worth less than its price, and merges what one Gaussian can stand for.
- * SF_ERR_MEMORY: what is marked is marked rightly, the rest is left. */
-sf_status sf_charge(sf_fitter *fitter);
+/* Marks in screen_sum what is worth less than its price, as worth has it, which is of all views. Then those
+ * marked can go, and sf_try_pairs follow. SF_ERR_MEMORY: what is marked is marked rightly. */
+sf_status sf_charge(sf_fitter *fitter, double fraction, sf_worth *worth);
+
+/* Puts pairs on trial where that pays. worth: of before, for the Gaussians that are left; `went`: so many are
+ * not. SF_ERR_MEMORY. */
+sf_status sf_try_pairs(sf_fitter *fitter, double fraction, size_t went, sf_worth *worth);
 
 #endif

@@ -8,6 +8,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "trial.h"
+
 /* Validations in a run, and the gain in dB that counts as one. */
 #define INTERVAL 0.04
 #define GAIN     0.01
@@ -140,9 +142,10 @@ static sf_status keep(sf_fitter *f) {
         if (status) return status;
         sf_model_destroy(&f->best);
         f->best = best;
-        return SF_OK;
+    } else {
+        sf_model_assign(f->best, f->model);
     }
-    sf_model_assign(f->best, f->model);
+    sf_trials_undo(&f->trials, f->best);
     return SF_OK;
 }
 
@@ -150,6 +153,7 @@ static sf_status keep(sf_fitter *f) {
 static sf_status bring_back(sf_fitter *f) {
     sf_status status = sf_fitter_room(f, f->best->banded);
     if (status) return status;
+    f->trials.count = 0; /* the best one has none */
     sf_model_assign(f->model, f->best);
     sf_moments_forget_all(&f->moments, f->model);
     memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
@@ -230,6 +234,7 @@ sf_status sf_consider(sf_fitter *f, double fraction) {
     }
     if (over && !f->end) f->end = why_over(f);
     if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) status = bring_back(f);
+    if (f->end) sf_trials_end(f);
     if (!f->end && joins && fraction >= f->settle_from) status = join(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;
 }

@@ -9,13 +9,19 @@
 
 #include "../base/pool.h"
 
-enum { GATHER = 1024 /* Gaussians a task */ };
+enum {
+    GATHER = 1024,        /* Gaussians a task */
+    BLAME = SF_WORTH_SUMS /* a slot's sums from here on: its sf_blame */
+};
 
 typedef struct weigh_job {
     sf_workspace *ws;
     sf_worth *worth;
-    double *sums;  /* [rows of the picture][2]: squares, weights */
-    double pixels; /* of the full resolution in one of the picture */
+    double *sums;        /* [rows of the picture][2]: squares, weights */
+    double pixels;       /* of the full resolution in one of the picture */
+    uint8_t *tried;      /* [count] whether it stands for a pair on trial; NULL: none does */
+    const float *before; /* squared errors of the tiles of the views to come; there are so many */
+    size_t before_count;
 } weigh_job;
 
 /* The residual, times the weight, and the weight itself, 0 beyond the picture. */
@@ -56,6 +62,61 @@ static sf_status residual(weigh_job *job, double pixels) {
     return SF_OK;
 }
 
+static double slot_part(const weigh_job *job, uint32_t entry) {
+    const sf_workspace *ws = job->ws;
+    if (!job->tried[ws->entries[entry]]) return 0;
+    return (double)ws->sums[(size_t)ws->entry_slots[entry] * SF_SUMS + 7];
+}
+
+/* What happened in a tile to the slots of those on trial. */
+static void blame_slots(const weigh_job *job, size_t tile, double now, double before, double values) {
+    const sf_workspace *ws = job->ws;
+    double all = 0;
+    for (uint32_t e = ws->tile_begin[tile]; e < ws->tile_begin[tile + 1]; e++) all += slot_part(job, e);
+    for (uint32_t e = ws->tile_begin[tile]; e < ws->tile_begin[tile + 1]; e++) {
+        float *sums = ws->sums + (size_t)ws->entry_slots[e] * SF_SUMS + BLAME;
+        double part = all > 0 ? slot_part(job, e) / all : 0;
+        sums[0] = (float)(part * now);
+        sums[1] = (float)(part * before);
+        sums[2] = (float)(part * values);
+    }
+}
+
+static void tile_task(void *job_pointer, size_t tile, int thread) {
+    (void)thread;
+    const weigh_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    size_t across = ws->stride / SF_TILE,
+           from = tile / across * SF_TILE * ws->stride + tile % across * SF_TILE;
+    double squares = 0, values = 0;
+    for (size_t y = 0; y < SF_TILE; y++)
+        for (size_t x = 0; x < SF_TILE; x++) {
+            size_t at = from + y * ws->stride + x;
+            for (int ch = 0; ch < SF_CHANNELS; ch++)
+                squares += (double)ws->d_rgb[ch][at] * (double)ws->d_rgb[ch][at];
+            values += SF_CHANNELS * (double)ws->weight[at];
+        }
+    squares *= job->pixels, values *= job->pixels;
+    job->worth->tiles[job->worth->tile_count + tile] = (float)squares;
+    if (job->tried) blame_slots(job, tile, squares, (double)job->before[tile], values);
+}
+
+/* The squared error of each tile. */
+static sf_status weigh_tiles(weigh_job *job) {
+    sf_worth *w = job->worth;
+    const sf_workspace *ws = job->ws;
+    size_t tiles = ws->stride / SF_TILE * (ws->plane_rows / SF_TILE);
+    if (sf_grow(ws->ctx, &w->tiles, &w->tile_capacity, w->tile_count, w->tile_count + tiles,
+                sizeof *w->tiles))
+        return SF_ERR_MEMORY;
+    if (job->tried && job->before_count < tiles)
+        job->tried = NULL; /* views came: there is nothing to compare with */
+    sf_pool_run(ws->ctx->pool, tiles, tile_task, job);
+    w->tile_count += tiles;
+    if (job->tried) job->before += tiles, job->before_count -= tiles;
+    return SF_OK;
+}
+
 static void weigh_in(const weigh_job *job, size_t i) {
     const sf_workspace *ws = job->ws;
     sf_worth *w = job->worth;
@@ -67,6 +128,14 @@ static void weigh_in(const weigh_job *job, size_t i) {
     w->removal[i] += (float)(job->pixels * (sums[4] - 2 * sums[3]));
     w->effect[i] += (float)(job->pixels * sums[4]);
     w->share[i] += (float)(job->pixels * sums[6]);
+    w->mass[i] += (float)(job->pixels * sums[7]);
+    if (!job->tried || !job->tried[i]) return;
+    for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++) {
+        const float *blame = ws->sums + (size_t)slot * SF_SUMS + BLAME;
+        w->blame[i].now += blame[0];
+        w->blame[i].before += blame[1];
+        w->blame[i].values += blame[2];
+    }
 }
 
 static void gather_task(void *job_pointer, size_t task, int thread) {
@@ -81,6 +150,7 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void
     weigh_job *job = job_pointer;
     sf_status status = residual(job, pixels);
     if (!status) status = sf_stage_blend_worth(job->ws);
+    if (!status) status = weigh_tiles(job);
     if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
     return status;
 }
@@ -103,8 +173,9 @@ static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
     *w = (sf_worth){.count = n,
                     .removal = sf_calloc(f->ctx, n, sizeof *w->removal),
                     .effect = sf_calloc(f->ctx, n, sizeof *w->effect),
-                    .share = sf_calloc(f->ctx, n, sizeof *w->share)};
-    return w->removal && w->effect && w->share ? SF_OK : SF_ERR_MEMORY;
+                    .share = sf_calloc(f->ctx, n, sizeof *w->share),
+                    .mass = sf_calloc(f->ctx, n, sizeof *w->mass)};
+    return w->removal && w->effect && w->share && w->mass ? SF_OK : SF_ERR_MEMORY;
 }
 
 /* To as many views as are trained on. */
@@ -115,14 +186,29 @@ static void scale_up(sf_worth *w, double factor) {
         w->removal[i] *= (float)factor;
         w->effect[i] *= (float)factor;
         w->share[i] *= (float)factor;
+        w->mass[i] *= (float)factor;
     }
+}
+
+/* Marks those that stand for pairs on trial. */
+static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
+    const sf_trials *t = &f->trials;
+    job->tried = sf_calloc(f->ctx, job->worth->count, 1);
+    job->worth->blame = sf_calloc(f->ctx, job->worth->count, sizeof *job->worth->blame);
+    if (!job->tried || !job->worth->blame) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < t->count; k++) job->tried[t->list[k].leader] = 1;
+    job->before = t->tiles, job->before_count = t->tile_count;
+    return SF_OK;
 }
 
 sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
+    if (!status && !views && f->trials.count) status = watch_trials(f, &job);
+    uint8_t *tried = job.tried;
     if (!status) status = sf_look_at_views(f, views, 0, look_at, &job, &there);
+    sf_free(f->ctx, tried);
     if (!status && views && views < there) scale_up(w, (double)there / (double)views);
     return status;
 }
@@ -131,5 +217,8 @@ void sf_worth_free(sf_context *ctx, sf_worth *w) {
     sf_free(ctx, w->removal);
     sf_free(ctx, w->effect);
     sf_free(ctx, w->share);
+    sf_free(ctx, w->mass);
+    sf_free(ctx, w->blame);
+    sf_free(ctx, w->tiles);
     memset(w, 0, sizeof *w);
 }

@@ -4,18 +4,29 @@
 
 #include "fitter.h"
 
+/* What happened in the tiles where one that stands for others on trial is seen, shared out among all such
+ * there by their parts of the pixels. */
+typedef struct sf_blame {
+    float now, before; /* squared error */
+    float values;      /* weights of pixels, times the channels */
+} sf_blame;
+
 /* Squared errors are sums over the views, their pixels (by weight) and channels, values 0..1. Where only some
  * views are looked at, all sums are for as many as there are. */
 typedef struct sf_worth {
     size_t count;
-    size_t views;   /* looked at */
-    double squares; /* squared error of the views */
-    double values;  /* weights of their pixels, times the channels */
-    float *removal; /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
-                       be  below 0 */
-    float *effect;  /* [count] what that does to the pictures, squared: the removal where the residual is
-                       noise */
-    float *share;   /* [count] its part of the squared error: sum of w r^2 */
+    size_t views;    /* looked at */
+    double squares;  /* squared error of the views */
+    double values;   /* weights of their pixels, times the channels */
+    float *removal;  /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
+                        be  below 0 */
+    float *effect;   /* [count] what that does to the pictures, squared: the removal where the residual is
+                        noise */
+    float *share;    /* [count] its part of the squared error: sum of w r^2 */
+    float *mass;     /* [count] its part of the pixels: sum of w */
+    sf_blame *blame; /* [count] while pairs are on trial, and all views are looked at; else NULL */
+    float *tiles;    /* squared error of each tile of each view that was looked at, as drawn */
+    size_t tile_count, tile_capacity;
 } sf_worth;
 
 /* Weighs all Gaussians by `views` of the views that are trained on (0: all), at the level, degree and

@@ -7,7 +7,7 @@
 
 #include "fit/merge.h"
 #include "fit/price.h"
-#include "fit/worth.h"
+#include "fit/trial.h"
 
 enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -147,7 +147,9 @@ static void test_price(void **state) {
     sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, balls, ALL, 0);
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
-    assert_ok(ctx, sf_charge(f));
+    sf_worth w;
+    assert_ok(ctx, sf_charge(f, 0.7, &w));
+    sf_worth_free(ctx, &w);
     int going = 0;
     for (int i = 0; i < ALL; i++) {
         if (i < 3) assert_true(!(f->screen_sum[i] < 0));
@@ -172,15 +174,21 @@ static void test_merge(void **state) {
     sf_model *model = model_of(ctx, parts, 3, 1);
     sf_scene *scene = scene_of(ctx, model);
     sf_fitter *f = fitter_of(ctx, scene, model);
-    const float effect[] = {1, 1, 1};
-    size_t merged;
-    assert_ok(ctx, sf_merge_pairs(f, 1e-6, effect, &merged)); /* less than the two are off */
-    assert_int_equal(merged, 0);
-    assert_ok(ctx, sf_merge_pairs(f, 0.2, effect, &merged));
-    assert_int_equal(merged, 1);
-    assert_true((f->screen_sum[0] < 0) != (f->screen_sum[1] < 0));
-    assert_true(!(f->screen_sum[2] < 0));
-    size_t left = f->screen_sum[0] < 0 ? 1 : 0;
+    const float effect[] = {1, 1, 1}, untouched[] = {1, INFINITY, 1};
+    sf_pair *pairs;
+    size_t n;
+    assert_ok(ctx, sf_find_pairs(f, 1e-6, effect, &pairs, &n)); /* less than the two are off */
+    assert_int_equal(n, 0);
+    sf_free(ctx, pairs);
+    assert_ok(ctx, sf_find_pairs(f, 0.2, untouched, &pairs, &n));
+    assert_int_equal(n, 0);
+    sf_free(ctx, pairs);
+    assert_ok(ctx, sf_find_pairs(f, 0.2, effect, &pairs, &n));
+    assert_int_equal(n, 1);
+    assert_true(pairs[0].a + pairs[0].b == 1 && pairs[0].rise > 0);
+    sf_merge_pair(f, &pairs[0]);
+    size_t left = pairs[0].a;
+    sf_free(ctx, pairs);
     float mean[3], log_scale[3], logit;
     sf_gaussians to = {.means = mean, .log_scales = log_scale, .logit_opacities = &logit};
     assert_int_equal(sf_model_get(f->model, left, 1, &to), SF_OK);
@@ -195,6 +203,70 @@ static void test_merge(void **state) {
     sf_scene_destroy(&scene);
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
+}
+
+/* The model's values, all of them. */
+static void values_of(const sf_model *m, float *values) {
+    sf_gaussians to = {values, values + 30, values + 70, values + 100, values + 110};
+    assert_int_equal(sf_model_get(m, 0, m->count, &to), SF_OK);
+}
+
+/* Of two that are one and one beside others, and of two that are not: the trial of the first succeeds, that
+ * of all does not, and leaves everything as it was. */
+static void trial(float other_gray, int succeeds) {
+    enum { VALUES = 150 };
+    sf_context *ctx = test_context();
+    ball twins[3] = {three[0], three[0], three[2]}, one[2] = {three[0], three[2]};
+    for (int i = 0; i < 2; i++) twins[i].opacity = 1 - sqrtf(1 - three[0].opacity);
+    if (!succeeds) { /* they lie beside each other, of two colours, as in the pictures */
+        twins[0].mean[0] = -0.2f, twins[1].mean[0] = 0.2f;
+        twins[1].gray = other_gray;
+    }
+    sf_model *truth = succeeds ? model_of(ctx, one, 2, 0) : model_of(ctx, twins, 3, 0),
+             *model = model_of(ctx, twins, 3, 0), *seen;
+    sf_scene *scene = scene_of(ctx, truth);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    float before[VALUES] = {0}, during[VALUES] = {0}, after[VALUES] = {0};
+    sf_worth w;
+    values_of(f->model, before);
+    assert_ok(ctx, sf_weigh(f, 0, &w));
+    const float most[] = {w.effect[0], w.effect[1], INFINITY};
+    memcpy(w.effect, most, sizeof most);
+    f->options.merge = 1;
+    assert_ok(ctx, sf_trials_begin(f, &w));
+    sf_worth_free(ctx, &w);
+    assert_int_equal(f->trials.count, 1);
+    values_of(f->model, during);
+    assert_true(memcmp(before, during, sizeof before) != 0);
+    assert_ok(ctx, sf_fitter_snapshot(f, &seen));
+    values_of(seen, after);
+    assert_memory_equal(before, after, sizeof before); /* a trial is not to be seen */
+    sf_model_destroy(&seen);
+
+    assert_ok(ctx, sf_weigh(f, 0, &w));
+    sf_trials_judge(f, &w, 0.1, 0);
+    assert_int_equal(f->trials.count, 0);
+    values_of(f->model, after);
+    int going = 0;
+    for (int i = 0; i < 3; i++) going += f->screen_sum[i] < 0;
+    assert_int_equal(going, succeeds);
+    assert_int_equal(f->trials.failures, !succeeds);
+    assert_memory_equal(succeeds ? during : before, after, sizeof before);
+    assert_true(succeeds || (isinf(w.effect[0]) && isinf(w.effect[1])));
+    sf_worth_free(ctx, &w);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+static void test_trial_succeeds(void **state) {
+    (void)state;
+    trial(0, 1);
+}
+static void test_trial_fails(void **state) {
+    (void)state;
+    trial(0.2f, 0);
 }
 
 /* From random first points, a fit that is charged has fewer Gaussians than one that is not, at nearly the
@@ -218,7 +290,6 @@ static void test_a_fit_pays(void **state) {
         options.first = SF_FIRST_RANDOM;
         options.init_random = options.max_gaussians = 1000;
         options.size = size;
-        options.merge = 0.2;
         assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
         assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
         assert_ok(ctx, sf_weigh(f, 0, &w));
@@ -241,6 +312,8 @@ int main(void) {
         cmocka_unit_test(test_worth_is_what_is_lost),
         cmocka_unit_test(test_price),
         cmocka_unit_test(test_merge),
+        cmocka_unit_test(test_trial_succeeds),
+        cmocka_unit_test(test_trial_fails),
         cmocka_unit_test(test_a_fit_pays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,174 @@
+/* trial.c - pairs of Gaussians on trial.
+ *
+ * What a merger costs is known only when its neighbours have had the time to make up for it: until then the
+ * one that is not to be seen keeps its place, and what the other was is kept (README, Size).
+ */
+#include "trial.h"
+
+#include <math.h>
+
+#include "grow.h"
+#include "merge.h"
+
+/* Part of the Gaussians that a first trial takes away, and any; by what it changes after a trial. */
+#define FIRST_PART 0.05
+#define LEAST_PART 0.003
+#define MOST_PART  0.5
+#define MORE       2.0
+#define LESS       0.5
+#define MUCH_LESS  0.25
+/* A part of good pairs from which on there are more of them next, and below which there are fewer. */
+#define MANY_GOOD 0.6
+#define FEW_GOOD  0.4
+
+enum {
+    PASSES = 4,       /* what has merged may merge again */
+    MOST_FAILURES = 3 /* one after another */
+};
+
+int sf_trials_promise(const sf_fitter *f) { return f->trials.failures < MOST_FAILURES; }
+
+/* All values of Gaussian i, to or from a row. */
+static void keep_values(const sf_model *m, size_t i, float *row) {
+    for (int field = 0; field < SF_FIELD_COUNT; field++)
+        for (int c = 0; i < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++)
+            *row++ = *sf_value(&m->params, field, i, c);
+}
+
+static void put_values(const sf_model *m, size_t i, const float *row) {
+    for (int field = 0; field < SF_FIELD_COUNT; field++)
+        for (int c = 0; i < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++)
+            *sf_value(&m->params, field, i, c) = *row++;
+}
+
+static void undo(const sf_trial *t, const sf_model *m) {
+    put_values(m, t->a, t->of_a);
+    m->params.field[SF_FIELD_logit_opacity][t->b] = t->logit_of_b;
+}
+
+void sf_trials_undo(const sf_trials *trials, sf_model *model) {
+    for (size_t k = trials->count; k-- > 0;) undo(&trials->list[k], model);
+}
+
+static void undo_and_forget(sf_fitter *f, const sf_trial *t) {
+    undo(t, f->model);
+    sf_moments_forget(&f->moments, f->model, t->a);
+    sf_moments_forget(&f->moments, f->model, t->b);
+}
+
+void sf_trials_end(sf_fitter *f) {
+    for (size_t k = f->trials.count; k-- > 0;) undo_and_forget(f, &f->trials.list[k]);
+    f->trials.count = 0;
+}
+
+void sf_trials_free(sf_fitter *f) {
+    sf_free(f->ctx, f->trials.list);
+    sf_free(f->ctx, f->trials.tiles);
+}
+
+/* One that stands for two costs what both would. */
+static void merge(sf_fitter *f, const sf_pair *pair, float *effect) {
+    sf_trial *one = &f->trials.list[f->trials.count++];
+    float *logit = &f->model->params.field[SF_FIELD_logit_opacity][pair->b];
+    *one = (sf_trial){.a = pair->a, .b = pair->b, .leader = pair->a, .logit_of_b = *logit};
+    keep_values(f->model, one->a, one->of_a);
+    sf_merge_pair(f, pair);
+    *logit = SF_INVISIBLE;
+    effect[one->a] += effect[one->b];
+}
+
+/* At most so many of the cheapest pairs; *merged: how many. */
+static sf_status merge_some(sf_fitter *f, size_t most, float *effect, size_t *merged) {
+    sf_trials *t = &f->trials;
+    sf_pair *pairs;
+    size_t n = 0;
+    sf_status status = sf_find_pairs(f, f->options.merge, effect, &pairs, &n);
+    if (n > most) n = most;
+    if (!status) status = sf_grow(f->ctx, &t->list, &t->capacity, t->count, t->count + n, sizeof *t->list);
+    *merged = status ? 0 : n;
+    for (size_t k = 0; k < *merged; k++) merge(f, &pairs[k], effect);
+    sf_free(f->ctx, pairs);
+    return status;
+}
+
+/* What stands for others may have got one that stands for it. */
+static sf_status name_leaders(sf_fitter *f) {
+    sf_trials *t = &f->trials;
+    uint32_t *leader = sf_alloc(f->ctx, f->model->count, sizeof *leader);
+    if (!leader) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < f->model->count; i++) leader[i] = (uint32_t)i;
+    for (size_t k = t->count; k-- > 0;) t->list[k].leader = leader[t->list[k].b] = leader[t->list[k].a];
+    sf_free(f->ctx, leader);
+    return SF_OK;
+}
+
+sf_status sf_trials_begin(sf_fitter *f, sf_worth *w) {
+    sf_trials *t = &f->trials;
+    sf_status status = SF_OK;
+    if (!(t->part > 0)) t->part = FIRST_PART;
+    size_t most = (size_t)ceil(t->part * (double)f->model->count), merged = 1;
+    for (int pass = 0; pass < PASSES && merged && !status; pass++)
+        status = merge_some(f, most - t->count, w->effect, &merged);
+    if (!status) status = name_leaders(f);
+    if (status) sf_trials_end(f);
+    if (status || !t->count) return status;
+    sf_free(f->ctx, t->tiles);
+    t->tiles = w->tiles, t->tile_count = w->tile_count, t->tile_capacity = w->tile_capacity;
+    w->tiles = NULL;
+    t->squares = w->squares;
+    return SF_OK;
+}
+
+/* What a pair has raised the squared error by, beyond what nobody sees; `fell`: what all errors did
+ * meanwhile. */
+static double rise_of(const sf_blame *b, double fell, double nothing) {
+    return (double)b->now - fmax(fell * (double)b->before, nothing * (double)b->values);
+}
+
+/* How many to try next, by how it went. */
+static void learn(sf_trials *t, int failed, double good) {
+    t->failures = failed ? t->failures + 1 : 0;
+    if (failed)
+        t->part = fmax(t->part * MUCH_LESS, LEAST_PART);
+    else if (good < FEW_GOOD)
+        t->part *= LESS;
+    else if (good > MANY_GOOD)
+        t->part = fmin(t->part * MORE, MOST_PART);
+}
+
+/* How many each stands for beside itself, by Gaussian. */
+static uint32_t *count_members(const sf_fitter *f) {
+    uint32_t *members = sf_calloc(f->ctx, f->model->count, sizeof *members);
+    for (size_t k = 0; k < f->trials.count && members; k++) members[f->trials.list[k].leader]++;
+    return members;
+}
+
+void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
+    sf_trials *t = &f->trials;
+    uint32_t *members = count_members(f);
+    double fell = fmin(w->squares / t->squares, 1), all = 0;
+    size_t n = t->count, good = 0;
+    if (!members || !w->blame ||
+        w->tile_count != t->tile_count) { /* views came or went: nothing to compare */
+        sf_free(f->ctx, members);
+        sf_trials_end(f);
+        return;
+    }
+    for (size_t i = 0; i < w->count; i++)
+        if (members[i]) all += rise_of(&w->blame[i], fell, nothing);
+    int failed = all > price * (double)n;
+    for (size_t k = n; k-- > 0;) {
+        const sf_trial *one = &t->list[k];
+        double most = price * (double)members[one->leader];
+        if (!failed && rise_of(&w->blame[one->leader], fell, nothing) <= most) {
+            f->screen_sum[one->b] = -1;
+            good++;
+        } else {
+            undo_and_forget(f, one);
+            w->effect[one->a] = w->effect[one->b] = INFINITY;
+        }
+    }
+    learn(t, failed, n ? (double)good / (double)n : 1);
+    t->count = 0;
+    sf_free(f->ctx, members);
+}

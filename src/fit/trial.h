@@ -1,0 +1,26 @@
+/* trial.h - pairs of Gaussians on trial: one of both stands for them, until it is clear what that costs. */
+#ifndef SF_FIT_TRIAL_H
+#define SF_FIT_TRIAL_H
+
+#include "fitter.h"
+#include "worth.h"
+
+enum { SF_TRIAL_STEPS = 50 /* that those on trial have to make up for what is missing */ };
+
+/* Whether trials are worth looking at all views for; else they are only where these are looked at anyway. */
+int sf_trials_promise(const sf_fitter *fitter);
+
+/* Puts the pairs that are likely to cost least on trial. worth: of the model as it is, all views looked at;
+ * the squared errors that it found are what the trial is judged by. On SF_ERR_MEMORY what is on trial is on
+ * trial rightly. */
+sf_status sf_trials_begin(sf_fitter *fitter, sf_worth *worth);
+
+/* Ends the trial: pairs whose one has raised the squared error by no more than the price of the Gaussians
+ * that it saves, and what nobody sees (`nothing`, the square of an error), lose them: they are marked in
+ * screen_sum. The others are as they were, and their effects in worth, which is of all views, not finite. */
+void sf_trials_judge(sf_fitter *fitter, sf_worth *worth, double price, double nothing);
+
+/* The model as if there had been no trial; also a copy of it, made since this began. */
+void sf_trials_undo(const sf_trials *trials, sf_model *model);
+
+#endif
