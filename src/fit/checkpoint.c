@@ -21,6 +21,7 @@ static const sf_sections_kind checkpoint_kind = {
 static const char *const free_options[] = {"steps", "time_limit", "memory"};
 
 enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUES = 16, VIEW_VALUES = 3 };
+enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
 
 /* Scalars of the fitter, by kind. */
 #define STATE_INTEGERS(F)                                                                                    \
@@ -576,7 +577,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     put_moments(out, &f->moments, m);
     sf_sections_put(out, "screen.sum", f->screen_sum, m->count, sizeof *f->screen_sum);
     sf_sections_put(out, "screen.seen", f->screen_seen, m->count, sizeof *f->screen_seen);
-    sf_sections_put(out, "trials", f->trials.list, f->trials.count, sizeof *f->trials.list);
+    sf_sections_put(out, "trials", f->trials.list, f->trials.count * TRIAL_WORDS, sizeof(uint32_t));
     sf_sections_put(out, "trials.tiles", f->trials.tiles, f->trials.tile_count, sizeof *f->trials.tiles);
     const double psnr[] = {f->validation_psnr, f->best_psnr}; /* NAN before the first validation */
     sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
@@ -675,15 +676,16 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
 /* Pairs on trial, and what they are judged by. */
 static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
     sf_trials *t = &f->trials;
-    size_t n = f->model->count;
-    sf_status status = sf_sections_take_new(in, "trials", &t->list, &t->count, n, sizeof *t->list);
-    t->capacity = t->count;
-    for (size_t k = 0; k < t->count && !status; k++)
+    size_t n = f->model->count, words;
+    sf_status status =
+        sf_sections_take_new(in, "trials", &t->list, &words, n * TRIAL_WORDS, sizeof(uint32_t));
+    if (status) return status;
+    if (words % TRIAL_WORDS) return bad(in, "trials", "has another length");
+    t->count = t->capacity = words / TRIAL_WORDS;
+    for (size_t k = 0; k < t->count; k++)
         if (t->list[k].a >= n || t->list[k].b >= n || t->list[k].leader >= n)
-            status = bad(in, "trials", "names a Gaussian that is none");
-    if (!status)
-        status =
-            sf_sections_take_new(in, "trials.tiles", &t->tiles, &t->tile_count, INT32_MAX, sizeof *t->tiles);
+            return bad(in, "trials", "names a Gaussian that is none");
+    status = sf_sections_take_new(in, "trials.tiles", &t->tiles, &t->tile_count, INT32_MAX, sizeof *t->tiles);
     t->tile_capacity = t->tile_count;
     return status;
 }

@@ -130,7 +130,7 @@ static void finds_the_size(void **state) {
     options.first = SF_FIRST_RANDOM;
     options.init_random = FIRST;
     options.steps = STEPS;
-    options.background = SF_BACKGROUND_AUTO;
+    if (!c->blobs) options.background = SF_BACKGROUND_AUTO;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     sf_fitter_get_progress(fitter, &progress);

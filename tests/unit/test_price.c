@@ -214,7 +214,7 @@ static void values_of(const sf_model *m, float *values) {
 /* Of two that are one and one beside others, and of two that are not: the trial of the first succeeds, that
  * of all does not, and leaves everything as it was. */
 static void trial(float other_gray, int succeeds) {
-    enum { VALUES = 150 };
+    enum { VALUES = 300 };
     sf_context *ctx = test_context();
     ball twins[3] = {three[0], three[0], three[2]}, one[2] = {three[0], three[2]};
     for (int i = 0; i < 2; i++) twins[i].opacity = 1 - sqrtf(1 - three[0].opacity);
