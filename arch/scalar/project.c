@@ -6,6 +6,8 @@
  */
 #include "scalar.h"
 
+#include "../../src/kernels/sh.h"
+
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -110,25 +112,11 @@ static int project_shape(const sf_project_args *a, size_t i, const double *mean,
     return f->det <= FLT_MAX && f->distance <= FLT_MAX; /* false for NaN too */
 }
 
-/* Basis functions Y of M.4 and, where G is given, their gradients as polynomials of x, y, z. */
-static void sh_basis(int degree, const double *d, double *Y, double (*G)[3]) {
+/* Gradients of the basis functions, as polynomials of x, y, z. */
+static void sh_gradients(int degree, const double *d, double (*G)[3]) {
     double x = d[0], y = d[1], z = d[2], xx = x * x, yy = y * y, zz = z * z;
-    const double c1 = 0.4886025119029199, c2 = 1.0925484305920792, c20 = 0.31539156525252005,
-                 c22 = 0.5462742152960396;
-    const double c30 = 0.5900435899266435, c31 = 2.890611442640554, c32 = 0.4570457994644658,
-                 c33 = 0.3731763325901154, c34 = 1.445305721320277;
-    Y[0] = 0.28209479177387814;
-    if (degree > 0) Y[1] = -c1 * y, Y[2] = c1 * z, Y[3] = -c1 * x;
-    if (degree > 1) {
-        Y[4] = c2 * x * y, Y[5] = -c2 * y * z, Y[6] = c20 * (2 * zz - xx - yy);
-        Y[7] = -c2 * x * z, Y[8] = c22 * (xx - yy);
-    }
-    if (degree > 2) {
-        Y[9] = -c30 * y * (3 * xx - yy), Y[10] = c31 * x * y * z, Y[11] = -c32 * y * (4 * zz - xx - yy);
-        Y[12] = c33 * z * (2 * zz - 3 * xx - 3 * yy), Y[13] = -c32 * x * (4 * zz - xx - yy);
-        Y[14] = c34 * z * (xx - yy), Y[15] = -c30 * x * (xx - 3 * yy);
-    }
-    if (!G) return;
+    const double c1 = SF_SH_1, c2 = SF_SH_2, c20 = SF_SH_20, c22 = SF_SH_22;
+    const double c30 = SF_SH_33, c31 = SF_SH_32, c32 = SF_SH_31, c33 = SF_SH_30, c34 = SF_SH_32C;
     const double first[4][3] = {{0, 0, 0}, {0, -c1, 0}, {0, 0, c1}, {-c1, 0, 0}};
     memcpy(G, first, sizeof first);
     if (degree > 1) {
@@ -213,7 +201,7 @@ static int project_one(const sf_project_args *a, size_t i) {
 
     /* 4. colour */
     double Y[16], rgb[3] = {0.5, 0.5, 0.5};
-    sh_basis(a->sh_degree, f.direction, Y, NULL);
+    sf_sh_basis(a->sh_degree, f.direction, Y);
     for (int k = 0; k < (a->sh_degree + 1) * (a->sh_degree + 1); k++)
         for (int ch = 0; ch < 3; ch++) rgb[ch] += Y[k] * a->params.field[sh_place[k].field][sh_at(i, k, ch)];
     for (int ch = 0; ch < 3; ch++) {
@@ -241,7 +229,8 @@ typedef struct gradient {
 static void colour_bwd(const sf_project_args *a, size_t i, const projection *f, const double *d_rgb,
                        gradient *g, double *d_mean) {
     double Y[16], G[16][3], used[3], d_direction[3] = {0};
-    sh_basis(a->sh_degree, f->direction, Y, G);
+    sf_sh_basis(a->sh_degree, f->direction, Y);
+    sh_gradients(a->sh_degree, f->direction, G);
     for (int ch = 0; ch < 3; ch++) used[ch] = a->splats[i].rgb[ch] > 0 ? d_rgb[ch] : 0.0;
     for (int k = 0; k < (a->sh_degree + 1) * (a->sh_degree + 1); k++)
         for (int ch = 0; ch < 3; ch++) {

@@ -51,16 +51,19 @@ static sf_place itself(const sf_fitter *f, size_t i) {
     return (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
 }
 
-/* effect: NULL or [count] what stands beside the model and is arranged with it. */
-static sf_status prune(sf_fitter *f, float *effect) {
+/* degrees: NULL or [count], of those that are kept; no higher than now. */
+static sf_status prune(sf_fitter *f, const uint8_t *degrees) {
     float faintest = sf_faintest(f);
-    size_t kept = 0, count = f->model->count;
+    size_t kept = 0, count = f->model->count, lowered = 0;
     sf_place *places = sf_alloc(f->ctx, count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < count; i++)
-        if (sf_worth_keeping(f, i, faintest)) places[kept++] = itself(f, i);
-    sf_status status = kept < count ? sf_arrange(f, places, kept, NULL) : SF_OK;
-    for (size_t k = 0; k < kept && effect && !status; k++) effect[k] = effect[places[k].from];
+    for (size_t i = 0; i < count; i++) {
+        if (!sf_worth_keeping(f, i, faintest)) continue;
+        sf_place place = itself(f, i);
+        if (degrees && degrees[i] < place.degree) place.degree = degrees[i], lowered++;
+        places[kept++] = place;
+    }
+    sf_status status = kept < count || lowered ? sf_arrange(f, places, kept, NULL) : SF_OK;
     sf_free(f->ctx, places);
     return status;
 }
@@ -190,19 +193,32 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
     return f->growth_ended ? 0 : wanted;
 }
 
-/* Those that are not worth their price go, pairs are judged and put on trial. */
-static sf_status charge(sf_fitter *f, double fraction) {
+/* What is not worth its price goes, pairs are judged and put on trial. The statistics of growth are not
+ * needed any more: they carry the effects through the arranging. */
+static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     sf_worth w = {0};
     size_t had = f->model->count;
-    sf_status status = sf_charge(f, fraction, &w);
-    if (!status) status = prune(f, w.effect);
+    for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
+    sf_status status = sf_charge(f, fraction, &w, degrees);
+    for (size_t i = 0; i < had && !status; i++)
+        if (!(f->screen_sum[i] < 0)) f->screen_sum[i] = (double)w.effect[i];
+    if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
     if (went > had / SF_NOTABLE) sf_forget_best(f);
     w.count = f->model->count;
+    for (size_t i = 0; i < w.count && !status; i++) w.effect[i] = (float)f->screen_sum[i];
     if (!status) status = sf_try_pairs(f, fraction, went, &w);
     sf_worth_free(f->ctx, &w);
-    if (status) sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
-    return status == SF_ERR_MEMORY ? SF_OK : status;
+    return status;
+}
+
+static sf_status charge(sf_fitter *f, double fraction) {
+    uint8_t *degrees = sf_alloc(f->ctx, f->model->count, 1);
+    sf_status status = degrees ? charge_with(f, fraction, degrees) : SF_ERR_MEMORY;
+    sf_free(f->ctx, degrees);
+    if (status != SF_ERR_MEMORY) return status;
+    sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
+    return SF_OK;
 }
 
 static sf_status grow_by_plan(sf_fitter *f, double fraction) {

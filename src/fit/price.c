@@ -160,13 +160,30 @@ static sf_status weigh(sf_fitter *f, sf_worth *w) {
     return status;
 }
 
-sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w) {
+/* The degree at which what the bands above it make and the price of those up to it are the least; bands are
+ * paid by the float. */
+static void lower_degrees(const sf_fitter *f, const sf_worth *w, uint8_t *degrees) {
+    double price = price_of(f, w) / SF_MOST_FLOATS * (getenv("X_BAND") ? atof(getenv("X_BAND")) : 1);
+    for (size_t i = 0; i < w->count; i++) {
+        double least = INFINITY, floats = 0;
+        int best = degrees[i];
+        for (int degree = 0; degree <= degrees[i]; degree++) {
+            double without = degree < degrees[i] ? (double)w->bands[i][degree] : 0;
+            if (degree) floats += sf_field_components(SF_FIELD_sh0 + degree);
+            if (without + price * floats < least) least = without + price * floats, best = degree;
+        }
+        degrees[i] = (uint8_t)best;
+    }
+}
+
+sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
     sf_status status = weigh(f, w);
     if (status || !w->views) return status;
     if (f->trials.count) sf_trials_judge(f, w, price_of(f, w), NOTHING * NOTHING);
     double mean = w->squares / w->values;
     if (!(f->least_mean > 0 && f->least_mean < mean)) f->least_mean = mean;
     status = taking_out(f, fraction) ? take_out(f, fraction, w) : SF_OK;
+    if (taking_out(f, fraction) && fraction <= charge_until(f)) lower_degrees(f, w, degrees);
     leave_visible_alone(w);
     return status;
 }

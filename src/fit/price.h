@@ -19,9 +19,10 @@ sf_status sf_consider_growth(sf_fitter *fitter);
  * left to settle, or with pairs on trial (trial.h). Not while it grows. */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 
-/* Marks in screen_sum what is worth less than its price, as worth has it, which is of all views. Then those
- * marked can go, and sf_try_pairs follow. SF_ERR_MEMORY: what is marked is marked rightly. */
-sf_status sf_charge(sf_fitter *fitter, double fraction, sf_worth *worth);
+/* Marks in screen_sum what is worth less than its price, as worth has it, which is of all views, and lowers
+ * degrees[i] <= its own to the SH degree that Gaussian i pays for. Then those marked and those bands can go,
+ * and sf_try_pairs follow. SF_ERR_MEMORY: what is marked is marked rightly. */
+sf_status sf_charge(sf_fitter *fitter, double fraction, sf_worth *worth, uint8_t *degrees);
 
 /* Puts pairs on trial where that pays. worth: of before, for the Gaussians that are left; `went`: so many are
  * not. SF_ERR_MEMORY. */

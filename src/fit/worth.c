@@ -5,9 +5,12 @@
  */
 #include "worth.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../kernels/sh.h"
+#include "grow.h"
 
 enum {
     GATHER = 1024,        /* Gaussians a task */
@@ -117,6 +120,30 @@ static sf_status weigh_tiles(weigh_job *job) {
     return SF_OK;
 }
 
+/* Where each pixel has the part w of a Gaussian of which the bands above d make the colour c in this
+ * direction, they make sum m w^2 |c|^2; squares: sum m w^2. */
+static void weigh_bands(const weigh_job *job, size_t i, double squares) {
+    const sf_workspace *ws = job->ws;
+    double direction[3], Y[(SF_MAX_SH_DEGREE + 1) * (SF_MAX_SH_DEGREE + 1)], rgb[SF_CHANNELS] = {0},
+                                                                             length = 0;
+    int degree = ws->sh_degree;
+    while (degree > 0 && i >= ws->banded[degree]) degree--;
+    for (int k = 0; k < 3; k++) {
+        direction[k] = (double)*sf_value(&ws->params, SF_FIELD_mean, i, k) - (double)ws->eye.center[k];
+        length += direction[k] * direction[k];
+    }
+    for (int k = 0; k < 3; k++) direction[k] /= sqrt(length);
+    sf_sh_basis(degree, direction, Y);
+    for (int band = degree; band > 0; band--) {
+        double sum = 0;
+        for (int c = 0; c < sf_field_components(SF_FIELD_sh0 + band); c++)
+            rgb[c % SF_CHANNELS] +=
+                Y[band * band + c / SF_CHANNELS] * (double)*sf_value(&ws->params, SF_FIELD_sh0 + band, i, c);
+        for (int ch = 0; ch < SF_CHANNELS; ch++) sum += rgb[ch] * rgb[ch];
+        job->worth->bands[i][band - 1] += (float)(squares * sum);
+    }
+}
+
 static void weigh_in(const weigh_job *job, size_t i) {
     const sf_workspace *ws = job->ws;
     sf_worth *w = job->worth;
@@ -129,6 +156,7 @@ static void weigh_in(const weigh_job *job, size_t i) {
     w->effect[i] += (float)(job->pixels * sums[4]);
     w->share[i] += (float)(job->pixels * sums[6]);
     w->mass[i] += (float)(job->pixels * sums[7]);
+    if (w->bands && ws->sh_degree > 0) weigh_bands(job, i, job->pixels * sums[5]);
     if (!job->tried || !job->tried[i]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++) {
         const float *blame = ws->sums + (size_t)slot * SF_SUMS + BLAME;
@@ -205,6 +233,10 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
+    if (!status && !views) {
+        w->bands = sf_calloc(f->ctx, w->count, sizeof *w->bands);
+        if (!w->bands) status = SF_ERR_MEMORY;
+    }
     if (!status && !views && f->trials.count) status = watch_trials(f, &job);
     uint8_t *tried = job.tried;
     if (!status) status = sf_look_at_views(f, views, 0, look_at, &job, &there);
@@ -218,6 +250,7 @@ void sf_worth_free(sf_context *ctx, sf_worth *w) {
     sf_free(ctx, w->effect);
     sf_free(ctx, w->share);
     sf_free(ctx, w->mass);
+    sf_free(ctx, w->bands);
     sf_free(ctx, w->blame);
     sf_free(ctx, w->tiles);
     memset(w, 0, sizeof *w);

@@ -148,7 +148,8 @@ static void test_price(void **state) {
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
     sf_worth w;
-    assert_ok(ctx, sf_charge(f, 0.7, &w));
+    uint8_t degrees[ALL] = {0};
+    assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
     sf_worth_free(ctx, &w);
     int going = 0;
     for (int i = 0; i < ALL; i++) {
