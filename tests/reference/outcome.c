@@ -42,17 +42,23 @@ double *test_ref_d_rgb(size_t pixels) {
     return d_rgb;
 }
 
-test_outcome test_outcome_of(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene) {
+test_outcome test_outcome_with(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene,
+                               const float *d_rgb) {
     test_outcome o = test_outcome_create(scene);
     sf_model *model = test_model_of(ctx, scene);
     sf_render_options options = test_render_options_of(scene);
     sf_image_out image = {o.rgb, o.transmittance, o.depth};
     sf_render_grads grads = {o.gradient, o.pose, o.background, o.focal};
-    float *d_rgb = test_d_rgb(o.pixels);
     assert_ok(ctx, sf_render(renderer, model, &scene->camera, &options, &image));
     assert_ok(ctx, sf_render_backward(renderer, model, d_rgb, &grads));
-    free(d_rgb);
     sf_model_destroy(&model);
+    return o;
+}
+
+test_outcome test_outcome_of(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene) {
+    float *d_rgb = test_d_rgb((size_t)scene->camera.width * (size_t)scene->camera.height);
+    test_outcome o = test_outcome_with(ctx, renderer, scene, d_rgb);
+    free(d_rgb);
     return o;
 }
 

@@ -26,7 +26,10 @@ double *test_ref_d_rgb(size_t pixels);
 
 /* Rendered with test_d_rgb taken back; a call that fails fails the test in progress. */
 test_outcome test_outcome_of(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene);
-/* The same, with a context of its own. */
+/* The same with another dL/dimage, [pixels][3]. */
+test_outcome test_outcome_with(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene,
+                               const float *d_rgb);
+/* As test_outcome_of, with a context of its own. */
 test_outcome test_outcome_alone(const test_ref_scene *scene, int threads);
 
 /* The same of the reference. */

@@ -16,7 +16,9 @@
 
 /* clang-format off */
 #define STAB_ROWS(X) \
-    X(1)
+    X(1) \
+    X(2) \
+    X(4)
 /* clang-format on */
 
 /* How much of an experiment is wanted. */
