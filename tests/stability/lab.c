@@ -64,7 +64,7 @@ static int is_on_edge(const test_ref_frame *frame, double x, double y) {
         if (fabs(255 * og - 1) < 0.01) return 1;
         if (255 * og < 1) continue;
         T *= 1 - fmin(0.99, og);
-        if (fabs(1e4 * T - 1) < 0.01) return 1;
+        if (fabs(1e4 * T - 1) < 0.001) return 1;
         if (T < 1e-4) return 0;
     }
     return 0;

@@ -29,8 +29,8 @@ test_ref_scene stab_scene(size_t count, int width, int height, double focal);
 void stab_set_opacity(test_ref_scene *scene, size_t i, double opacity);
 
 /* What float64 makes of a scene, and dL/dimage: test_d_rgb, but 0 at pixels where some Gaussian's opacity is
- * within 1 % of the least that counts, or T within 1 % of its end. There float32 may fall on the other side,
- * and the picture is not compared. */
+ * within 1 % of the least that counts, or T within 0.1 % of its end. There float32 may fall on the other
+ * side, and the picture is not compared. */
 typedef struct stab_truth {
     const test_ref_scene *scene;
     test_ref_frame frame;

@@ -18,7 +18,11 @@
 #define STAB_ROWS(X) \
     X(1) \
     X(2) \
-    X(4)
+    X(4) \
+    X(5) \
+    X(6) \
+    X(7) \
+    X(25)
 /* clang-format on */
 
 /* How much of an experiment is wanted. */
