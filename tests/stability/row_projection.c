@@ -217,7 +217,7 @@ static void quaternions(stab_run *run) {
         for (size_t k = 1; k < NORMS; k += by)
             if (line == STAB_OURS || !isnan(textbook[k]))
                 stab_point(run, pow(10, exponents[k]),
-                           line == STAB_OURS ? fmax(picture[k], 1e-9) : textbook[k]);
+                           fmax(line == STAB_OURS ? picture[k] : textbook[k], 1e-9));
     }
     stab_at_most(run, all.picture, 1e-5, "colour", "error of the picture, |q| 0 to 1e30");
     stab_textbook(run, all.textbook);
