@@ -25,7 +25,13 @@
     X(12) \
     X(13) \
     X(20) \
-    X(25)
+    X(25) \
+    X(A1) \
+    X(A2) \
+    X(A3) \
+    X(A4) \
+    X(A5) \
+    X(A6)
 /* clang-format on */
 
 /* How much of an experiment is wanted. */
