@@ -125,39 +125,42 @@ static void count_layers(const test_outcome *o, double opacity, size_t *forward,
     *forward = (size_t)llround(log((double)o->transmittance[0]) / log(1 - fmin(opacity, 0.99)));
 }
 
+/* Errors of dL/do by layer, ours or the textbook's, as a series; returns the largest. */
+static double draw_errors(stab_run *run, const test_ref_scene *scene, const stab_truth *truth, size_t used,
+                          const test_outcome *o, const double *textbook) {
+    double most = 0;
+    for (size_t i = 0; i < used; i++) {
+        double slope = slope_of(scene, i),
+               got = o ? (double)o->gradient.logit_opacities[i] / slope : textbook[i];
+        double error = fabs(got - truth->grads.gaussians.logit_opacities[i] / slope) / unit();
+        most = fmax(most, error);
+        if (i % (used / 40 + 1) == 0) stab_point(run, (double)i + 1, fmax(error, 1e-9));
+    }
+    return most;
+}
+
 static void compare_layers(stab_run *run, const stab_lab *lab, size_t count, double opacity, int exact) {
     test_ref_scene scene = layers(count, opacity);
-    stab_truth truth = stab_truth_of(&scene);
     test_outcome o = test_outcome_of(lab->ctx, lab->renderer, &scene);
-    stab_errors e = stab_errors_of(&truth, &o);
     size_t forward, backward, used;
-    double *d = textbook_layers(&scene, &used), ours = 0, textbook = 0;
     count_layers(&o, opacity, &forward, &backward);
     stab_at_most(run, fabs((double)forward - (double)backward), 0, "layers",
                  "%zu layers of %g: the passes' last ones differ", count, opacity);
     if (exact) {
+        stab_truth truth = stab_truth_of(&scene);
+        double *d = textbook_layers(&scene, &used);
         stab_series_begin(run, STAB_OURS, "ours, %zu layers of %g", count, opacity);
-        for (size_t i = 0; i < backward; i++) {
-            double expected = truth.grads.gaussians.logit_opacities[i] / slope_of(&scene, i);
-            double got = (double)o.gradient.logit_opacities[i] / slope_of(&scene, i);
-            ours = fmax(ours, fabs(got - expected) / unit());
-            textbook = fmax(textbook, fabs(d[i] - expected) / unit());
-            if (i % (backward / 40 + 1) == 0)
-                stab_point(run, (double)i + 1, fmax(fabs(got - expected) / unit(), 1e-9));
-        }
-        stab_series_begin(run, STAB_TEXTBOOK, "textbook: T by division, back to front");
-        for (size_t i = 0; i < backward; i += backward / 40 + 1)
-            stab_point(
-                run, (double)i + 1,
-                fmax(fabs(d[i] - truth.grads.gaussians.logit_opacities[i] / slope_of(&scene, i)) / unit(),
-                     1e-9));
-        stab_at_most(run, e.rgb, 1e-5, "colour", "%zu layers of %g: error of the picture", count, opacity);
+        double ours = draw_errors(run, &scene, &truth, backward, &o, NULL);
+        stab_series_begin(run, STAB_TEXTBOOK, "textbook, the same: T by division, back to front");
+        double textbook = draw_errors(run, &scene, &truth, backward, NULL, d);
+        stab_at_most(run, stab_errors_of(&truth, &o).rgb, 1e-5, "colour",
+                     "%zu layers of %g: error of the picture", count, opacity);
         stab_at_most(run, ours, 1e-5, "", "%zu layers of %g: error of dL/do", count, opacity);
         stab_textbook(run, textbook);
+        free(d);
+        stab_truth_free(&truth);
     }
-    free(d);
     test_outcome_free(&o);
-    stab_truth_free(&truth);
     test_ref_gaussians_free(&scene.gaussians);
 }
 

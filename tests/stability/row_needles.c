@@ -1,5 +1,4 @@
 /* row_needles.c - row 1: thin Gaussians, whose covariance on the screen is nearly singular. */
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "lab.h"
@@ -12,7 +11,6 @@ typedef struct setting {
     int width; /* px */
     double scale;
     size_t samples;
-    double bound_g, bound_gradient;
 } setting;
 
 typedef struct worst {
@@ -78,9 +76,7 @@ static void try_aspects(const stab_run *run, const setting *s, worst found[ASPEC
     stab_lab_close(&lab);
 }
 
-static void draw_line(stab_run *run, stab_line line, const char *name, const worst found[ASPECTS],
-                      int gradient) {
-    stab_series_begin(run, line, "%s", name);
+static void draw_points(stab_run *run, stab_line line, const worst found[ASPECTS], int gradient) {
     for (int k = 0; k < ASPECTS; k++) {
         double ours = gradient ? found[k].gradient : found[k].g;
         double textbook = gradient ? found[k].textbook_gradient : found[k].textbook_g;
@@ -88,45 +84,51 @@ static void draw_line(stab_run *run, stab_line line, const char *name, const wor
     }
 }
 
+enum { SETTINGS = 2 };
+
+/* A pixel's offset in units of the least width, sqrt(0.3) px, is rounded: to half a last bit of the picture's
+ * diagonal. */
+static double bound_of(const setting *s) { return s->width * sqrt(2) / sqrt(0.3) * 0x1p-24; }
+
+static void report(stab_run *run, const setting *s, const worst found[ASPECTS]) {
+    worst all = {0};
+    for (int k = 0; k < ASPECTS; k++) {
+        all.g = fmax(all.g, found[k].g), all.gradient = fmax(all.gradient, found[k].gradient);
+        all.textbook_g = fmax(all.textbook_g, found[k].textbook_g);
+        all.textbook_gradient = fmax(all.textbook_gradient, found[k].textbook_gradient);
+    }
+    stab_at_most(run, all.g, bound_of(s), "", "error of g, aspect 1 to 1e6, %s", s->name);
+    stab_textbook(run, all.textbook_g);
+    stab_at_most(run, all.gradient, bound_of(s), "", "error of a gradient, aspect 1 to 1e6, %s", s->name);
+    stab_textbook(run, all.textbook_gradient);
+}
+
+static void draw_chart(stab_run *run, const setting *settings, worst found[SETTINGS][ASPECTS], int gradient) {
+    stab_chart_begin(
+        run, gradient ? "Largest error of a gradient, over aspect" : "Largest error of g, over aspect",
+        (stab_axis){"longest axis over the others (1)", 1},
+        (stab_axis){gradient ? "error, relative (1)" : "error (1)", 1});
+    for (int s = 0; s < SETTINGS; s++)
+        for (int line = STAB_OURS; line <= STAB_TEXTBOOK; line++) {
+            stab_series_begin(run, (stab_line)line, "%s, %s", line == STAB_OURS ? "ours" : "textbook",
+                              settings[s].name);
+            draw_points(run, (stab_line)line, found[s], gradient);
+        }
+}
+
 static void needles(stab_run *run) {
-    /* A pixel's offset in units of the least width, sqrt(0.3) px, is rounded: to half a last bit of the
-     * picture's diagonal. */
-    enum { SETTINGS = 2 };
-    setting settings[SETTINGS] = {
+    const setting settings[SETTINGS] = {
         {.name = "low-pass 0.3 px^2", .width = 64, .scale = 1, .samples = stab_count(run, 200, 24, 2)},
         {.name = "low-pass 1e-3 px^2",
          .width = (int)stab_count(run, 512, 256, 64),
          .scale = sqrt(300),
          .samples = stab_count(run, 12, 3, 1)}};
-    static worst found[SETTINGS][ASPECTS];
+    worst found[SETTINGS][ASPECTS];
     for (int s = 0; s < SETTINGS; s++) {
-        worst all = {0};
-        double roundings = settings[s].width * sqrt(2) / sqrt(0.3) * 0x1p-24;
         try_aspects(run, &settings[s], found[s]);
-        for (int k = 0; k < ASPECTS; k++) {
-            all.g = fmax(all.g, found[s][k].g), all.gradient = fmax(all.gradient, found[s][k].gradient);
-            all.textbook_g = fmax(all.textbook_g, found[s][k].textbook_g);
-            all.textbook_gradient = fmax(all.textbook_gradient, found[s][k].textbook_gradient);
-        }
-        stab_at_most(run, all.g, roundings, "", "error of g, aspect 1 to 1e6, %s", settings[s].name);
-        stab_textbook(run, all.textbook_g);
-        stab_at_most(run, all.gradient, roundings, "", "error of a gradient, aspect 1 to 1e6, %s",
-                     settings[s].name);
-        stab_textbook(run, all.textbook_gradient);
+        report(run, &settings[s], found[s]);
     }
-    for (int gradient = 0; gradient < 2; gradient++) {
-        stab_chart_begin(
-            run, gradient ? "Largest error of a gradient, over aspect" : "Largest error of g, over aspect",
-            (stab_axis){"longest axis over the others (1)", 1},
-            (stab_axis){gradient ? "error, relative (1)" : "error (1)", 1});
-        for (int s = 0; s < SETTINGS; s++)
-            for (int line = STAB_OURS; line <= STAB_TEXTBOOK; line++) {
-                char name[STAB_TEXT];
-                snprintf(name, sizeof name, "%s, %s", line == STAB_OURS ? "ours" : "textbook",
-                         settings[s].name);
-                draw_line(run, (stab_line)line, name, found[s], gradient);
-            }
-    }
+    for (int gradient = 0; gradient < 2; gradient++) draw_chart(run, settings, found, gradient);
 }
 
 const stab_row stab_row_1 = {
