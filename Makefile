@@ -324,7 +324,7 @@ test-scenes: $(SCENES)
 # Where methods of this kind fail; minutes. STAB_FLAGS, e.g. --only 1,5; SPLATFIT_DATA as above.
 stability: $(STABILITY) $(PROGRAM)
 	@mkdir -p build/stability
-	SPLATFIT_PROGRAM='$(PROGRAM)' $(RUN) $(STABILITY) --json build/stability/stability.json \
+	@RUN='$(RUN)' MAKE='$(MAKE)' CC='$(CC)' SPLATFIT_PROGRAM='$(PROGRAM)' $(RUN) $(STABILITY) --json build/stability/stability.json \
 	    --html build/stability/index.html $(STAB_FLAGS)
 
 # Every frame is accounted for, memory does not grow.

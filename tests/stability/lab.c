@@ -28,6 +28,13 @@ size_t stab_count(const stab_run *run, size_t whole, size_t quick, size_t emulat
     return run->effort == STAB_WHOLE ? whole : run->effort == STAB_QUICK ? quick : emulated;
 }
 
+double stab_most_of(const double *values, size_t n) {
+    double most = 0;
+    for (size_t i = 0; i < n; i++)
+        if (fabs(values[i]) > most) most = fabs(values[i]);
+    return most;
+}
+
 void stab_set_opacity(test_ref_scene *scene, size_t i, double opacity) {
     scene->gaussians.logit_opacities[i] = (float)log(opacity / (1 - opacity));
 }
@@ -70,12 +77,6 @@ static int is_on_edge(const test_ref_frame *frame, double x, double y) {
     return 0;
 }
 
-static double largest(const double *values, size_t n) {
-    double most = 0;
-    for (size_t i = 0; i < n; i++) most = fmax(most, fabs(values[i]));
-    return most;
-}
-
 /* dL/du of a Gaussian if all its pixels pulled one way, at one standard deviation across its narrow side. */
 static double pull(const stab_truth *truth, size_t i) {
     const test_ref_splat *s = &truth->frame.splats[i];
@@ -93,7 +94,7 @@ static void choose_units(stab_truth *truth) {
     test_ref_array list[TEST_REF_ARRAYS];
     test_ref_list(&truth->grads.gaussians, scene->sh_degree, list);
     for (int a = 0; a < TEST_REF_ARRAYS; a++)
-        truth->units[a] = largest(list[a].values, scene->count * list[a].width);
+        truth->units[a] = stab_most_of(list[a].values, scene->count * list[a].width);
     for (size_t i = 0; i < scene->count; i++) {
         const test_ref_splat *s = &truth->frame.splats[i];
         const double *q = scene->gaussians.quats + 4 * i;

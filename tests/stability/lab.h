@@ -19,6 +19,9 @@ void stab_lab_close(stab_lab *lab);
 enum { STAB_LEVELS = 8 };
 size_t stab_levels(const char *names[STAB_LEVELS]);
 
+/* The largest magnitude of n values. */
+double stab_most_of(const double *values, size_t n);
+
 /* One of three counts, by effort. */
 size_t stab_count(const stab_run *run, size_t whole, size_t quick, size_t emulated);
 

@@ -283,12 +283,6 @@ static void draw_shares(stab_run *run, const poisoned *p) {
     }
 }
 
-static double most_of(const double *values, size_t n) {
-    double most = 0;
-    for (size_t k = 0; k < n; k++) most = fmax(most, values[k]);
-    return most;
-}
-
 static void report_gaussian(stab_run *run, const stab_lab *lab) {
     poisoned p = {0};
     poison_values(run, lab, &p);
@@ -297,9 +291,9 @@ static void report_gaussian(stab_run *run, const stab_lab *lab) {
                  "%zu poisoned values: others changed by a bit for a NaN or Inf", p.tried);
     stab_at_most(run, (double)p.not_zero, 0, "", "denormals that are not 0");
     stab_at_most(run, (double)p.not_finite, 0, "", "pictures and gradients that are not finite");
-    stab_at_most(run, 100 * most_of(p.share, p.nan_count), 0, "%",
+    stab_at_most(run, 100 * stab_most_of(p.share, p.nan_count), 0, "%",
                  "largest share of a picture that one NaN changes");
-    stab_textbook(run, 100 * most_of(p.textbook, p.nan_count));
+    stab_textbook(run, 100 * stab_most_of(p.textbook, p.nan_count));
     stab_at_most(run, (double)huge_out_of_place(lab), 0, "", "1e38 out of place: others changed by a bit");
     stab_at_most(run, (double)without_direction(lab), 0, "",
                  "a quaternion without a direction: others changed by a bit");
