@@ -9,6 +9,7 @@
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
+# make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
@@ -50,7 +51,7 @@ endif
 
 find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-golden test-scenes check check-cpus build-tests,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-golden test-scenes stability check check-cpus build-tests,$(MAKECMDGOALS))
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
@@ -84,6 +85,7 @@ tests_in   = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/
 UNIT_SRC  := $(call tests_in,unit)
 GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
+STAB_SRC  := $(call tests_in,stability)
 SCENE_SRC := $(call tests_in,scenes)
 
 # A file of arch/vector is compiled once a level, with that level's flags.
@@ -115,6 +117,8 @@ REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
 # What the programs of tests/check share.
 CHECK_OBJ := $(O)/tests/check/check.o
+# The experiments and their frame.
+STAB_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/stability/stability.c tests/stability/test_%,$(wildcard tests/stability/*.c)))
 
 LIB     := $(O)/libsplatfit.a
 SO      := $(if $(filter 1,$(STATIC)),,$(O)/libsplatfit.so.$(SOVERSION))
@@ -122,6 +126,8 @@ PROGRAM := $(O)/splatfit
 UNIT    := $(UNIT_SRC:%.c=$(O)/%)
 GOLD    := $(GOLD_SRC:%.c=$(O)/%)
 CHECK   := $(CHECK_SRC:%.c=$(O)/%)
+STAB    := $(STAB_SRC:%.c=$(O)/%)
+STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
 
 # ---- flags -------------------------------------------------------------------------------------------------
@@ -257,17 +263,18 @@ $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(O)/sources $(SPNG)
 	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(LIBS)
 
 # A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
-$(UNIT) $(GOLD) $(CHECK): $(REF_OBJ)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
 $(CHECK): $(CHECK_OBJ)
+$(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
-$(UNIT) $(GOLD) $(CHECK) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
-TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(SCENES))
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) \
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES))
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
 FEED := $(O)/tests/capture/feed
@@ -280,14 +287,14 @@ $(FEED): $(FEED).o
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
-build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
+.PHONY: test test-golden test-scenes stability test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM)
 test: build-tests
-	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
+	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB)
 test-golden: $(GOLD)
 	$(show_tests) $(GOLD)
 # The programs that hold kernels to float64, once a level; then what compares the levels.
-LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
+LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden $(O)/tests/stability/test_stability
 check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/levels.sh '$(LEVEL_TESTS)' '$(CHECK)' scalar $(LEVELS)
 # Emulated vectors are slow.
@@ -313,6 +320,12 @@ test-vm:
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)
+
+# Where methods of this kind fail; minutes. STAB_FLAGS, e.g. --only 1,5; SPLATFIT_DATA as above.
+stability: $(STABILITY) $(PROGRAM)
+	@mkdir -p build/stability
+	@RUN='$(RUN)' MAKE='$(MAKE)' CC='$(CC)' SPLATFIT_PROGRAM='$(PROGRAM)' $(RUN) $(STABILITY) --json build/stability/stability.json \
+	    --html build/stability/index.html $(STAB_FLAGS)
 
 # Every frame is accounted for, memory does not grow.
 SECONDS := 1800

@@ -188,5 +188,8 @@ void chart_draw_degrees(const chart_input *input, const chart_run *first, sf_wri
 
 /* page.c: index.html and each of its charts as an .svg of its own, in a folder that exists. */
 sf_status chart_write_page(const chart_input *input, const char *folder);
+/* A page of charts up to its heading, which is its title; and its end. */
+void chart_page_begin(sf_writer *out, const char *title);
+void chart_page_end(sf_writer *out);
 
 #endif

@@ -202,25 +202,38 @@ static sf_status add_scene(page *p, const chart_run *first) {
     return status;
 }
 
-static const char head[] =
-    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
-    "<meta name=\"viewport\" content=\"width=device-width\"/>\n<title>splatfit: quality against "
-    "time and size</title>\n"
-    "<style>\n"
-    ":root { color-scheme: light dark; }\n"
-    "body { font: 15px/1.45 system-ui, sans-serif; max-width: 1000px; margin: 2em auto; padding: 0 1em; }\n"
-    "figure { margin: 1em 0; }\n"
-    "svg { max-width: 100%; height: auto; }\n"
-    ".strip { display: flex; flex-wrap: wrap; gap: 10px; }\n"
-    ".strip figure { margin: 0; flex: 1 1 120px; max-width: 240px; }\n"
-    ".strip img { width: 100%; }\n"
-    "figcaption { font-size: 13px; }\n"
-    "table { margin: 1.5em 0; border-collapse: collapse; font-size: 13px; display: block; overflow-x: auto; "
-    "}\n"
-    "th, td { padding: 2px 8px; border-bottom: 1px solid #7d859055; text-align: right; white-space: nowrap; "
-    "}\n"
-    "th:first-child, td:first-child, th:last-child, td:last-child { text-align: left; }\n"
-    "</style>\n</head>\n<body>\n<h1>Quality against time and size</h1>\n"
+void chart_page_begin(sf_writer *out, const char *title) {
+    static const char head[] = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
+                               "<meta name=\"viewport\" content=\"width=device-width\"/>\n<title>splatfit: ";
+    static const char style[] =
+        "</title>\n<style>\n"
+        ":root { color-scheme: light dark; }\n"
+        "body { font: 15px/1.45 system-ui, sans-serif; max-width: 1000px; margin: 2em auto; padding: 0 1em; "
+        "}\n"
+        "figure { margin: 1em 0; }\n"
+        "svg { max-width: 100%; height: auto; }\n"
+        ".strip { display: flex; flex-wrap: wrap; gap: 10px; }\n"
+        ".strip figure { margin: 0; flex: 1 1 120px; max-width: 240px; }\n"
+        ".strip img { width: 100%; }\n"
+        "figcaption { font-size: 13px; }\n"
+        "table { margin: 1.5em 0; border-collapse: collapse; font-size: 13px; display: block; overflow-x: "
+        "auto; "
+        "}\n"
+        "th, td { padding: 2px 8px; border-bottom: 1px solid #7d859055; text-align: right; white-space: "
+        "nowrap; "
+        "}\n"
+        "th:first-child, td:first-child, th:last-child, td:last-child { text-align: left; }\n"
+        "</style>\n</head>\n<body>\n<h1>";
+    sf_writer_put(out, head, sizeof head - 1);
+    svg_put_text(out, title);
+    sf_writer_put(out, style, sizeof style - 1);
+    svg_put_text(out, title);
+    sf_writer_printf(out, "</h1>\n");
+}
+
+void chart_page_end(sf_writer *out) { sf_writer_printf(out, "</body>\n</html>\n"); }
+
+static const char intro[] =
     "<p>Seconds are of the wall clock since the program's start, with reading pictures and set-up; what went "
     "into "
     "evaluations and snapshots on the way is taken out, and stated in the tables. PSNR and SSIM are means "
@@ -237,7 +250,8 @@ static const char head[] =
 
 static sf_status write_body(page *p) {
     sf_status status = SF_OK;
-    sf_writer_put(&p->out, head, sizeof head - 1);
+    chart_page_begin(&p->out, "Quality against time and size");
+    sf_writer_put(&p->out, intro, sizeof intro - 1);
     for (size_t i = 0; i < p->input->run_count && !status; i++)
         if (chart_opens_scene(p->input, i)) status = add_scene(p, &p->input->runs[i]);
     if (p->input->ablation_count) sf_writer_printf(&p->out, "<h2>Moves of the schedule</h2>\n");
@@ -248,7 +262,7 @@ static sf_status write_body(page *p) {
     for (size_t i = 0; i < p->input->choices_count && !status; i++)
         status =
             add_chart(p, CHOICES, p->input->choices[i].name, &(subject){.choices = &p->input->choices[i]});
-    sf_writer_printf(&p->out, "</body>\n</html>\n");
+    chart_page_end(&p->out);
     return status;
 }
 

@@ -248,6 +248,9 @@ double svg_axis_at(const svg_axis *a, double value) {
 static void number(double value, char *text, size_t size) {
     if (value <= 0)
         snprintf(text, size, "%g", value + 0.0); /* no -0 */
+    else if (value >= 1e9)
+        snprintf(text, size, "%.0fe%d", value / pow(10, floor(log10(value) + 1e-9)),
+                 (int)floor(log10(value) + 1e-9));
     else if (value >= 1e6)
         snprintf(text, size, "%gM", value * 1e-6);
     else if (value >= 1e4)
@@ -273,16 +276,27 @@ static void grid_line(svg *s, const svg_axis *a, double from, double to, int upr
     if (numbered && !upright) svg_text(s, from - 6, at + 4, 11, SVG_END, SVG_INK, text);
 }
 
+/* Decades from one line to the next, and from one number to the next: 24 px and 45 px at least. */
+static long decades_apart(const svg_axis *a, double px) {
+    double each = fabs(a->to - a->from) / log10(a->most / a->least);
+    static const long steps[] = {1, 2, 5, 10, 20, 50, 100};
+    size_t k = 0;
+    while (k + 1 < sizeof steps / sizeof *steps && (double)steps[k] * each < px) k++;
+    return steps[k];
+}
+
 /* Lines at 1, 2 and 5 where decades are few or wide; numbered at decades, and at 2 and 5 likewise. */
 static void logarithmic_grid(svg *s, const svg_axis *a, double from, double to, int upright) {
     double decades = log10(a->most / a->least);
     int wide = decades <= 2.2 || fabs(a->to - a->from) >= 180 * decades;
     static const double leads[] = {1, 2, 5};
+    long lines = decades > 20 ? decades_apart(a, 24) : 1, numbers = decades > 20 ? decades_apart(a, 45) : 2;
     for (double decade = pow(10, floor(log10(a->least) + 1e-9)); decade <= a->most * 1.001; decade *= 10)
         for (int k = 0; k < 3; k++) {
             double value = decade * leads[k];
-            int numbered = wide || (k == 0 && (decades <= 7 || lround(log10(decade)) % 2 == 0));
+            int numbered = wide || (k == 0 && (decades <= 7 || lround(log10(decade)) % numbers == 0));
             if (value < a->least * 0.999 || value > a->most * 1.001 || (k && !wide)) continue;
+            if (lround(log10(decade)) % lines) continue;
             grid_line(s, a, from, to, upright, value, numbered);
         }
 }

@@ -19,6 +19,12 @@
 
 #include <splatfit/status.h>
 
+/* tests/stability/fast_math.sh, which shows what would happen, defines SF_FAST_MATH_ANYWAY. */
+#if !defined(SF_FAST_MATH_ANYWAY) &&                                                                         \
+    (defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__))
+#error "-ffast-math and -ffinite-math-only change results: each operation must be rounded by itself, NaN seen"
+#endif
+
 enum {
     SF_LANES = 16, /* Gaussians a block */
     SF_TILE = 16,  /* px a side */

@@ -1,4 +1,5 @@
-/* test_render.c - the renderer and its gradient against the float64 reference, and what it must shrug off. */
+/* test_render.c - the renderer and its gradient against the float64 reference. Values that hurt, and
+ * many layers, are rows of tests/stability. */
 #include "testing.h"
 
 #include <float.h>
@@ -7,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "reference/random.h"
+#include "reference/outcome.h"
 
 /* float32 against float64, as for the golden cases: pictures absolute, in units of a colour, which is about
  * 1; gradients relative to the largest of their array. A pair that lies within rounding of a threshold
@@ -23,72 +24,13 @@ static int is_quick(void) {
 /* ---- a render and its gradient --------------------------------------------------------------------------
  */
 
-typedef struct outcome {
-    size_t pixels, count;
-    int sh_degree;
-    float *rgb, *transmittance, *depth;
-    sf_gaussians gradient;
-    double pose[6], background[3], focal[2];
-} outcome;
-
 static float *floats(size_t n) {
     float *values = calloc(n ? n : 1, sizeof *values);
     assert_non_null(values);
     return values;
 }
 
-static outcome outcome_create(const test_ref_scene *scene) {
-    size_t pixels = (size_t)scene->camera.width * (size_t)scene->camera.height;
-    return (outcome){.pixels = pixels,
-                     .count = scene->count,
-                     .sh_degree = scene->sh_degree,
-                     .rgb = floats(3 * pixels),
-                     .transmittance = floats(pixels),
-                     .depth = floats(pixels),
-                     .gradient = test_gaussians_create(scene->count, scene->sh_degree)};
-}
-
-static void outcome_free(outcome *o) {
-    free(o->rgb);
-    free(o->transmittance);
-    free(o->depth);
-    test_gaussians_free(&o->gradient);
-}
-
-/* dL/dimage of no particular loss: waves about 1, so that no sum is small by cancellation alone. */
-static float d_rgb_at(size_t i) { return (float)(1 + 0.7 * sin(0.37 * (double)i)); }
-
-static float *make_d_rgb(size_t pixels) {
-    float *d_rgb = floats(3 * pixels);
-    for (size_t i = 0; i < 3 * pixels; i++) d_rgb[i] = d_rgb_at(i);
-    return d_rgb;
-}
-
-static outcome render_with(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene) {
-    outcome o = outcome_create(scene);
-    sf_model *model = test_model_of(ctx, scene);
-    sf_render_options options = test_render_options_of(scene);
-    sf_image_out image = {o.rgb, o.transmittance, o.depth};
-    sf_render_grads grads = {o.gradient, o.pose, o.background, o.focal};
-    float *d_rgb = make_d_rgb(o.pixels);
-    assert_ok(ctx, sf_render(renderer, model, &scene->camera, &options, &image));
-    assert_ok(ctx, sf_render_backward(renderer, model, d_rgb, &grads));
-    free(d_rgb);
-    sf_model_destroy(&model);
-    return o;
-}
-
-static outcome render(const test_ref_scene *scene, int threads) {
-    sf_context *ctx = test_context_threads(threads);
-    sf_renderer *renderer;
-    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    outcome o = render_with(ctx, renderer, scene);
-    sf_renderer_destroy(&renderer);
-    sf_context_destroy(&ctx);
-    return o;
-}
-
-static void assert_same(const outcome *a, const outcome *b) {
+static void assert_same(const test_outcome *a, const test_outcome *b) {
     float *from[TEST_REF_ARRAYS], *to[TEST_REF_ARRAYS];
     test_ref_array shape[TEST_REF_ARRAYS];
     assert_int_equal(a->pixels, b->pixels);
@@ -106,41 +48,8 @@ static void assert_same(const outcome *a, const outcome *b) {
         assert_memory_equal(from[k], to[k], a->count * shape[k].width * sizeof(float));
 }
 
-static int all_finite(const float *values, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(values[i])) return 0;
-    return 1;
-}
-
-static void assert_finite_gradient(const outcome *o) {
-    float *list[TEST_REF_ARRAYS];
-    test_ref_array shape[TEST_REF_ARRAYS];
-    test_gaussians_list(&o->gradient, list);
-    test_ref_list(&(test_ref_gaussians){0}, o->sh_degree, shape);
-    for (int a = 0; a < TEST_REF_ARRAYS; a++) assert_true(all_finite(list[a], o->count * shape[a].width));
-    for (int k = 0; k < 6; k++) assert_true(isfinite(o->pose[k]));
-    for (int k = 0; k < 2; k++) assert_true(isfinite(o->focal[k]));
-}
-
-static void assert_finite(const outcome *o) {
-    assert_true(all_finite(o->rgb, 3 * o->pixels));
-    assert_true(all_finite(o->transmittance, o->pixels));
-    assert_true(all_finite(o->depth, o->pixels));
-    assert_finite_gradient(o);
-}
-
 /* ---- against float64 ------------------------------------------------------------------------------------
  */
-
-/* The worst of a scene, by array; NaN counts as infinite. */
-static double worst_of(const float *got, const double *expected, size_t n) {
-    double worst = 0;
-    for (size_t i = 0; i < n; i++) {
-        double error = fabs(got[i] - expected[i]);
-        worst = isnan(error) ? INFINITY : fmax(worst, error);
-    }
-    return worst;
-}
 
 static int failures;
 
@@ -150,68 +59,48 @@ static void within(const char *name, double error, double bound) {
     print_message(" %s %.1e%s", name, error, failed ? " (!)" : "");
 }
 
-static void compare_pictures(const outcome *o, const test_ref_frame *frame) {
+static void compare_pictures(const test_outcome *o, const test_ref_frame *frame) {
     double deepest = 1;
     for (size_t k = 0; k < frame->visible; k++)
         deepest = fmax(deepest, frame->splats[frame->order[k]].camera_point[2]);
-    within("rgb", worst_of(o->rgb, frame->rgb, 3 * o->pixels), PICTURE_BOUND);
-    within("T", worst_of(o->transmittance, frame->transmittance, o->pixels), PICTURE_BOUND);
-    within("depth", worst_of(o->depth, frame->depth, o->pixels) / deepest, PICTURE_BOUND);
+    within("rgb", test_worst_of(o->rgb, frame->rgb, 3 * o->pixels), PICTURE_BOUND);
+    within("T", test_worst_of(o->transmittance, frame->transmittance, o->pixels), PICTURE_BOUND);
+    within("depth", test_worst_of(o->depth, frame->depth, o->pixels) / deepest, PICTURE_BOUND);
 }
 
-static double worst_of_doubles(const double *got, const double *expected, size_t n) {
-    double worst = 0;
-    for (size_t i = 0; i < n; i++) {
-        double error = fabs(got[i] - expected[i]);
-        worst = isnan(error) ? INFINITY : fmax(worst, error);
-    }
-    return worst;
-}
-
-/* `worst` in units of the largest of `expected`, unless that is 0. */
-static double relative(double worst, const double *expected, size_t n) {
-    double largest = 0;
-    for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(expected[i]));
-    return largest > 0 ? worst / largest : worst;
-}
-
-static void compare_gradients(const outcome *o, const test_ref_grads *expected, double pose_bound) {
+static void compare_gradients(const test_outcome *o, const test_ref_grads *expected, double pose_bound) {
     float *got[TEST_REF_ARRAYS];
     test_ref_array list[TEST_REF_ARRAYS];
     test_gaussians_list(&o->gradient, got);
     test_ref_list(&expected->gaussians, o->sh_degree, list);
     for (int a = 0; a < TEST_REF_ARRAYS; a++) {
         size_t n = o->count * list[a].width;
-        double worst = worst_of(got[a], list[a].values, n);
-        within(list[a].name, relative(worst, list[a].values, n), GRADIENT_BOUND);
+        double worst = test_worst_of(got[a], list[a].values, n);
+        within(list[a].name, test_relative(worst, list[a].values, n), GRADIENT_BOUND);
     }
-    double pose = worst_of_doubles(o->pose, expected->pose, 6);
-    double background = worst_of_doubles(o->background, expected->background, 3);
-    within("pose", relative(pose, expected->pose, 6), pose_bound);
-    double focal = worst_of_doubles(o->focal, expected->focal, 2);
-    within("focal", relative(focal, expected->focal, 2), pose_bound);
-    within("background", relative(background, expected->background, 3), GRADIENT_BOUND);
+    double pose = test_worst_of_doubles(o->pose, expected->pose, 6);
+    double background = test_worst_of_doubles(o->background, expected->background, 3);
+    within("pose", test_relative(pose, expected->pose, 6), pose_bound);
+    double focal = test_worst_of_doubles(o->focal, expected->focal, 2);
+    within("focal", test_relative(focal, expected->focal, 2), pose_bound);
+    within("background", test_relative(background, expected->background, 3), GRADIENT_BOUND);
 }
 
 /* Renders the scene both ways and holds every array to its bound. */
 static test_ref_counts check_scene(const char *name, const test_ref_scene *scene, double pose_bound) {
-    outcome o = render(scene, 2);
+    test_outcome o = test_outcome_alone(scene, 2);
     test_ref_frame frame;
     test_ref_grads grads;
-    double *d_rgb = test_ref_numbers(3 * o.pixels);
-    for (size_t i = 0; i < 3 * o.pixels; i++) d_rgb[i] = d_rgb_at(i);
-    test_ref_render(scene, &frame);
-    test_ref_backward(scene, &frame, d_rgb, &grads);
+    test_ref_outcome(scene, &frame, &grads);
     failures = 0;
     print_message("%s:", name);
     compare_pictures(&o, &frame);
     compare_gradients(&o, &grads, pose_bound);
     print_message("\n");
     test_ref_counts counts = frame.counts;
-    free(d_rgb);
     test_ref_grads_free(&grads);
     test_ref_frame_free(&frame);
-    outcome_free(&o);
+    test_outcome_free(&o);
     assert_int_equal(failures, 0);
     return counts;
 }
@@ -258,13 +147,13 @@ static void thread_count_does_not_matter(void **state) {
     (void)state;
     static const int threads[] = {2, 3, 4};
     test_ref_scene scene = test_random_scene(31, is_quick() ? 300 : 1000, 3, 77, 45);
-    outcome one = render(&scene, 1);
+    test_outcome one = test_outcome_alone(&scene, 1);
     for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
-        outcome many = render(&scene, threads[t]);
+        test_outcome many = test_outcome_alone(&scene, threads[t]);
         assert_same(&one, &many);
-        outcome_free(&many);
+        test_outcome_free(&many);
     }
-    outcome_free(&one);
+    test_outcome_free(&one);
     test_ref_gaussians_free(&scene.gaussians);
 }
 
@@ -284,11 +173,11 @@ static void lower_degree_leaves_bands_out(void **state) {
     sf_context *ctx = test_context();
     sf_renderer *renderer;
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    outcome expected = render_with(ctx, renderer, &cut), got = outcome_create(&full);
+    test_outcome expected = test_outcome_of(ctx, renderer, &cut), got = test_outcome_create(&full);
     sf_model *model = test_model_of(ctx, &full);
     sf_render_options options = test_render_options_of(&full);
     sf_render_grads grads = {.gaussians = got.gradient};
-    float *d_rgb = make_d_rgb(got.pixels);
+    float *d_rgb = test_d_rgb(got.pixels);
     options.sh_degree = 1;
     assert_ok(ctx, sf_render(renderer, model, &full.camera, &options, &(sf_image_out){.rgb = got.rgb}));
     assert_ok(ctx, sf_render_backward(renderer, model, d_rgb, &grads));
@@ -299,8 +188,8 @@ static void lower_degree_leaves_bands_out(void **state) {
         for (size_t k = 12; k < 48; k++) assert_true(got.gradient.sh[48 * i + k] == 0);
     }
     free(d_rgb);
-    outcome_free(&got);
-    outcome_free(&expected);
+    test_outcome_free(&got);
+    test_outcome_free(&expected);
     sf_model_destroy(&model);
     sf_renderer_destroy(&renderer);
     sf_context_destroy(&ctx);
@@ -393,7 +282,7 @@ static void backward_needs_its_render(void **state) {
     sf_model *fewer, *lower;
     sf_image_out nothing = {0};
     sf_render_grads grads = {0};
-    float *d_rgb = make_d_rgb(40 * 30);
+    float *d_rgb = test_d_rgb(40 * 30);
     assert_ok(s.ctx, sf_model_create(s.ctx, 59, 2, &fewer));
     assert_ok(s.ctx, sf_model_create(s.ctx, 60, 1, &lower));
     assert_status(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads), SF_ERR_ARGUMENT);
@@ -418,9 +307,9 @@ static void outputs_are_optional(void **state) {
     (void)state;
     stage s;
     set_stage(&s, 5);
-    outcome all = render_with(s.ctx, s.renderer, &s.scene), part = outcome_create(&s.scene);
+    test_outcome all = test_outcome_of(s.ctx, s.renderer, &s.scene), part = test_outcome_create(&s.scene);
     const sf_camera *camera = &s.scene.camera;
-    float *d_rgb = make_d_rgb(part.pixels);
+    float *d_rgb = test_d_rgb(part.pixels);
     assert_ok(s.ctx, sf_render(s.renderer, s.model, camera, &s.options, &(sf_image_out){.rgb = part.rgb}));
     assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb,
                                         &(sf_render_grads){.gaussians.means = part.gradient.means}));
@@ -434,8 +323,8 @@ static void outputs_are_optional(void **state) {
     assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &(sf_render_grads){.focal = part.focal}));
     assert_memory_equal(part.focal, all.focal, sizeof all.focal);
     free(d_rgb);
-    outcome_free(&all);
-    outcome_free(&part);
+    test_outcome_free(&all);
+    test_outcome_free(&part);
     clear_stage(&s);
 }
 
@@ -463,16 +352,16 @@ static void no_options_are_the_defaults(void **state) {
 static void empty_model_is_the_background(void **state) {
     (void)state;
     test_ref_scene scene = test_random_scene(7, 0, 1, 19, 21);
-    outcome o = render(&scene, 2);
+    test_outcome o = test_outcome_alone(&scene, 2);
     double sums[3] = {0};
     for (size_t i = 0; i < 3 * o.pixels; i++) {
         assert_true(o.rgb[i] == (float)scene.background[i % 3]);
-        sums[i % 3] += (double)d_rgb_at(i);
+        sums[i % 3] += (double)test_d_rgb_at(i);
     }
     for (size_t i = 0; i < o.pixels; i++) assert_true(o.transmittance[i] == 1 && o.depth[i] == 0);
     for (int k = 0; k < 6; k++) assert_true(o.pose[k] == 0);
     for (int k = 0; k < 3; k++) assert_true(fabs(o.background[k] - sums[k]) < 1e-9 * fabs(sums[k]));
-    outcome_free(&o);
+    test_outcome_free(&o);
     test_ref_gaussians_free(&scene.gaussians);
 }
 
@@ -487,338 +376,25 @@ static void renderer_can_be_used_again(void **state) {
     sf_renderer *renderer;
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));
     for (size_t k = 0; k < 2 * SCENES; k++) {
-        outcome again = render_with(ctx, renderer, &scenes[k % SCENES]),
-                fresh = render(&scenes[k % SCENES], 2);
+        test_outcome again = test_outcome_of(ctx, renderer, &scenes[k % SCENES]),
+                     fresh = test_outcome_alone(&scenes[k % SCENES], 2);
         assert_same(&again, &fresh);
-        outcome_free(&again);
-        outcome_free(&fresh);
+        test_outcome_free(&again);
+        test_outcome_free(&fresh);
     }
     sf_renderer_destroy(&renderer);
     sf_context_destroy(&ctx);
     for (size_t k = 0; k < SCENES; k++) test_ref_gaussians_free(&scenes[k].gaussians);
 }
 
-/* ---- values that hurt -----------------------------------------------------------------------------------
- */
-
-enum { VICTIM = 7 };
-
-/* The scene with Gaussian VICTIM in the middle of the picture, before most others. */
-static test_ref_scene scene_with_victim(void) {
-    test_ref_scene scene = test_random_scene(71, 40, 3, 40, 30);
-    test_random_place(&scene, VICTIM, (const double[]){0.01, 0.02, 1});
-    scene.gaussians.logit_opacities[VICTIM] = 1;
-    for (size_t k = 0; k < 3; k++) scene.gaussians.log_scales[3 * VICTIM + k] = -3 - 0.5 * (double)k;
-    return scene;
-}
-
-static void copy_gaussians(const test_ref_scene *from, size_t first, size_t count, test_ref_scene *to,
-                           size_t at) {
-    test_ref_array source[TEST_REF_ARRAYS], target[TEST_REF_ARRAYS];
-    test_ref_list(&from->gaussians, from->sh_degree, source);
-    test_ref_list(&to->gaussians, from->sh_degree, target);
-    for (int a = 0; a < TEST_REF_ARRAYS; a++)
-        memcpy(target[a].values + at * target[a].width, source[a].values + first * source[a].width,
-               count * source[a].width * sizeof(double));
-}
-
-static test_ref_scene without_victim(const test_ref_scene *scene) {
-    test_ref_scene rest = *scene;
-    rest.count = scene->count - 1;
-    rest.gaussians = test_ref_gaussians_create(rest.count, rest.sh_degree);
-    copy_gaussians(scene, 0, VICTIM, &rest, 0);
-    copy_gaussians(scene, VICTIM + 1, rest.count - VICTIM, &rest, VICTIM);
-    return rest;
-}
-
-/* The picture and the gradients of the others are as if the victim were not there; its own is 0. */
-static void assert_victim_is_left_out(const outcome *got, const outcome *rest) {
-    float *from[TEST_REF_ARRAYS], *to[TEST_REF_ARRAYS];
-    test_ref_array shape[TEST_REF_ARRAYS];
-    assert_memory_equal(got->rgb, rest->rgb, 3 * got->pixels * sizeof(float));
-    assert_memory_equal(got->transmittance, rest->transmittance, got->pixels * sizeof(float));
-    assert_memory_equal(got->depth, rest->depth, got->pixels * sizeof(float));
-    assert_memory_equal(got->pose, rest->pose, sizeof got->pose);
-    test_gaussians_list(&got->gradient, from);
-    test_gaussians_list(&rest->gradient, to);
-    test_ref_list(&(test_ref_gaussians){0}, got->sh_degree, shape);
-    for (int a = 0; a < TEST_REF_ARRAYS; a++) {
-        size_t width = shape[a].width, after = VICTIM + 1;
-        assert_memory_equal(from[a], to[a], VICTIM * width * sizeof(float));
-        assert_memory_equal(from[a] + after * width, to[a] + VICTIM * width,
-                            (got->count - after) * width * sizeof(float));
-        for (size_t k = 0; k < width; k++) assert_true(from[a][VICTIM * width + k] == 0);
-    }
-}
-
-/* The victim's values, one after the other: the array and the place in it. */
-typedef struct target {
-    int array;
-    size_t component;
-} target;
-
-/* The scene with one value of the victim's replaced, rendered. */
-static outcome render_poisoned(const test_ref_scene *scene, target t, double value) {
-    test_ref_array list[TEST_REF_ARRAYS];
-    test_ref_list(&scene->gaussians, scene->sh_degree, list);
-    double *at = &list[t.array].values[VICTIM * list[t.array].width + t.component], before = *at;
-    *at = value;
-    outcome o = render(scene, 1);
-    *at = before;
-    return o;
-}
-
-typedef void (*each_target_fn)(const test_ref_scene *scene, target t, const void *user);
-
-/* Quick: of an array's many components, those of SH, every seventh. */
-static void for_each_target(const test_ref_scene *scene, each_target_fn fn, const void *user) {
-    test_ref_array list[TEST_REF_ARRAYS];
-    test_ref_list(&scene->gaussians, scene->sh_degree, list);
-    for (int a = 0; a < TEST_REF_ARRAYS; a++)
-        for (size_t k = 0; k < list[a].width; k += is_quick() && list[a].width > 4 ? 7 : 1)
-            fn(scene, (target){a, k}, user);
-}
-
-static void poison_not_finite(const test_ref_scene *scene, target t, const void *rest) {
-    static const double poisons[] = {NAN, INFINITY, -INFINITY};
-    for (size_t p = 0; p < sizeof poisons / sizeof *poisons; p++) {
-        outcome o = render_poisoned(scene, t, poisons[p]);
-        assert_victim_is_left_out(&o, rest);
-        outcome_free(&o);
-    }
-}
-
-static void value_not_finite_leaves_its_gaussian_out(void **state) {
-    (void)state;
-    test_ref_scene scene = scene_with_victim(), without = without_victim(&scene);
-    outcome whole = render(&scene, 1), rest = render(&without, 1);
-    assert_memory_not_equal(whole.rgb, rest.rgb, 3 * rest.pixels * sizeof(float));
-    for_each_target(&scene, poison_not_finite, &rest);
-    outcome_free(&whole);
-    outcome_free(&rest);
-    test_ref_gaussians_free(&scene.gaussians);
-    test_ref_gaussians_free(&without.gaussians);
-}
-
-/* Denormals are flushed: they are 0. */
-static void poison_denormal(const test_ref_scene *scene, target t, const void *user) {
-    (void)user;
-    outcome zero = render_poisoned(scene, t, 0), tiny = render_poisoned(scene, t, 1e-40);
-    assert_same(&tiny, &zero);
-    assert_finite(&tiny);
-    outcome_free(&zero);
-    outcome_free(&tiny);
-}
-
-static void denormal_counts_as_zero(void **state) {
-    (void)state;
-    test_ref_scene scene = scene_with_victim();
-    for_each_target(&scene, poison_denormal, NULL);
-    test_ref_gaussians_free(&scene.gaussians);
-}
-
-/* The picture stays finite, and so do the gradients. A colour of 1e38 shows, and hurts only the gradients of
- * what lies under it. */
-static void poison_huge(const test_ref_scene *scene, target t, const void *user) {
-    (void)user;
-    for (int sign = -1; sign <= 1; sign += 2) {
-        outcome o = render_poisoned(scene, t, sign * 1e38);
-        assert_finite(&o);
-        outcome_free(&o);
-    }
-}
-
-static void huge_value_gives_finite_results(void **state) {
-    (void)state;
-    test_ref_scene scene = scene_with_victim();
-    for_each_target(&scene, poison_huge, NULL);
-    test_ref_gaussians_free(&scene.gaussians);
-}
-
-/* Where 1e38 has no place in the picture, or no bound: the Gaussian is left out. */
-static void huge_value_out_of_place_leaves_its_gaussian_out(void **state) {
-    (void)state;
-    static const struct {
-        target target;
-        double value;
-    } cases[] = {
-        {{0, 0}, 1e38},  {{0, 0}, -1e38},                 /* beside */
-        {{0, 1}, 1e38},  {{0, 1}, -1e38},                 /* above, below */
-        {{0, 2}, -1e38},                                  /* behind */
-        {{2, 0}, 1e38},  {{2, 1}, 1e38},  {{2, 2}, 1e38}, /* exp() of it is infinite */
-        {{3, 0}, -1e38},                                  /* invisible */
-    };
-    test_ref_scene scene = scene_with_victim(), without = without_victim(&scene);
-    outcome rest = render(&without, 1);
-    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-        outcome o = render_poisoned(&scene, cases[k].target, cases[k].value);
-        assert_victim_is_left_out(&o, &rest);
-        outcome_free(&o);
-    }
-    outcome_free(&rest);
-    test_ref_gaussians_free(&scene.gaussians);
-    test_ref_gaussians_free(&without.gaussians);
-}
-
-static void poisoned_pixel_leaves_gradients_finite(void **state) {
-    (void)state;
-    static const float poisons[] = {NAN, INFINITY, -INFINITY, 1e38f};
-    stage s;
-    set_stage(&s, 8);
-    outcome o = outcome_create(&s.scene);
-    float *d_rgb = make_d_rgb(o.pixels);
-    sf_render_grads grads = {.gaussians = o.gradient, .pose = o.pose};
-    assert_ok(s.ctx, sf_render(s.renderer, s.model, &s.scene.camera, &s.options, &(sf_image_out){0}));
-    for (size_t p = 0; p < sizeof poisons / sizeof *poisons; p++) {
-        size_t middle = 15 * 40 + 20, live = 0;
-        d_rgb[3 * middle] = poisons[p];
-        assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads));
-        assert_finite_gradient(&o);
-        for (size_t i = 0; i < o.count; i++) live += o.gradient.means[3 * i] != 0;
-        assert_true(live > o.count / 10);
-    }
-    free(d_rgb);
-    outcome_free(&o);
-    clear_stage(&s);
-}
-
-/* A quaternion gives a direction, its norm nothing; one without a direction is culled. */
-static void scale_quaternion(test_ref_scene *scene, double by) {
-    for (size_t k = 0; k < 4; k++) scene->gaussians.quats[4 * VICTIM + k] *= by;
-}
-
-static void quaternion_of_any_norm(void **state) {
-    (void)state;
-    static const double scales[] = {0x1p99, 0x1p-20, 0x1p-30};
-    test_ref_scene scene = scene_with_victim();
-    outcome unit = render(&scene, 1);
-    for (size_t s = 0; s < sizeof scales / sizeof *scales; s++) {
-        scale_quaternion(&scene, scales[s]);
-        outcome o = render(&scene, 1);
-        scale_quaternion(&scene, 1 / scales[s]);
-        assert_memory_equal(o.rgb, unit.rgb, 3 * o.pixels * sizeof(float));
-        assert_memory_equal(o.gradient.means, unit.gradient.means, 3 * o.count * sizeof(float));
-        for (size_t k = 4 * VICTIM; k < 4 * VICTIM + 4; k++) {
-            assert_true(unit.gradient.quats[k] != 0);
-            assert_true(o.gradient.quats[k] * scales[s] == (double)unit.gradient.quats[k]);
-        }
-        outcome_free(&o);
-    }
-    outcome_free(&unit);
-    test_ref_gaussians_free(&scene.gaussians);
-}
-
-static void quaternion_without_direction_is_culled(void **state) {
-    (void)state;
-    static const double scales[] = {0, 1e-30, 1e-14};
-    test_ref_scene without, scene = scene_with_victim();
-    without = without_victim(&scene);
-    outcome rest = render(&without, 1);
-    for (size_t s = 0; s < sizeof scales / sizeof *scales; s++) {
-        const double quat[4] = {0.5, -0.5, 0.5, 0.5};
-        for (size_t k = 0; k < 4; k++) scene.gaussians.quats[4 * VICTIM + k] = quat[k] * scales[s];
-        outcome o = render(&scene, 1);
-        assert_victim_is_left_out(&o, &rest);
-        outcome_free(&o);
-    }
-    outcome_free(&rest);
-    test_ref_gaussians_free(&scene.gaussians);
-    test_ref_gaussians_free(&without.gaussians);
-}
-
-/* ---- many layers ----------------------------------------------------------------------------------------
- */
-
-/* `count` broad Gaussians behind each other, nearest first, of one opacity. */
-static test_ref_scene layers(size_t count, double opacity) {
-    test_ref_scene scene = test_random_scene(5, count, 0, 16, 16);
-    for (size_t i = 0; i < count; i++) {
-        double z = 2 + 4 * (double)i / (double)count;
-        test_random_place(&scene, i, (const double[]){0.3 * z, -0.2 * z, z});
-        scene.gaussians.logit_opacities[i] = (float)log(opacity / (1 - opacity));
-        for (size_t k = 0; k < 3; k++)
-            scene.gaussians.log_scales[3 * i + k] = (float)(log(2 * z) + 0.3 * (double)k);
-    }
-    return scene;
-}
-
-/* How many layers have a gradient; fails unless they are the nearest ones. */
-static size_t layers_used(const test_ref_scene *scene) {
-    outcome o = render(scene, 2);
-    size_t used = 0;
-    while (used < o.count && o.gradient.sh[3 * used] != 0) used++;
-    for (size_t i = used; i < o.count; i++) {
-        assert_true(o.gradient.sh[3 * i] == 0 && o.gradient.logit_opacities[i] == 0);
-        for (size_t k = 0; k < 3; k++) assert_true(o.gradient.means[3 * i + k] == 0);
-    }
-    for (size_t i = 0; i < o.pixels; i++) assert_true(o.transmittance[i] >= 1e-4f);
-    outcome_free(&o);
-    return used;
-}
-
-static void thin_layers_end_where_light_does(void **state) {
-    (void)state;
-    size_t count = is_quick() ? 1500 : 10000;
-    test_ref_scene scene = layers(count, 0.01);
-    /* the layers of a pixel share the error of its light: in the pose, their sum, it does not average out */
-    test_ref_counts counts = check_scene("layers of 0.01", &scene, 1e-3);
-    assert_int_equal(counts.stopped_pixels, 256);
-    size_t used = layers_used(&scene), expected = (size_t)(log(1e-4) / log(1 - 0.01));
-    assert_in_range(used, expected, expected + 100); /* g is 0.9 in the farthest corner */
-    test_ref_gaussians_free(&scene.gaussians);
-}
-
-static void opaque_layers_end_where_light_does(void **state) {
-    (void)state;
-    test_ref_scene scene = layers(100, 0.985);
-    test_ref_counts counts = check_scene("100 layers of 0.985", &scene, GRADIENT_BOUND);
-    assert_int_equal(counts.stopped_pixels, 256);
-    assert_in_range(layers_used(&scene), 2, 3);
-    test_ref_gaussians_free(&scene.gaussians);
-}
-
-/* Both sides of the clamp: beyond it the opacity and the shape have no gradient, the colour has. */
-static void saturated_opacity_has_no_gradient(void **state) {
-    (void)state;
-    for (int above = 0; above < 2; above++) {
-        test_ref_scene scene = layers(1, above ? 0.999 : 0.97);
-        for (size_t k = 0; k < 3; k++) scene.gaussians.log_scales[k] = 5 + 0.25 * (double)k;
-        test_ref_counts counts =
-            check_scene(above ? "above the clamp" : "below the clamp", &scene, GRADIENT_BOUND);
-        assert_int_equal(counts.saturated, above ? 256 : 0);
-        outcome o = render(&scene, 2);
-        assert_true((o.gradient.logit_opacities[0] == 0) == above);
-        assert_true(o.gradient.sh[0] != 0);
-        for (size_t i = 0; i < o.pixels; i++)
-            if (above) assert_true(o.transmittance[i] == 1 - 0.99f);
-        outcome_free(&o);
-        test_ref_gaussians_free(&scene.gaussians);
-    }
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(random_scenes_match_the_reference),
-        cmocka_unit_test(compensation_ends_at_its_least),
-        cmocka_unit_test(thread_count_does_not_matter),
-        cmocka_unit_test(lower_degree_leaves_bands_out),
-        cmocka_unit_test(bad_options_are_refused),
-        cmocka_unit_test(bad_cameras_are_refused),
-        cmocka_unit_test(backward_needs_its_render),
-        cmocka_unit_test(outputs_are_optional),
-        cmocka_unit_test(no_options_are_the_defaults),
-        cmocka_unit_test(empty_model_is_the_background),
+        cmocka_unit_test(random_scenes_match_the_reference), cmocka_unit_test(compensation_ends_at_its_least),
+        cmocka_unit_test(thread_count_does_not_matter),      cmocka_unit_test(lower_degree_leaves_bands_out),
+        cmocka_unit_test(bad_options_are_refused),           cmocka_unit_test(bad_cameras_are_refused),
+        cmocka_unit_test(backward_needs_its_render),         cmocka_unit_test(outputs_are_optional),
+        cmocka_unit_test(no_options_are_the_defaults),       cmocka_unit_test(empty_model_is_the_background),
         cmocka_unit_test(renderer_can_be_used_again),
-        cmocka_unit_test(value_not_finite_leaves_its_gaussian_out),
-        cmocka_unit_test(denormal_counts_as_zero),
-        cmocka_unit_test(huge_value_gives_finite_results),
-        cmocka_unit_test(huge_value_out_of_place_leaves_its_gaussian_out),
-        cmocka_unit_test(poisoned_pixel_leaves_gradients_finite),
-        cmocka_unit_test(quaternion_of_any_norm),
-        cmocka_unit_test(quaternion_without_direction_is_culled),
-        cmocka_unit_test(thin_layers_end_where_light_does),
-        cmocka_unit_test(opaque_layers_end_where_light_does),
-        cmocka_unit_test(saturated_opacity_has_no_gradient),
     };
     return cmocka_run_group_tests_name("render", tests, NULL, NULL);
 }
