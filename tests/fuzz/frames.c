@@ -10,9 +10,9 @@
 #include "io/picture.h"
 
 /* A picture's planes, once more as they are decoded, and its weights: of as many pixels as the file may
- * hold, which is 8 times what deflate can unpack of it. */
+ * hold. */
 int fuzz_picture(const uint8_t *data, size_t size) {
-    sf_context *ctx = fuzz_begin(size, 1 << 18, 8 * 1032 * 8);
+    sf_context *ctx = fuzz_begin(size, (size_t)8 * SF_PNG_PIXELS + (1 << 18), 8 * SF_PNG_PIXELS_A_BYTE);
     const char *path = fuzz_file("picture", data, size);
     sf_picture picture;
     int width = 0, height = 0, named = !sf_picture_size(ctx, path, &width, &height);
@@ -47,7 +47,8 @@ static int drain(sf_context *ctx, const char *name) {
     sf_status status = sf_source_open(ctx, name, &source);
     size_t length = strcspn(name, "?");
     char file[512];
-    snprintf(file, sizeof file, "%.*s", (int)(length - 5), strchr(name, ':') + 1);
+    const char *at = strchr(name, ':') + 1;
+    snprintf(file, sizeof file, "%.*s", (int)(length - (size_t)(at - name)), at);
     if (!fuzz_went_well(ctx, status, file)) return 0;
     sf_source_describe(source, &info);
     for (int i = 0; i < MOST_FRAMES && !(status = sf_source_next(source, WAIT_MS, &frame)); i++) {
@@ -74,7 +75,7 @@ int fuzz_pipe(const uint8_t *data, size_t size) {
                  format ? format : "none", matrices[kind / 16 % 3], kind & 64 ? "full" : "limited");
     }
     sf_bytes stream = fuzz_rest(&input);
-    sf_context *ctx = fuzz_begin(size, 4 << 20, 512 * 3 + 16);
+    sf_context *ctx = fuzz_begin(size, 8 << 20, 3 * SF_JPEG_PIXELS_A_BYTE + 16);
     snprintf(name, sizeof name, "pipe:%s%s", fuzz_file("stream", stream.data, stream.size), options);
     int well = drain(ctx, name);
     fuzz_end();

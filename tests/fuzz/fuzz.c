@@ -5,6 +5,7 @@
 #include <dirent.h>
 #include <ftw.h>
 #include <jansson.h>
+#include <malloc.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -45,44 +46,45 @@ void fuzz_fail(const char *format, ...) {
 /* Memory. The library looks for an address of 64 k - 8 in what it is given; where each block begins at one,
  * blocks end where the library's do, and a sanitizer sees the first byte behind them. */
 
-enum { LIBRARY_OFFSET = 56, JSON_OFFSET = 16 };
+enum { LIBRARY_OFFSET = 56 };
 
-static atomic_size_t held, most_held;
+static atomic_size_t held, json_held, most_held;
 
-static void *take(size_t size, size_t offset) {
+static void count(atomic_size_t *counter, size_t size) {
+    atomic_fetch_add(counter, size);
+    FUZZ_CHECK(held + json_held <= most_held, "memory: %zu bytes at once are more than the %zu allowed",
+               (size_t)(held + json_held), (size_t)most_held);
+}
+
+static void *library_take(void *user, size_t size) {
     void *block;
-    size_t now = atomic_fetch_add(&held, size) + size;
-    FUZZ_CHECK(now <= most_held, "memory: %zu bytes at once are more than the %zu allowed", now,
-               (size_t)most_held);
-    if (posix_memalign(&block, 64, offset + size)) {
-        atomic_fetch_sub(&held, size);
-        return NULL;
-    }
-    uint8_t *given = (uint8_t *)block + offset;
+    (void)user;
+    count(&held, size);
+    if (posix_memalign(&block, 64, LIBRARY_OFFSET + size)) fuzz_fail("memory: %zu bytes cannot be had", size);
+    uint8_t *given = (uint8_t *)block + LIBRARY_OFFSET;
     memcpy(given - sizeof size, &size, sizeof size);
     return given;
 }
 
-static void give(void *given, size_t offset) {
+static void library_give(void *user, void *given) {
     size_t size;
-    if (!given) return;
+    (void)user;
     memcpy(&size, (uint8_t *)given - sizeof size, sizeof size);
     atomic_fetch_sub(&held, size);
-    free((uint8_t *)given - offset);
+    free((uint8_t *)given - LIBRARY_OFFSET);
 }
 
-static void *library_take(void *user, size_t size) {
-    (void)user;
-    return take(size, LIBRARY_OFFSET);
+/* Blocks of the C library's, since texts of JSON are given back by free. */
+static void *json_take(size_t size) {
+    void *block = malloc(size);
+    count(&json_held, block ? malloc_usable_size(block) : 0);
+    return block;
 }
 
-static void library_give(void *user, void *block) {
-    (void)user;
-    give(block, LIBRARY_OFFSET);
+static void json_give(void *block) {
+    if (block) atomic_fetch_sub(&json_held, malloc_usable_size(block));
+    free(block);
 }
-
-static void *json_take(size_t size) { return take(size, JSON_OFFSET); }
-static void json_give(void *block) { give(block, JSON_OFFSET); }
 
 /* The context. */
 
@@ -116,6 +118,7 @@ static void open_context(void) {
 sf_context *fuzz_begin(size_t size, size_t base, size_t multiple) {
     if (!context) open_context();
     held_before = held;
+    json_held = 0;
     most_held = held_before + base + multiple * size;
     return context;
 }
