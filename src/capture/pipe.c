@@ -27,7 +27,7 @@ enum {
     QUEUE = 1,                                     /* one is read while another is worked on */
     SLOTS = SF_SOURCE_MAX_LEASES + QUEUE_LIVE + 1, /* and one that is filled */
     LINE_BYTES = 1024,                             /* of a header */
-    FIRST_BYTES = 1 << 20,                         /* of a frame, that are taken on its header's word */
+    FIRST_BYTES = 1 << 16,                         /* of a frame, that are taken on its header's word */
     MAX_JPEG_BYTES = 1 << 26,                      /* of one JPEG, and between two */
     FAULT_BYTES = 192,
     TEXT_BYTES = 32

@@ -128,6 +128,8 @@ void fuzz_end(void) {
     most_held = SIZE_MAX;
 }
 
+const char *fuzz_last_error(void) { return sf_last_error(context); }
+
 int fuzz_went_well(sf_context *ctx, sf_status status, const char *name) {
     if (!status) return 1;
     const char *error = sf_last_error(ctx);

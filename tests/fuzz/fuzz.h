@@ -69,6 +69,9 @@ _Noreturn void fuzz_fail(const char *format, ...) __attribute__((format(printf, 
 sf_context *fuzz_begin(size_t size, size_t base, size_t multiple);
 void fuzz_end(void);
 
+/* The library's last message. */
+const char *fuzz_last_error(void);
+
 /* Whether the call went well; a failure must have one line that names `name`, the file or the field. */
 int fuzz_went_well(sf_context *ctx, sf_status status, const char *name);
 

@@ -29,7 +29,7 @@ config=(CC=clang 'SAN=fuzzer-no-link,address,undefined')
     summary 0 1 0
     exit 1
 }
-program=build/native-clang-fuzzer-no-link-address-undefined/tests/fuzz/libfuzzer
+program=${FUZZ_PROGRAM:-build/native-clang-fuzzer-no-link-address-undefined/tests/fuzz/libfuzzer}
 rm -rf $out/seeds
 "$program" --seeds=$out/seeds || {
     summary 0 1 0

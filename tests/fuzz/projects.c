@@ -17,10 +17,11 @@ static void put(const char *folder, const char *name, const sf_bytes *content) {
 }
 
 /* A project becomes a scene, whose cameras can be written and whose views can be copied. */
-static int load(sf_context *ctx, const char *folder) {
+static int load(sf_context *ctx, const char *folder, int hold_out) {
     sf_load_options options = sf_load_options_default();
     sf_scene *scene;
     uint64_t fingerprint;
+    options.hold_out = hold_out;
     int well = fuzz_went_well(ctx, sf_scene_load(ctx, folder, &options, &scene), folder);
     if (!well) return 0;
     FUZZ_CHECK(!sf_scene_save_cameras(scene, fuzz_path("again.json")), "cameras: %s", sf_last_error(ctx));
@@ -49,7 +50,7 @@ int fuzz_colmap(const uint8_t *data, size_t size) {
         strcat(strcpy(name, names[i]), text >> i & 1 ? ".txt" : ".bin");
         put(model, name, &part);
     }
-    int well = load(ctx, fuzz_path(folder));
+    int well = load(ctx, fuzz_path(folder), 0);
     fuzz_end();
     return well;
 }
@@ -64,10 +65,11 @@ int fuzz_transforms(const uint8_t *data, size_t size) {
     fuzz_subfolder(folder);
     if (!sf_is_file(fuzz_path("transforms/a.png"))) {
         put_picture(ctx, "transforms/a.png");
+        put_picture(ctx, "transforms/c.png");
         put(folder, "p.ply", &ply);
     }
     put(folder, "transforms.json", &json);
-    int well = load(ctx, fuzz_path(folder));
+    int well = load(ctx, fuzz_path(folder), 8);
     fuzz_end();
     return well;
 }

@@ -58,13 +58,12 @@ static sf_model *make_model(sf_context *ctx, int degree) {
     return model;
 }
 
-static const uint8_t *unpack(const char *path, uint8_t *to, size_t room, size_t *size) {
+static size_t unpack(const char *path, uint8_t *to, size_t room) {
     gzFile file = gzopen(path, "rb");
     int got = file ? gzread(file, to, (unsigned)room) : -1;
     FUZZ_CHECK(got > 0, "%s: cannot be read", path);
     gzclose(file);
-    *size = (size_t)got;
-    return to;
+    return (size_t)got;
 }
 
 static void put_models(sf_context *ctx) {
@@ -79,8 +78,8 @@ static void put_models(sf_context *ctx) {
                    "save: %s", sf_last_error(ctx));
         put_file("ply", name, "", 0, ply);
         put_file("spz", name, "", 1, spz);
-        put("spz", degree ? "unpacked3" : "unpacked0", "\1", 1, unpack(spz, unpacked, sizeof unpacked, &size),
-            size);
+        size = unpack(spz, unpacked, sizeof unpacked);
+        put("spz", degree ? "unpacked3" : "unpacked0", "\1", 1, unpacked, size);
         put_file("splat", name, "", 0, splat);
         sf_model_destroy(&model);
     }
