@@ -72,9 +72,9 @@ static uint64_t body_bytes(const spz_in *s) {
 }
 
 static sf_status truncated(const spz_in *s, uint64_t have, uint64_t need) {
-    return sf_fail(s->ctx, SF_ERR_FORMAT,
-                   "%s: truncated: %llu of the %llu bytes of its %lu Gaussians", s->path,
-                   (unsigned long long)have, (unsigned long long)need, (unsigned long)s->header.count);
+    return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: %llu of the %llu bytes of its %lu Gaussians",
+                   s->path, (unsigned long long)have, (unsigned long long)need,
+                   (unsigned long)s->header.count);
 }
 
 /* Room for the columns, where the file is long enough to hold them. */
