@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "../base/file.h"
+#include "../base/memory.h"
 
 typedef enum format { FORMAT_UNKNOWN, FORMAT_ASCII, FORMAT_LITTLE_ENDIAN, FORMAT_BIG_ENDIAN } format;
 
@@ -478,6 +479,8 @@ sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uin
     *count = 0;
     sf_status status = sf_ply_open(ctx, path, &p);
     if (!status) status = bind_point(p);
+    if (!status)
+        status = sf_memory_check(ctx, path, "points", (uint64_t)sf_ply_vertices(p) * (3 * sizeof **xyz + 3));
     if (!status) {
         *xyz = sf_alloc(ctx, sf_ply_vertices(p), 3 * sizeof **xyz);
         *rgb = sf_alloc(ctx, sf_ply_vertices(p), 3);

@@ -5,6 +5,7 @@
 #endif
 
 #include "../base/bytes.h"
+#include "../base/memory.h"
 #include "gzip.h"
 #include "model_file.h"
 #include "spz.h"
@@ -88,6 +89,8 @@ static sf_status allocate_body(spz_in *s) {
     if (bytes >= SIZE_MAX)
         return sf_fail(s->ctx, SF_ERR_MEMORY, "%s: %lu Gaussians are more than this machine can address",
                        s->path, (unsigned long)s->header.count);
+    sf_status status = sf_memory_check(s->ctx, s->path, "Gaussians", bytes);
+    if (status) return status;
     s->body = sf_alloc(s->ctx, (size_t)bytes + 1, 1);
     if (!s->body) return SF_ERR_MEMORY;
     const uint8_t *at = s->body;

@@ -40,7 +40,7 @@ static void convert(sf_context *ctx, const sf_frame *frame) {
 
 /* All frames of a source. */
 static int drain(sf_context *ctx, const char *name) {
-    enum { WAIT_MS = 2000, MOST_FRAMES = 1000 };
+    enum { WAIT_MS = 2000, MOST_FRAMES = 50 };
     sf_source *source;
     sf_source_info info;
     sf_frame frame;
