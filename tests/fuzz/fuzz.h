@@ -45,6 +45,8 @@ FUZZ_TARGETS(FUZZ_DECLARE)
 /* In place: puts right the checksums of PNG's chunks, and of the sections of a checkpoint. */
 void fuzz_repair_png(uint8_t *data, size_t size);
 void fuzz_repair_sections(uint8_t *data, size_t size);
+/* Puts a number that is odd into a section of a checkpoint, each as likely as the others. */
+void fuzz_edit_sections(uint8_t *data, size_t size, unsigned seed);
 
 typedef struct fuzz_target {
     const char *name;

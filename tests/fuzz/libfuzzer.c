@@ -37,9 +37,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     return 0;
 }
 
-/* One in eight stays with wrong checksums. */
+/* Every other change of a checkpoint is one number. One in eight inputs stays with wrong checksums. */
 size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned seed) {
-    size_t changed = LLVMFuzzerMutate(data, size, most);
-    if (target->repair && seed % 8) target->repair(data, changed);
+    int edits = target->run == fuzz_checkpoint && seed % 2;
+    size_t changed = edits ? size : LLVMFuzzerMutate(data, size, most);
+    if (edits) fuzz_edit_sections(data, size, seed * 2654435761u);
+    if (target->repair && seed / 2 % 8) target->repair(data, changed);
     return changed;
 }

@@ -35,22 +35,65 @@ static uint64_t hash_in_pieces(const uint8_t *data, size_t size) {
     return hash;
 }
 
-/* The layout is sections.h's. Where a section is said to be longer than the file, its last length stands. */
+/* The layout is sections.h's. */
+enum { FILE_HEADER = 24, COUNT_AT = SF_SECTION_NAME + 8, HEADER = SF_SECTION_NAME + 24, HASH = 8 };
+
+typedef struct section {
+    size_t at, element, count;
+} section;
+
+/* The section whose header is at `at`, as long as the rest allows; 0: there is none. */
+static int look(const uint8_t *data, size_t size, size_t at, section *s) {
+    if (size < at || size - at < HEADER + HASH) return 0;
+    sf_bytes b = {.data = data, .size = size, .at = at + SF_SECTION_NAME};
+    size_t most = size - at - HEADER - HASH;
+    s->at = at;
+    s->element = sf_bytes_u32(&b);
+    b.at = at + COUNT_AT;
+    uint64_t count = sf_bytes_u64(&b);
+    if (!s->element || s->element > 8) return 0;
+    s->count = count > most / s->element ? most / s->element : (size_t)count;
+    return 1;
+}
+
+static size_t end_of(const section *s) { return s->at + HEADER + s->element * s->count + HASH; }
+
+/* Where a section is said to be longer than the file, its last length stands. */
 void fuzz_repair_sections(uint8_t *data, size_t size) {
-    enum { FILE_HEADER = 24, COUNT_AT = SF_SECTION_NAME + 8, HEADER = SF_SECTION_NAME + 24, HASH = 8 };
+    section s;
     if (size < FILE_HEADER) return;
     store(data + FILE_HEADER - HASH, sf_hash(SF_HASH_SEED, data, FILE_HEADER - HASH), HASH);
-    for (size_t at = FILE_HEADER; size - at >= HEADER + HASH;) {
+    for (size_t at = FILE_HEADER; look(data, size, at, &s); at = end_of(&s)) {
         uint8_t *header = data + at;
-        sf_bytes b = {.data = header, .size = HEADER, .at = SF_SECTION_NAME};
-        size_t left = size - at - HEADER - HASH, element = sf_bytes_u32(&b);
-        b.at = COUNT_AT;
-        uint64_t count = sf_bytes_u64(&b);
-        if (!element || element > 8) return;
-        if (count > left / element) store(header + COUNT_AT, count = left / element, 8);
+        size_t bytes = s.count * s.element;
+        store(header + COUNT_AT, s.count, 8);
         store(header + HEADER - HASH, sf_hash(SF_HASH_SEED, header, HEADER - HASH), HASH);
-        size_t bytes = (size_t)count * element;
         store(header + HEADER + bytes, hash_in_pieces(header + HEADER, bytes), HASH);
-        at += HEADER + bytes + HASH;
     }
+}
+
+void fuzz_edit_sections(uint8_t *data, size_t size, unsigned seed) {
+    static const uint64_t odd[] = {0,
+                                   1,
+                                   2,
+                                   0x7f800000,
+                                   0x7fffffff,
+                                   0xffffffff,
+                                   0x100000000,
+                                   0x7fffffffffffffff,
+                                   0xffffffffffffffff,
+                                   0x43e158e460913d00 /* 1e19 */,
+                                   0x7fe1ccf385ebc8a0 /* 1e308 */,
+                                   0x7ff0000000000000 /* infinity */};
+    section s, chosen = {0};
+    unsigned sections = 0;
+    for (size_t at = FILE_HEADER; look(data, size, at, &s); at = end_of(&s), sections += s.element > 1)
+        ;
+    unsigned wanted = sections ? seed % sections : 0;
+    for (size_t at = FILE_HEADER; look(data, size, at, &s); at = end_of(&s))
+        if (s.element > 1 && !wanted--) chosen = s;
+    if (!chosen.count) return;
+    size_t element = seed / 64 % chosen.count;
+    store(data + chosen.at + HEADER + element * chosen.element, odd[seed / 4096 % (sizeof odd / sizeof *odd)],
+          chosen.element);
 }
