@@ -15,6 +15,7 @@
 # make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
 # make charts-quick  whether that works: build/charts-quick; seconds
 # make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
+# make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
@@ -115,6 +116,9 @@ BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/a
                $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(O)/tests/testing.o
+# The targets of hostile input, and what of the program they call.
+FUZZ_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
+            $(filter-out $(O)/src/app/main.o,$(APP_OBJ)) $(BENCH_OBJ)
 # What the programs of tests/check share.
 CHECK_OBJ := $(O)/tests/check/check.o
 # The experiments and their frame.
@@ -268,13 +272,14 @@ $(CHECK): $(CHECK_OBJ)
 $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
+$(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
 TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES))
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(STAB_OBJ) \
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
 FEED := $(O)/tests/capture/feed
@@ -282,12 +287,18 @@ $(FEED): $(FEED).o
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $<
 
+# Built with SAN=fuzzer-no-link,..., by clang.
+FUZZER := $(O)/tests/fuzz/libfuzzer
+$(FUZZER): $(FUZZER).o $(FUZZ_OBJ) $(LIB)
+	$(say) LD $@
+	$(Q)$(CC) $(ALL_LDFLAGS) -fsanitize=fuzzer -o $@ $(filter %.o,$^) $(LIB) $(LIBS)
+
 # ---- testing -----------------------------------------------------------------------------------------------
 
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes stability test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB)

@@ -59,6 +59,8 @@ step clang "${quick[@]}" "${make[@]}" CC=clang test
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 wait
 cat $logs/thread.out
+# Two targets at a time, or as many as there are processors.
+step fuzz "${make[@]}" fuzz
 # Emulated programs keep one CPU busy each: the slowest machine goes beside all that follows up to the wait.
 # shellcheck disable=SC2086
 emulated armhf arm-linux-gnueabihf "$(all_but $fits_64)" >$logs/armhf.out &

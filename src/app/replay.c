@@ -1,8 +1,12 @@
 /* replay.c - a run's log as the recipe of another: its options, its scene, and the time of each step. */
+#include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "app.h"
 
@@ -50,14 +54,35 @@ static int refuse(const args *a, const char *field, const char *what) {
     return EXIT_FAILED;
 }
 
-int replay_open(const args *a, json_t **log) {
+/* A regular file: a pipe has no end that can be told. */
+static int read_log(const args *a, const char *path, FILE *file, json_t **log) {
+    enum { MOST = 1 << 28 };
+    struct stat st;
     json_error_t error;
+    char why[64 + JSON_ERROR_TEXT_LENGTH];
+    if (fstat(fileno(file), &st) || !S_ISREG(st.st_mode)) return app_say(a, path, "is not a regular file");
+    if (st.st_size > MOST) return app_say(a, path, "size: more than 256 MiB are no log");
+    *log = json_loadf(file, JSON_REJECT_DUPLICATES, &error);
+    if (*log) return 0;
+    snprintf(why, sizeof why, "line %d: %s", error.line, error.text);
+    for (char *c = why; *c; c++) /* it may cite the file */
+        if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
+    return app_say(a, path, why);
+}
+
+int replay_open(const args *a, json_t **log) {
     const char *path = args_value(a, "replay");
-    *log = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
-    if (!*log) {
-        fprintf(stderr, "splatfit %s: %s: line %d: %s\n", a->command->name, path, error.line, error.text);
-        return EXIT_FAILED;
+    *log = NULL;
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe is refused, not waited for */
+    FILE *file = fd < 0 ? NULL : fdopen(fd, "rb");
+    if (!file) {
+        int error = app_say(a, path, strerror(errno));
+        if (fd >= 0) close(fd);
+        return error;
     }
+    int error = read_log(a, path, file, log);
+    fclose(file);
+    if (error) return error;
     if (!json_is_object(json_object_get(*log, "options"))) return refuse(a, "options", "is no log of a fit");
     return 0;
 }

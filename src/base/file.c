@@ -1,6 +1,7 @@
 /* file.c - whole files in, whole files out. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include "file.h"
+#include "memory.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -48,6 +49,7 @@ static sf_status read_open_file(sf_context *ctx, const char *path, int fd, uint6
                                 size_t *size) {
     uint64_t bytes = 0;
     sf_status status = check_readable(ctx, path, fd, limit, &bytes);
+    if (!status) status = sf_memory_check(ctx, path, "size", bytes); /* a file of nothing has any size */
     if (status) return status;
     uint8_t *block = sf_alloc(ctx, (size_t)bytes + 1, 1);
     if (!block) return SF_ERR_MEMORY;

@@ -9,7 +9,8 @@
 #include <splatfit/file.h>
 
 /* Reads a regular file of at most `limit` bytes; *data (sf_free it) is followed by a 0 byte that *size does
- * not count. SF_ERR_IO: cannot be opened or read, is a folder; SF_ERR_FORMAT: larger than limit. */
+ * not count. SF_ERR_IO: cannot be opened or read, is a folder; SF_ERR_FORMAT: larger than limit;
+ * SF_ERR_MEMORY: larger than what is left. */
 sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_t **data, size_t *size);
 
 /* The first bytes of a regular file, at most `most`; returns how many, 0 also where it cannot be read. */

@@ -95,3 +95,11 @@ uint64_t sf_memory_budget(uint64_t asked) {
 
 uint64_t sf_memory_resident(void) { return kilobytes_of("/proc/self/status", "VmRSS:"); }
 uint64_t sf_memory_peak(void) { return kilobytes_of("/proc/self/status", "VmHWM:"); }
+
+sf_status sf_memory_check(sf_context *ctx, const char *path, const char *field, uint64_t bytes) {
+    enum { LARGE = 1 << 28 }; /* what is left is looked up only for these */
+    uint64_t left = bytes < LARGE ? 0 : sf_memory_free();
+    if (!left || bytes <= left / 5 * 4) return SF_OK;
+    return sf_fail(ctx, SF_ERR_MEMORY, "%s: %s: %llu bytes are more than the memory that is left, %llu", path,
+                   field, (unsigned long long)bytes, (unsigned long long)left);
+}

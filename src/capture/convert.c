@@ -3,6 +3,7 @@
 
 #include "../base/context.h"
 #include "../base/pool.h"
+#include "../io/picture.h"
 
 #include <stdio.h>
 #include <turbojpeg.h>
@@ -122,7 +123,10 @@ static sf_status read_header(sf_context *ctx, tjhandle jpeg, const sf_frame *f) 
     if (space == TJCS_CMYK || space == TJCS_YCCK) return refuse_jpeg(ctx, f, "colours: CMYK is no camera's");
     snprintf(why, sizeof why, "size: %d x %d is not the frame's %ld x %ld", width, height, (long)f->width,
              (long)f->height);
-    return width == f->width && height == f->height ? SF_OK : refuse_jpeg(ctx, f, why);
+    if (width != f->width || height != f->height) return refuse_jpeg(ctx, f, why);
+    if (sf_jpeg_can_hold(f->plane[0], f->bytes, width, height)) return SF_OK;
+    snprintf(why, sizeof why, "size: %d x %d is more than its %zu bytes can hold", width, height, f->bytes);
+    return refuse_jpeg(ctx, f, why);
 }
 
 /* A JPEG that was cut off decodes with a warning, its rest grey: a warning is a failure. But some cameras

@@ -17,7 +17,7 @@
 #include "jpeg_cut.h"
 #include "pace.h"
 
-static const uint64_t MAX_LIST_BYTES = 1 << 30, MAX_JPEG_BYTES = 1 << 30;
+static const uint64_t MAX_LIST_BYTES = 1 << 27, MAX_JPEG_BYTES = 1 << 30; /* a list of 8 hours */
 
 typedef struct picture_file {
     char *path;

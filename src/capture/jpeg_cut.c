@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../io/picture.h"
 #include "format.h"
 
 /* What the next byte is. */
@@ -27,13 +28,15 @@ static int is_frame_header(int marker) {
 }
 
 static sf_jpeg_event begin(sf_jpeg_cutter *c) {
-    *c = (sf_jpeg_cutter){.state = MARKER_FF};
+    *c = (sf_jpeg_cutter){.state = MARKER_FF, .bytes = 2};
     return SF_JPEG_BEGIN;
 }
 
 static sf_jpeg_event end(sf_jpeg_cutter *c) {
     c->state = OUTSIDE;
-    int whole = c->pixels && c->width && c->height && (int64_t)c->width * c->height <= SF_FRAME_MAX_PIXELS;
+    uint64_t pixels = (uint64_t)c->width * (uint64_t)c->height;
+    int whole =
+        c->pixels && pixels && pixels <= SF_FRAME_MAX_PIXELS && pixels / SF_JPEG_PIXELS_A_BYTE <= c->bytes;
     return whole ? SF_JPEG_WHOLE : SF_JPEG_BROKEN;
 }
 
@@ -120,8 +123,8 @@ static sf_jpeg_event take_byte(sf_jpeg_cutter *c, int byte) {
 }
 
 sf_jpeg_event sf_jpeg_cut(sf_jpeg_cutter *c, const uint8_t *data, size_t size, size_t *taken) {
-    size_t at = 0;
-    while (at < size) {
+    size_t at = 0, counted = 0;
+    for (; at < size; c->bytes += at - counted, counted = at) {
         int found;
         if (c->state == OUTSIDE || c->state == PIXELS) {
             at += up_to_ff(data + at, size - at, &found);

@@ -13,13 +13,14 @@ typedef enum sf_jpeg_event {
     SF_JPEG_MORE,   /* all bytes were taken, nothing happened */
     SF_JPEG_BEGIN,  /* the two bytes FF D8 of a JPEG were taken, the first one maybe in the call before */
     SF_JPEG_WHOLE,  /* the JPEG that began ends with the last byte taken */
-    SF_JPEG_BROKEN, /* what began is no JPEG, or was cut off */
+    SF_JPEG_BROKEN, /* what began is no JPEG, was cut off, or is too short for its size */
 } sf_jpeg_event;
 
 /* All zero at the begin of a stream. */
 typedef struct sf_jpeg_cutter {
     int state, marker;
     size_t length, at;     /* of the segment that is stepped over */
+    uint64_t bytes;        /* of the JPEG, up to now */
     int pixels;            /* coded pixels were met */
     int32_t width, height; /* px, of the JPEG that is whole; both at least 1 */
 } sf_jpeg_cutter;

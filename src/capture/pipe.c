@@ -27,6 +27,7 @@ enum {
     QUEUE = 1,                                     /* one is read while another is worked on */
     SLOTS = SF_SOURCE_MAX_LEASES + QUEUE_LIVE + 1, /* and one that is filled */
     LINE_BYTES = 1024,                             /* of a header */
+    FIRST_BYTES = 1 << 16,                         /* of a frame, that are taken on its header's word */
     MAX_JPEG_BYTES = 1 << 26,                      /* of one JPEG, and between two */
     FAULT_BYTES = 192,
     TEXT_BYTES = 32
@@ -108,11 +109,17 @@ static sf_status hold(pipe_source *p, slot *s, size_t bytes) {
 static sf_status read_pixels(pipe_source *p, slot *s, int begun) {
     size_t bytes = sf_pixel_bytes(p->format, p->width, p->height), got;
     s->bytes = 0;
-    sf_status status = hold(p, s, bytes);
-    if (status != SF_OK) return status;
-    status = sf_stream_read(&p->stream, SF_STREAM_FOREVER, s->data, bytes, &got);
-    if (status != SF_OK) return stream_over(p, status, begun || got);
-    s->bytes = bytes;
+    /* A header may promise more than comes: memory is taken as the frame grows. */
+    while (s->bytes < bytes) {
+        size_t room = s->bytes ? 2 * s->bytes : FIRST_BYTES;
+        if (room < s->capacity) room = s->capacity;
+        if (room > bytes) room = bytes;
+        sf_status status = hold(p, s, room);
+        if (status != SF_OK) return status;
+        status = sf_stream_read(&p->stream, SF_STREAM_FOREVER, s->data + s->bytes, room - s->bytes, &got);
+        s->bytes += got;
+        if (status != SF_OK) return stream_over(p, status, begun || s->bytes);
+    }
     s->width = p->width;
     s->height = p->height;
     return SF_OK;

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { LOG_BYTES = 1 << 28, PNG_BYTES = 1 << 26 };
+enum { LOG_BYTES = 1 << 26, PNG_BYTES = 1 << 26 };
 
 /* Where in a file a field is: messages are "<path>: <where><name>: ...". */
 typedef struct place {

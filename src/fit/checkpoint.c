@@ -20,6 +20,9 @@ static const sf_sections_kind checkpoint_kind = {
 /* The options that a run may be gone on with differently. */
 static const char *const free_options[] = {"steps", "time_limit", "memory"};
 
+/* Beyond any number of steps, Gaussians or views; a double holds it, and sums of it do not overflow. */
+static const double MOST_COUNT = 0x1p53;
+
 enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUES = 16, VIEW_VALUES = 3 };
 enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
 
@@ -479,7 +482,12 @@ static sf_status put_learned(sf_sections_out *out, const sf_fitter *f) {
     return status;
 }
 
-/* States from rows; a view that has left has left its state too. */
+/* What came as a number and is a count, or a side in px, before it is cast. */
+static int is_whole(double value, double most) {
+    return value >= 0 && value <= most && value == floor(value);
+}
+
+/* States from rows, by ascending ids; a view that has left has left its state too. */
 static sf_status take_states(const sf_sections_in *in, sf_fitter *f, const uint32_t *places,
                              const double *rows, size_t n, sf_view *const *views, size_t count) {
     sf_view_states *v = &f->views;
@@ -492,6 +500,10 @@ static sf_status take_states(const sf_sections_in *in, sf_fitter *f, const uint3
             if (!isfinite(row[k])) return bad(in, "learned.views", "holds a value that is not finite");
         if (places[i] >= count || !(row[0] >= 0 && row[0] < (double)v->lens_count))
             return bad(in, "learned.views", "names a view or a lens that is none");
+        if (!is_whole(row[2], MOST_COUNT) || !is_whole(row[3], MOST_COUNT))
+            return bad(in, "learned.views", "a number of steps is none");
+        if (v->count && views[places[i]]->id <= v->states[v->count - 1].id)
+            return bad(in, "learned.places", "names a view twice, or before an earlier one");
         sf_view_state *s = &v->states[v->count++];
         *s = (sf_view_state){.id = views[places[i]]->id, .given = views[places[i]]->camera};
         unpack_view(row, s);
@@ -510,8 +522,13 @@ static sf_status take_lenses(sf_sections_in *in, sf_fitter *f) {
     if (!status && n % LENS_ROW) status = bad(in, "learned.lenses", "has another length");
     if (!status) status = sf_grow(f->ctx, &v->lenses, &v->lens_capacity, 0, n / LENS_ROW, sizeof *v->lenses);
     for (size_t i = 0; i < n / LENS_ROW && !status; i++) {
+        const double *row = rows + LENS_ROW * i;
+        if (!is_whole(row[0], INT32_MAX) || !is_whole(row[1], INT32_MAX) || !is_whole(row[2], MOST_COUNT)) {
+            status = bad(in, "learned.lenses", "a size or a number of steps is none");
+            break;
+        }
         v->lenses[v->lens_count] = (sf_view_lens){0};
-        unpack_lens(rows + LENS_ROW * i, &v->lenses[v->lens_count++]);
+        unpack_lens(row, &v->lenses[v->lens_count++]);
     }
     sf_free(f->ctx, rows);
     return status;
@@ -589,12 +606,20 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
 static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
     int64_t integers[INTEGERS], *at = integers;
     sf_status status = sf_sections_take(in, "integers", integers, INTEGERS, sizeof *integers);
-    for (int i = 0; i < INTEGERS && !status; i++)
+    for (int i = 0; i < INTEGERS && !status; i++) {
         if (integers[i] < 0) status = bad(in, "integers", "one is below 0");
+        if (integers[i] > (int64_t)MOST_COUNT)
+            status = bad(in, "integers", "one is more than anything counts");
+    }
     if (status) return status;
-#define VALUE(name) f->name = *at++;
+        /* some are kept in less than 64 bits */
+#define VALUE(name)                                                                                          \
+    f->name = *at;                                                                                           \
+    if ((int64_t)f->name != *at++) return bad(in, "integers", #name " is out of range");
     STATE_INTEGERS(VALUE)
 #undef VALUE
+    if (f->first_count > (size_t)f->options.max_gaussians)
+        return bad(in, "integers", "first_count is more than max_gaussians");
     if (f->order_at > f->order_count) return bad(in, "integers", "order_at lies behind the order");
     if (f->end >= SF_FIT_END_COUNT) return bad(in, "integers", "end is none that a run can have");
     if (f->adam_before > f->step) return bad(in, "integers", "adam_before lies behind the step");

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "../base/memory.h"
+
 /* Where the fields begin in sf_gaussian.values. */
 enum { MEAN = 0, QUAT = 3, LOG_SCALE = 7, LOGIT_OPACITY = 10, SH = 11 };
 
@@ -82,6 +84,9 @@ sf_status sf_model_check(const sf_model *model, const char *path) {
 sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree) {
     *in = (sf_intake){.ctx = ctx, .path = path};
     in->values = sf_gaussian_values(sh_degree, in->list);
+    sf_status status =
+        sf_memory_check(ctx, path, "Gaussians", (uint64_t)count * (uint64_t)in->values * sizeof(float));
+    if (status) return status;
     return sf_model_create(ctx, count, sh_degree, &in->model);
 }
 

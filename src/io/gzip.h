@@ -30,9 +30,6 @@ typedef struct sf_gzip_in {
     int ended;   /* the stream has, and its sum is right */
 } sf_gzip_in;
 
-/* No stream of deflate unpacks to more than this many times itself. */
-enum { SF_GZIP_RATIO = 1032 };
-
 sf_status sf_gzip_open(sf_gzip_in *in, sf_context *ctx, const char *path, const uint8_t *data, size_t size);
 /* Unpacks up to `size` bytes; *got is less where the stream or the data ends. SF_ERR_FORMAT: it is damaged.
  */

@@ -143,6 +143,20 @@ static int jpeg_orientation(const uint8_t *data, size_t size) {
     return 1;
 }
 
+/* Pairs FF DA: of scans, and maybe some of thumbnails. */
+static size_t count_scans(const uint8_t *data, size_t size) {
+    size_t scans = 0;
+    const uint8_t *end = data + size;
+    while ((data = memchr(data, 0xff, (size_t)(end - data)))) scans += ++data < end && *data == 0xda;
+    return scans;
+}
+
+int sf_jpeg_can_hold(const uint8_t *data, size_t size, int width, int height) {
+    enum { PASSES = 32 }; /* over every pixel; encoders make 10 */
+    uint64_t pixels = (uint64_t)width * (uint64_t)height, most = (uint64_t)size * SF_JPEG_PIXELS_A_BYTE;
+    return pixels <= most && pixels * count_scans(data, size) / PASSES <= most;
+}
+
 static sf_status jpeg_header(tjhandle jpeg, const uint8_t *data, size_t size, sf_picture *p) {
     /* What holds tables alone has a header without these, and no error. */
     int width = 0, height = 0, sampling = -1, space = -1;
@@ -151,7 +165,10 @@ static sf_status jpeg_header(tjhandle jpeg, const uint8_t *data, size_t size, sf
     if (space == TJCS_CMYK || space == TJCS_YCCK)
         return fault(p, SF_ERR_UNSUPPORTED, "JPEG: colours: %s is not supported",
                      space == TJCS_CMYK ? "CMYK" : "YCCK (CMYK)");
-    return set_size(p, width > 0 ? (uint32_t)width : 0, height > 0 ? (uint32_t)height : 0);
+    sf_status status = set_size(p, width > 0 ? (uint32_t)width : 0, height > 0 ? (uint32_t)height : 0);
+    if (status || sf_jpeg_can_hold(data, size, width, height)) return status;
+    return fault(p, SF_ERR_FORMAT, "JPEG: size: %d x %d is more than its %zu bytes can hold", width, height,
+                 size);
 }
 
 static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data, size_t size,
@@ -218,8 +235,15 @@ static sf_status png_image(sf_context *ctx, spng_ctx *png, const uint8_t *data, 
     return png_pixels(ctx, png, png_has_alpha(png, &header), p);
 }
 
+static sf_status check_png_pixels(sf_picture *p, size_t size) {
+    if (pixel_count(p) <= SF_PNG_PIXELS || pixel_count(p) / SF_PNG_PIXELS_A_BYTE <= size) return SF_OK;
+    return fault(p, SF_ERR_FORMAT, "PNG: size: %d x %d is more than its %zu bytes can hold", p->width,
+                 p->height, size);
+}
+
 static sf_status load_png(sf_context *ctx, const uint8_t *data, size_t size, sf_picture *p) {
     sf_status status = png_size(data, size, p);
+    if (!status) status = check_png_pixels(p, size);
     if (status) return status;
     spng_ctx *png = spng_ctx_new(0);
     if (!png) return fault(p, SF_ERR_MEMORY, "out of memory");

@@ -16,11 +16,19 @@ typedef struct sf_picture {
                                            sf_last_error) */
 } sf_picture;
 
+/* Pixels that a file may hold: so many, or so many a byte where that is more. What compresses better is no
+ * picture: 8 bits of one value take 1/1032 of their size as PNG. A JPEG holds 512 a byte at most. */
+enum { SF_PNG_PIXELS = 1 << 24, SF_PNG_PIXELS_A_BYTE = 1032, SF_JPEG_PIXELS_A_BYTE = 512 };
+
 /* Reads a JPEG (grey, YCbCr, RGB) or PNG (any kind), told apart by their content. SF_ERR_IO: cannot be read;
  * SF_ERR_FORMAT: neither of the two, damaged or cut off; SF_ERR_UNSUPPORTED: a CMYK JPEG, a size beyond the
  * limits. On failure only `fault` is set. Free with sf_picture_free. */
 sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture);
 void sf_picture_free(sf_context *ctx, sf_picture *picture);
+
+/* Whether so many bytes of JPEG can hold a picture of that size: a block of 64 pixels takes a bit at least,
+ * and a file of many passes over the picture is longer. What cannot is not worth its pixels' memory. */
+int sf_jpeg_can_hold(const uint8_t *data, size_t size, int width, int height);
 
 /* The size alone, as a rule from the first part of the file. Fails as sf_picture_load does. */
 sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height);

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "../base/file.h"
+#include "../base/memory.h"
 
 typedef enum format { FORMAT_UNKNOWN, FORMAT_ASCII, FORMAT_LITTLE_ENDIAN, FORMAT_BIG_ENDIAN } format;
 
@@ -448,13 +449,24 @@ static sf_status bind_point(sf_ply *p) {
     return status;
 }
 
+/* In text a number is whatever it is, also where the header says uchar. */
+static sf_status take_colors(const sf_ply *p, size_t point, const float *values, uint8_t *rgb) {
+    for (int i = POINT_RED; i < POINT_VALUES; i++) {
+        if (!(values[i] >= 0 && values[i] <= 255))
+            return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: vertex %zu: property %s: %g is not in 0..255", p->path,
+                           point, point_properties[i], (double)values[i]);
+        rgb[i - POINT_RED] = (uint8_t)values[i];
+    }
+    return SF_OK;
+}
+
 static sf_status read_points(sf_ply *p, float *xyz, uint8_t *rgb) {
     float values[POINT_VALUES] = {0, 0, 0, 128, 128, 128};
     for (size_t i = 0; i < sf_ply_vertices(p); i++, xyz += 3, rgb += 3) {
         sf_status status = sf_ply_next(p, values);
+        if (!status) status = take_colors(p, i, values, rgb);
         if (status) return status;
         memcpy(xyz, values, 3 * sizeof *xyz);
-        for (int c = 0; c < 3; c++) rgb[c] = (uint8_t)values[POINT_RED + c];
     }
     sf_ply_report_rest(p);
     return SF_OK;
@@ -467,6 +479,8 @@ sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uin
     *count = 0;
     sf_status status = sf_ply_open(ctx, path, &p);
     if (!status) status = bind_point(p);
+    if (!status)
+        status = sf_memory_check(ctx, path, "points", (uint64_t)sf_ply_vertices(p) * (3 * sizeof **xyz + 3));
     if (!status) {
         *xyz = sf_alloc(ctx, sf_ply_vertices(p), 3 * sizeof **xyz);
         *rgb = sf_alloc(ctx, sf_ply_vertices(p), 3);

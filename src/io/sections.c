@@ -9,6 +9,7 @@
 
 #include "../base/bytes.h"
 #include "../base/hash.h"
+#include "../base/memory.h"
 
 enum { FILE_HEADER = 24, SECTION_HEADER = SF_SECTION_NAME + 24, HASH_BYTES = 8, MAGIC_BYTES = 8 };
 
@@ -261,6 +262,8 @@ sf_status sf_sections_take_new(sf_sections_in *in, const char *name, void *block
     if (have > most)
         return sf_fail(in->ctx, SF_ERR_FORMAT, "%s: section %s: %llu elements are more than %zu", in->path,
                        name, (unsigned long long)have, most);
+    status = sf_memory_check(in->ctx, in->path, name, have * size);
+    if (status) return status;
     void *block = sf_alloc(in->ctx, (size_t)have, size);
     if (!block) return SF_ERR_MEMORY;
     status = sf_sections_take(in, name, block, (size_t)have, size);

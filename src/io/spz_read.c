@@ -5,6 +5,7 @@
 #endif
 
 #include "../base/bytes.h"
+#include "../base/memory.h"
 #include "gzip.h"
 #include "model_file.h"
 #include "spz.h"
@@ -16,9 +17,9 @@ enum {
     FLAG_EXTENDED = 2,
     EXTENSIONS_MOST = 1 << 20, /* bytes that are read over behind the columns */
     STREAMS_HEADER = 32,
-    STREAM_ENTRY = 16,    /* of the table of streams: packed and unpacked bytes */
-    ZSTD_BLOCK = 1 << 17, /* what a block of zstd unpacks to at most, */
-    ZSTD_BLOCK_LEAST = 4  /* and what it takes at least */
+    STREAM_ENTRY = 16,       /* of the table of streams: packed and unpacked bytes */
+    UNPACKED_FREE = 1 << 24, /* bytes that any file may unpack to, */
+    UNPACKED_RATIO = 200     /* or so many times itself: Gaussians that differ pack by 2 to 4 */
 };
 
 typedef struct spz_in {
@@ -72,18 +73,24 @@ static uint64_t body_bytes(const spz_in *s) {
 }
 
 static sf_status truncated(const spz_in *s, uint64_t have, uint64_t need) {
-    return sf_fail(s->ctx, SF_ERR_FORMAT,
-                   "%s: truncated: at most %llu of the %llu bytes of its %lu Gaussians", s->path,
-                   (unsigned long long)have, (unsigned long long)need, (unsigned long)s->header.count);
+    return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: %llu of the %llu bytes of its %lu Gaussians",
+                   s->path, (unsigned long long)have, (unsigned long long)need,
+                   (unsigned long)s->header.count);
 }
 
-/* Room for the columns, once the file is long enough to hold them. */
-static sf_status allocate_body(spz_in *s, uint64_t most) {
+/* Room for the columns, where the file is long enough to hold them. */
+static sf_status allocate_body(spz_in *s) {
     uint64_t bytes = body_bytes(s);
-    if (bytes > most) return truncated(s, most, bytes);
+    if (bytes > UNPACKED_FREE && bytes / UNPACKED_RATIO > s->size)
+        return sf_fail(
+            s->ctx, SF_ERR_FORMAT,
+            "%s: truncated: the %llu bytes of its %lu Gaussians are more than %d times the file's %zu",
+            s->path, (unsigned long long)bytes, (unsigned long)s->header.count, UNPACKED_RATIO, s->size);
     if (bytes >= SIZE_MAX)
         return sf_fail(s->ctx, SF_ERR_MEMORY, "%s: %lu Gaussians are more than this machine can address",
                        s->path, (unsigned long)s->header.count);
+    sf_status status = sf_memory_check(s->ctx, s->path, "Gaussians", bytes);
+    if (status) return status;
     s->body = sf_alloc(s->ctx, (size_t)bytes + 1, 1);
     if (!s->body) return SF_ERR_MEMORY;
     const uint8_t *at = s->body;
@@ -128,7 +135,7 @@ static sf_status unpack_gzip_open(spz_in *s, sf_gzip_in *in) {
     if (!status) status = parse_header(s, header);
     if (!status && s->header.version == SF_SPZ_STREAMS)
         return refuse(s, SF_ERR_FORMAT, "version", s->header.version, "in a stream of gzip");
-    if (!status) status = allocate_body(s, (uint64_t)s->size * SF_GZIP_RATIO);
+    if (!status) status = allocate_body(s);
     if (status) return status;
     bytes = (size_t)body_bytes(s);
     status = sf_gzip_take(in, s->body, bytes, &got);
@@ -211,7 +218,7 @@ static sf_status unpack_streams(spz_in *s) {
     streams found = {0};
     sf_status status = find_streams(s, &found);
     if (!status) status = check_streams(s, &found);
-    if (!status) status = allocate_body(s, (uint64_t)s->size * (ZSTD_BLOCK / ZSTD_BLOCK_LEAST));
+    if (!status) status = allocate_body(s);
     sf_bytes b = {.data = s->data, .size = s->size, .at = found.table};
     for (size_t i = 0; i < found.number && !status; i++) {
         size_t packed = (size_t)sf_bytes_u64(&b);

@@ -15,7 +15,7 @@ enum {
     MAX_ENDING_BYTES = 8 /* ".jpeg" */
 };
 
-static const uint64_t MAX_FILE_BYTES = 1 << 28;
+static const uint64_t MAX_FILE_BYTES = 1 << 26; /* as JSON a hundred times that at most */
 static const double ROTATION_TOLERANCE = 1e-2, LAST_ROW_TOLERANCE = 1e-6;
 
 typedef struct reader {

@@ -1232,6 +1232,8 @@ static void test_replay(void **state) {
         {FAILED, "options.json: steps: is missing", {"fit", SCENE, "--replay", "options.json"}},
         {FAILED, "from.json: gone_on: ", {"fit", SCENE, "--replay", "from.json"}},
         {FAILED, "good.ply: line 1: ", {"fit", SCENE, "--replay", "good.ply"}},
+        {FAILED, "/dev/zero: is not a regular file", {"fit", SCENE, "--replay", "/dev/zero"}},
+        {FAILED, "absent.json: No such file", {"fit", SCENE, "--replay", "absent.json"}},
     };
     for (size_t i = 0; i < COUNT(cases); i++) assert_refused(cases[i].args, cases[i].code, cases[i].part, 0);
 }

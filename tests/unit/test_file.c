@@ -67,6 +67,25 @@ static void test_read_refuses(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A file without content may have any size. */
+static void test_read_refuses_what_no_memory_holds(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    const char *file = test_path("sparse");
+    uint8_t *data;
+    size_t size;
+    test_write(file, "", 0);
+    if (sizeof(size_t) < 8 || truncate(file, (off_t)1 << 42)) {
+        remove(file);
+        sf_context_destroy(&ctx);
+        test_skip("files of 4 TiB cannot be had here");
+    }
+    assert_status(ctx, sf_read_file(ctx, file, UINT64_MAX, &data, &size), SF_ERR_MEMORY);
+    assert_error_names(ctx, "sparse: size: 4398046511104 bytes are more than the memory that is left");
+    assert_null(data);
+    sf_context_destroy(&ctx);
+}
+
 static void test_write_replaces_and_leaves_no_other_file(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -317,6 +336,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_read_gives_what_was_written),
         cmocka_unit_test(test_read_refuses),
+        cmocka_unit_test(test_read_refuses_what_no_memory_holds),
         cmocka_unit_test(test_write_replaces_and_leaves_no_other_file),
         cmocka_unit_test(test_writer_joins_pieces),
         cmocka_unit_test(test_writer_prints),

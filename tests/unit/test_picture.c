@@ -417,6 +417,41 @@ static uint32_t crc(const uint8_t *data, size_t size) {
     return ~c;
 }
 
+/* What compresses best is taken still: one colour in few bytes. */
+static void test_plain_pictures_are_no_bombs(void **state) {
+    (void)state;
+    enum { WIDE = 2000, HIGH = 1500 };
+    sf_context *ctx = test_context();
+    float *rgb = calloc(3 * (size_t)WIDE * HIGH, sizeof *rgb);
+    assert_non_null(rgb);
+    for (int png = 0; png < 2; png++) {
+        uint8_t *data;
+        size_t size;
+        sf_picture picture;
+        assert_ok(ctx, png ? sf_encode_png(ctx, WIDE, HIGH, rgb, &data, &size)
+                           : sf_encode_jpeg(ctx, WIDE, HIGH, rgb, 1, &data, &size));
+        test_write(test_path("plain"), data, size);
+        assert_ok(ctx, sf_picture_load(ctx, test_path("plain"), &picture));
+        assert_int_equal(picture.width, WIDE);
+        sf_picture_free(ctx, &picture);
+        sf_encoded_free(ctx, &data);
+    }
+    free(rgb);
+    sf_context_destroy(&ctx);
+}
+
+/* Passes over the picture, each of some bytes. */
+static void test_scans_are_limited(void **state) {
+    (void)state;
+    static uint8_t data[4096];
+    for (size_t i = 0; i + 2 <= sizeof data; i += 8) memcpy(data + i, "\xff\xda", 2);
+    assert_true(sf_jpeg_can_hold(data, sizeof data, 32, 32));
+    assert_false(sf_jpeg_can_hold(data, sizeof data, 1024, 1024));
+    assert_true(sf_jpeg_can_hold(data + 1, 7, 56, 64));
+    assert_false(sf_jpeg_can_hold(data + 1, 7, 57, 64));
+    assert_true(sf_jpeg_can_hold((const uint8_t *)"\xff", 1, 1, 1)); /* nothing is read behind the end */
+}
+
 static void test_sizes_are_limited(void **state) {
     (void)state;
     static const struct {
@@ -427,7 +462,8 @@ static void test_sizes_are_limited(void **state) {
                  {1, 65536, SF_ERR_UNSUPPORTED, "1 x 65536"},
                  {65535, 65535, SF_ERR_UNSUPPORTED, "65535 x 65535"},
                  {0x7fffffff, 0x7fffffff, SF_ERR_UNSUPPORTED, "2147483647"},
-                 {0, 5, SF_ERR_FORMAT, "0 x 5"}};
+                 {0, 5, SF_ERR_FORMAT, "0 x 5"},
+                 {65535, 4096, SF_OK, "PNG: size: 65535 x 4096 is more than its "}};
     sf_context *ctx = test_context();
     file png = some_png();
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -435,15 +471,20 @@ static void test_sizes_are_limited(void **state) {
         set_big32(png.data + 16, cases[i].width);
         set_big32(png.data + 20, cases[i].height);
         set_big32(png.data + 29, crc(png.data + 12, 17));
-        assert_refused(ctx, png.data, png.size, cases[i].status, cases[i].part);
+        assert_refused(ctx, png.data, png.size, cases[i].status ? cases[i].status : SF_ERR_FORMAT,
+                       cases[i].part);
         assert_status(ctx, sf_picture_size(ctx, test_path("picture"), &width, &height), cases[i].status);
     }
     free(png.data);
     file jpeg = some_jpeg(TJSAMP_444, 0);
+    uint8_t *sides = NULL;
     for (size_t i = 0; i + 8 < jpeg.size; i++)
         if (jpeg.data[i] == 0xff && jpeg.data[i + 1] == 0xc0)
-            memcpy(jpeg.data + i + 5, "\xff\xdc\xff\xdc", 4);
+            memcpy(sides = jpeg.data + i + 5, "\xff\xdc\xff\xdc", 4);
+    assert_non_null(sides);
     assert_refused(ctx, jpeg.data, jpeg.size, SF_ERR_UNSUPPORTED, "65500 x 65500");
+    memcpy(sides, "\x10\x00\xff\xdc", 4);
+    assert_refused(ctx, jpeg.data, jpeg.size, SF_ERR_FORMAT, "JPEG: size: 65500 x 4096 is more than its ");
     tjFree(jpeg.data);
     sf_context_destroy(&ctx);
 }
@@ -531,6 +572,8 @@ int main(void) {
         cmocka_unit_test(test_flipped_bits),
         cmocka_unit_test(test_other_content),
         cmocka_unit_test(test_sizes_are_limited),
+        cmocka_unit_test(test_plain_pictures_are_no_bombs),
+        cmocka_unit_test(test_scans_are_limited),
         cmocka_unit_test(test_write_png_reads_back),
         cmocka_unit_test(test_encode_reads_back),
     };

@@ -456,6 +456,10 @@ static void test_cutter(void **state) {
     assert_int_equal(height, 16);
     assert_false(sf_jpeg_size(b.data, b.size - 1, &width, &height));
     assert_false(sf_jpeg_size(b.data + 1, b.size - 1, &width, &height));
+    size_t header = 0; /* more pixels than so few bytes hold */
+    while (memcmp(a.data + header, "\xff\xc0", 2) != 0) header++;
+    memcpy(a.data + header + 5, "\x10\x00\xff\xdc", 4);
+    assert_false(sf_jpeg_size(a.data, a.size, &width, &height));
     sf_context_destroy(&ctx);
 }
 

@@ -908,13 +908,15 @@ static void test_points_binary(void **state) {
     sf_context_destroy(&ctx);
 }
 
+#define ASCII_POINTS                                                                                         \
+    "ply\nformat ascii 1.0\nelement vertex 2\n" POINT                                                        \
+    "property uchar red\nproperty uchar green\nproperty uchar blue\n" END
+
 static void test_points_ascii(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     file f = {0};
-    put_text(&f, "ply\nformat ascii 1.0\nelement vertex 2\n" POINT
-                 "property uchar red\nproperty uchar green\nproperty uchar blue\n" END
-                 "1 2 3 255 0 1\n4 5 6 7 8 9\n");
+    put_text(&f, ASCII_POINTS "1 2 3 255 0 1\n4 5 6 7 8 9\n");
     points p = read_points(ctx, &f);
     assert_int_equal(p.count, 2);
     assert_memory_equal(p.xyz, ((float[]){1, 2, 3, 4, 5, 6}), 6 * sizeof(float));
@@ -971,6 +973,9 @@ static void test_points_refused(void **state) {
         {VERTEX("9223372036854775808") POINT END, "count '9223372036854775808'"},
         {"ply\nformat ascii 1.0\nelement vertex 2\n" POINT END "1.0 2.0 3.0 4.0 5.0\n",
          "ends before property z of vertex 1"},
+        {ASCII_POINTS "1 2 3 255 0 1\n1 2 3 0 -1 0\n", "vertex 1: property green: -1 is not in 0..255"},
+        {ASCII_POINTS "1 2 3 255 0 256\n1 2 3 0 1 0\n", "vertex 0: property blue: 256 is not in 0..255"},
+        {ASCII_POINTS "1 2 3 1e99 0 1\n1 2 3 0 1 0\n", "vertex 0: property red: nan is not in 0..255"},
         {"", "not a .ply file"},
     };
     sf_context *ctx = test_context();

@@ -1,0 +1,80 @@
+/* models.c - targets ply, spz, splat: models, and the points of .ply files. */
+#include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
+
+#include "fuzz.h"
+#include "io/ply.h"
+
+/* The most that a Gaussian of a file becomes is 236 bytes: of 59 values of one byte, or of two characters;
+ * a model that loses faulty ones is held twice. */
+enum { BASE = 1 << 18, MULTIPLE = 16 };
+
+/* What was read can be rendered and written. */
+static int load(sf_context *ctx, const char *path, const sf_model_file_options *options) {
+    sf_model *model;
+    int well = fuzz_went_well(ctx, sf_model_load_as(ctx, path, options, &model), path);
+    if (!well) return 0;
+    fuzz_render(ctx, model);
+    FUZZ_CHECK(!sf_model_save(model, fuzz_path("again.ply")), "save: %s", sf_last_error(ctx));
+    sf_model_destroy(&model);
+    return 1;
+}
+
+int fuzz_ply(const uint8_t *data, size_t size) {
+    sf_context *ctx = fuzz_begin(size, BASE, MULTIPLE);
+    const char *path = fuzz_file("in.ply", data, size);
+    sf_model_file_options options = sf_model_file_options_default();
+    float *xyz;
+    uint8_t *rgb;
+    size_t count;
+    options.format = SF_MODEL_PLY;
+    int well = fuzz_went_well(ctx, sf_ply_read_points(ctx, path, &xyz, &rgb, &count), path);
+    sf_free(ctx, xyz);
+    sf_free(ctx, rgb);
+    well |= load(ctx, path, &options);
+    fuzz_end();
+    return well;
+}
+
+int fuzz_splat(const uint8_t *data, size_t size) {
+    sf_context *ctx = fuzz_begin(size, BASE, MULTIPLE);
+    int well = load(ctx, fuzz_file("in.splat", data, size), NULL);
+    fuzz_end();
+    return well;
+}
+
+/* As a stream of gzip. */
+static const char *file_of(const uint8_t *data, size_t size, size_t *packed) {
+    z_stream z = {.next_in = (Bytef *)(uintptr_t)data, .avail_in = (uInt)size};
+    deflateInit2(&z, 1, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY);
+    uLong room = deflateBound(&z, (uLong)size);
+    uint8_t *file = malloc(room);
+    FUZZ_CHECK(file, "out of memory");
+    z.next_out = file;
+    z.avail_out = (uInt)room;
+    deflate(&z, Z_FINISH);
+    *packed = z.total_out;
+    deflateEnd(&z);
+    const char *path = fuzz_file("in.spz", file, *packed);
+    free(file);
+    return path;
+}
+
+/* The first byte: 0, a file; else what is packed in one. What the reader holds at most is the stream as it
+ * is unpacked, 16 MiB or 200 times the file, and 4 times that as a model, which is held twice where it loses
+ * faulty ones. */
+int fuzz_spz(const uint8_t *data, size_t size) {
+    enum { UNPACKED = 1 << 24, RATIO = 200, AS_MODEL = 9 };
+    sf_model_file_options options = sf_model_file_options_default();
+    if (!size) return 0;
+    int packed = *data++ != 0;
+    size_t bytes = --size;
+    options.format = SF_MODEL_SPZ;
+    options.spz_frame = size % 2 ? SF_SPZ_FRAME_OWN : SF_SPZ_FRAME_RUB;
+    const char *path = packed ? file_of(data, size, &bytes) : fuzz_file("in.spz", data, size);
+    sf_context *ctx = fuzz_begin(bytes, BASE + (size_t)AS_MODEL * UNPACKED, 1 + (size_t)AS_MODEL * RATIO);
+    int well = load(ctx, path, &options);
+    fuzz_end();
+    return well;
+}

@@ -1,0 +1,86 @@
+/* projects.c - targets colmap, transforms, list: projects, their cameras and their splits. */
+#include <string.h>
+
+#include "fuzz.h"
+#include "io/project.h"
+
+/* A PNG of 4 x 3 pixels. */
+static void put_picture(sf_context *ctx, const char *name) {
+    static const float rgb[4 * 3 * 3] = {0.5f, [20] = 1};
+    FUZZ_CHECK(!sf_write_png(ctx, fuzz_path(name), 4, 3, rgb), "%s: %s", name, sf_last_error(ctx));
+}
+
+static void put(const char *folder, const char *name, const sf_bytes *content) {
+    char path[128];
+    strcat(strcat(strcpy(path, folder), "/"), name);
+    fuzz_file(path, content->data, content->size);
+}
+
+/* A project becomes a scene, whose cameras can be written and whose views can be copied. */
+static int load(sf_context *ctx, const char *folder, int hold_out) {
+    sf_load_options options = sf_load_options_default();
+    sf_scene *scene;
+    uint64_t fingerprint;
+    options.hold_out = hold_out;
+    int well = fuzz_went_well(ctx, sf_scene_load(ctx, folder, &options, &scene), folder);
+    if (!well) return 0;
+    FUZZ_CHECK(!sf_scene_save_cameras(scene, fuzz_path("again.json")), "cameras: %s", sf_last_error(ctx));
+    FUZZ_CHECK(!sf_scene_fingerprint(scene, &fingerprint), "fingerprint: %s", sf_last_error(ctx));
+    sf_scene_destroy(&scene);
+    return 1;
+}
+
+/* The first byte: which of the three files, parts of the input, are text. An image of 73 bytes becomes an
+ * entry of a few hundred, with two names; what grows is held twice. */
+int fuzz_colmap(const uint8_t *data, size_t size) {
+    static const char folder[] = "colmap", model[] = "colmap/sparse";
+    static const char *const names[] = {"cameras", "images", "points3D"};
+    sf_bytes input = {.data = data, .size = size};
+    sf_context *ctx = fuzz_begin(size, 1 << 20, 64);
+    char pictures[] = "colmap/images/a.png";
+    fuzz_subfolder(folder);
+    fuzz_subfolder(model);
+    fuzz_subfolder("colmap/images");
+    fuzz_clear(model);
+    if (!sf_is_file(fuzz_path(pictures))) put_picture(ctx, pictures);
+    unsigned text = sf_bytes_u8(&input);
+    for (int i = 0; i < 3; i++) {
+        char name[32];
+        sf_bytes part = i < 2 ? fuzz_part(&input) : fuzz_rest(&input);
+        strcat(strcpy(name, names[i]), text >> i & 1 ? ".txt" : ".bin");
+        put(model, name, &part);
+    }
+    int well = load(ctx, fuzz_path(folder), 0);
+    fuzz_end();
+    return well;
+}
+
+/* JSON takes up to 100 times its text: "{}," is an object of 250 bytes. */
+int fuzz_transforms(const uint8_t *data, size_t size) {
+    static const char folder[] = "transforms", points[] = "ply\nformat ascii 1.0\nelement vertex 1\n"
+                                                          "property float x\nproperty float y\n"
+                                                          "property float z\nend_header\n1 2 3\n";
+    sf_bytes json = {.data = data, .size = size}, ply = {(const uint8_t *)points, sizeof points - 1, 0, 0};
+    sf_context *ctx = fuzz_begin(size, 1 << 20, 128);
+    fuzz_subfolder(folder);
+    if (!sf_is_file(fuzz_path("transforms/a.png"))) {
+        put_picture(ctx, "transforms/a.png");
+        put_picture(ctx, "transforms/c.png");
+        put(folder, "p.ply", &ply);
+    }
+    put(folder, "transforms.json", &json);
+    int well = load(ctx, fuzz_path(folder), 8);
+    fuzz_end();
+    return well;
+}
+
+int fuzz_list(const uint8_t *data, size_t size) {
+    static const char *const names[] = {"a.png", "b/a.png", "b/c.png"};
+    sf_split splits[3];
+    sf_context *ctx = fuzz_begin(size, 1 << 12, 2);
+    sf_load_options options = sf_load_options_default();
+    options.test_list = fuzz_file("list.txt", data, size);
+    int well = fuzz_went_well(ctx, sf_split_names(ctx, &options, 3, names, splits), options.test_list);
+    fuzz_end();
+    return well;
+}
