@@ -332,6 +332,10 @@ test-vm:
 test-scenes: $(SCENES)
 	$(show_tests) $(SCENES)
 
+# Hostile input: each target for FUZZ_SECONDS; TESTS names some.
+fuzz-program: $(FUZZER)
+fuzz:
+	@MAKE='$(MAKE)' TARGETS='$(TESTS)' tests/fuzz/fuzz.sh
 # Where methods of this kind fail; minutes. STAB_FLAGS, e.g. --only 1,5; SPLATFIT_DATA as above.
 stability: $(STABILITY) $(PROGRAM)
 	@mkdir -p build/stability

@@ -637,6 +637,7 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
 #define VALUE(name) f->name = *at++;
     STATE_REALS(VALUE)
 #undef VALUE
+    if (f->trials.part > 1) return bad(in, "reals", "trials.part is more than the whole");
     f->rate_time = sf_clock();
     f->rate_step = f->step;
     f->start = f->rate_time - seconds;
