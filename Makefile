@@ -8,6 +8,7 @@
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
+# make test-allocations  each job of the library without each of the blocks that it asks for; minutes
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
@@ -280,10 +281,14 @@ $(FEED): $(FEED).o
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test test-allocations test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
+# make test asks for fewer of the long jobs' blocks.
+ALLOCATIONS := $(O)/tests/unit/test_allocations
+test-allocations: $(ALLOCATIONS)
+	@RUN='$(RUN)' SPLATFIT_FULL=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(ALLOCATIONS)
 test-golden: $(GOLD)
 	$(show_tests) $(GOLD)
 # The programs that hold kernels to float64, once a level; then what compares the levels.

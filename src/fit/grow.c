@@ -202,7 +202,8 @@ void sf_grow_and_prune(sf_fitter *f, double fraction) {
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
         if (charging && sf_charge(f))
             sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
-        if (growing && sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
+        if (growing && sf_is_priced(f) && !f->grown_out && !f->growth_ended && sf_consider_growth(f))
+            end_growth(f);
         status = prune(f);
         if (charging && had - f->model->count > had / NOTABLE) sf_forget_best(f);
         size_t wanted = growing && !f->grown_out && !status ? wanted_more(f, fraction) : 0;
