@@ -8,6 +8,7 @@
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
+# make crash         fits killed at 200 moments and gone on with; half a minute
 # make test-allocations  each job of the library without each of the blocks that it asks for; minutes
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -86,6 +87,8 @@ UNIT_SRC  := $(call tests_in,unit)
 GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
 SCENE_SRC := $(call tests_in,scenes)
+# The program from outside, by a script.
+SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
 
 # A file of arch/vector is compiled once a level, with that level's flags.
 LEVELS_x86   := sse4 avx2 avx512
@@ -281,10 +284,13 @@ $(FEED): $(FEED).o
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-allocations test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
 test: build-tests
-	$(run_tests) $(UNIT) $(GOLD) $(CHECK)
+	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(SCRIPTS)
+KILLS := 200
+crash: $(PROGRAM)
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' KILLS=$(KILLS) TIMEOUT=$${TIMEOUT:-1200} SHOW=1 tests/run.sh tests/crash/kill.sh
 # make test asks for fewer of the long jobs' blocks.
 ALLOCATIONS := $(O)/tests/unit/test_allocations
 test-allocations: $(ALLOCATIONS)
