@@ -8,7 +8,7 @@
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
-# make crash         fits killed at 200 moments and gone on with; half a minute
+# make crash         fits killed at 200 moments and gone on with; commands whose disk fills up at each call; minutes
 # make test-allocations  each job of the library without each of the blocks that it asks for; minutes
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -127,6 +127,8 @@ UNIT    := $(UNIT_SRC:%.c=$(O)/%)
 GOLD    := $(GOLD_SRC:%.c=$(O)/%)
 CHECK   := $(CHECK_SRC:%.c=$(O)/%)
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
+# A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
+SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
 
 # ---- flags -------------------------------------------------------------------------------------------------
 
@@ -281,16 +283,21 @@ $(FEED): $(FEED).o
 
 # ---- testing -----------------------------------------------------------------------------------------------
 
-run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
+run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
 .PHONY: test crash test-allocations test-golden test-scenes test-vm soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
-build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM)
+build-tests: $(UNIT) $(GOLD) $(CHECK) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(SCRIPTS)
+$(O)/tests/crash/shim.so: tests/crash/shim.c $(O)/flags
+	$(say) LD $@
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(ALL_CFLAGS) -shared -o $@ $< -ldl
 KILLS := 200
-crash: $(PROGRAM)
-	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' KILLS=$(KILLS) TIMEOUT=$${TIMEOUT:-1200} SHOW=1 tests/run.sh tests/crash/kill.sh
+crash: $(PROGRAM) $(SHIM)
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' KILLS=$(KILLS) EVERY=1 TIMEOUT=$${TIMEOUT:-1200} SHOW=1 \
+	    tests/run.sh tests/crash/*.sh
 # make test asks for fewer of the long jobs' blocks.
 ALLOCATIONS := $(O)/tests/unit/test_allocations
 test-allocations: $(ALLOCATIONS)
