@@ -10,6 +10,7 @@
  * write takes half of what it is given SHIM_MEMORY=N  the N-th allocation fails SHIM_COUNT=F   writes both
  * counts to the file F in the end
  */
+#undef _FILE_OFFSET_BITS /* a call has two names, and both are defined here */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
