@@ -273,6 +273,8 @@ static void print_result(fit_run *r, const evaluation *e) {
     if (p.skipped_values)
         fprintf(r->out, "left out %llu times: Gaussians with values that were not finite\n",
                 (unsigned long long)p.skipped_values);
+    if (p.diverged)
+        fprintf(r->out, "diverged %lld times, and went on from an earlier model\n", (long long)p.diverged);
     if (e->views)
         fprintf(r->out,
                 "held out, %zu views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",

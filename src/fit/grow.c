@@ -53,8 +53,7 @@ static sf_place itself(const sf_fitter *f, size_t i) {
     return (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
 }
 
-static sf_status prune(sf_fitter *f) {
-    float faintest = sf_faintest(f);
+static sf_status keep_worthy(sf_fitter *f, float faintest) {
     size_t kept = 0, count = f->model->count;
     sf_place *places = sf_alloc(f->ctx, count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
@@ -62,6 +61,18 @@ static sf_status prune(sf_fitter *f) {
         if (sf_worth_keeping(f, i, faintest)) places[kept++] = itself(f, i);
     sf_status status = kept < count ? sf_arrange(f, places, kept, NULL) : SF_OK;
     sf_free(f->ctx, places);
+    return status;
+}
+
+static sf_status prune(sf_fitter *f) { return keep_worthy(f, sf_faintest(f)); }
+
+sf_status sf_drop_not_finite(sf_fitter *f) {
+    size_t had = f->model->count;
+    sf_status status = keep_worthy(f, -INFINITY);
+    if (f->model->count < had)
+        sf_log(f->ctx, SF_LOG_WARNING,
+               "step %lld: removed %zu of %zu Gaussians with values that are not finite", (long long)f->step,
+               had - f->model->count, had);
     return status;
 }
 

@@ -3,12 +3,12 @@
 # or as it should be, nothing half-written is left, and a line names the file and the reason. The same with a
 # limit on the size of files, and with memory that ends.
 #
-# EVERY             of the calls, one in so many (17)
+# EVERY             of the calls, one in so many (29)
 # SHIM              the library of shim.c; without: nothing can be tested
 # SPLATFIT_PROGRAM  the program (build/splatfit)
 set -u
 
-every=${EVERY:-17}
+every=${EVERY:-29}
 if [ -z "${SHIM:-}" ]; then
     echo "skipped: emulated programs and sanitizers take no library before them"
     printf '1..1\nok 1 - disk # SKIP\n'
