@@ -54,7 +54,7 @@ step lint "${make[@]}" lint
 step gcc "${make[@]}" test
 step levels "${make[@]}" check
 # A step that tests keeps little more than one CPU busy: two go side by side.
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit pipe capture" test >$logs/thread.out &
+step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel guard pipe capture" test >$logs/thread.out &
 step clang "${quick[@]}" "${make[@]}" CC=clang test
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 wait
