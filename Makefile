@@ -8,7 +8,7 @@
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
-# make crash         fits killed at 200 moments and gone on with; commands whose disk fills up at each call; minutes
+# make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; minutes
 # make test-allocations  each job of the library without each of the blocks that it asks for; minutes
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -295,9 +295,10 @@ $(O)/tests/crash/shim.so: tests/crash/shim.c $(O)/flags
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(ALL_CFLAGS) -shared -o $@ $< -ldl
 KILLS := 200
+EVERY := 1
 crash: $(PROGRAM) $(SHIM)
-	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' KILLS=$(KILLS) EVERY=1 TIMEOUT=$${TIMEOUT:-1200} SHOW=1 \
-	    tests/run.sh tests/crash/*.sh
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' KILLS=$(KILLS) EVERY=$(EVERY) TIMEOUT=$${TIMEOUT:-1200} SHOW=1 \
+	    tests/run.sh tests/crash/kill.sh tests/crash/disk.sh
 # make test asks for fewer of the long jobs' blocks.
 ALLOCATIONS := $(O)/tests/unit/test_allocations
 test-allocations: $(ALLOCATIONS)
@@ -329,8 +330,8 @@ BOARD := aarch64-linux-gnu
 test-vm:
 	@MAKE='$(MAKE)' ONLY='$(TESTS)' tests/capture/board.sh $(CACHE) $(BOARD)
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
-test-scenes: $(SCENES)
-	$(show_tests) $(SCENES)
+test-scenes: $(SCENES) $(PROGRAM)
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SCENES=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(SCENES) tests/crash/memory.sh
 
 # Every frame is accounted for, memory does not grow.
 SECONDS := 1800

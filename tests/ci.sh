@@ -82,7 +82,7 @@ step vm "${make[@]}" test-vm
 step install "${make[@]}" test-install
 step outside "${make[@]}" test-outside
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
-step crash "${make[@]}" crash
+step crash "${make[@]}" crash EVERY=7
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
 
 awk '{ passed += $1; failed += $3; skipped += $5 }
