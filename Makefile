@@ -331,7 +331,7 @@ test-vm:
 	@MAKE='$(MAKE)' ONLY='$(TESTS)' tests/capture/board.sh $(CACHE) $(BOARD)
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES) $(PROGRAM)
-	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SCENES=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(SCENES) tests/crash/memory.sh
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SCENES=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
 
 # Every frame is accounted for, memory does not grow.
 SECONDS := 1800
