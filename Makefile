@@ -8,6 +8,8 @@
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
+# make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; minutes
+# make test-allocations  each job of the library without each of the blocks that it asks for; minutes
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -88,6 +90,8 @@ GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
 STAB_SRC  := $(call tests_in,stability)
 SCENE_SRC := $(call tests_in,scenes)
+# The program from outside, by a script.
+SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
 
 # A file of arch/vector is compiled once a level, with that level's flags.
 LEVELS_x86   := sse4 avx2 avx512
@@ -133,6 +137,8 @@ CHECK   := $(CHECK_SRC:%.c=$(O)/%)
 STAB    := $(STAB_SRC:%.c=$(O)/%)
 STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
+# A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
+SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
 
 # ---- flags -------------------------------------------------------------------------------------------------
 
@@ -295,13 +301,26 @@ $(FUZZER): $(FUZZER).o $(FUZZ_OBJ) $(LIB)
 
 # ---- testing -----------------------------------------------------------------------------------------------
 
-run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' tests/run.sh
+run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/run.sh
 show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
 
-.PHONY: test test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
-build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM)
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
-	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB)
+	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(SCRIPTS)
+$(O)/tests/crash/shim.so: tests/crash/shim.c $(O)/flags
+	$(say) LD $@
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(ALL_CFLAGS) -shared -o $@ $< -ldl
+KILLS := 200
+EVERY := 1
+crash: $(PROGRAM) $(SHIM)
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' KILLS=$(KILLS) EVERY=$(EVERY) TIMEOUT=$${TIMEOUT:-1200} SHOW=1 \
+	    tests/run.sh tests/crash/kill.sh tests/crash/disk.sh
+# make test asks for fewer of the long jobs' blocks.
+ALLOCATIONS := $(O)/tests/unit/test_allocations
+test-allocations: $(ALLOCATIONS)
+	@RUN='$(RUN)' SPLATFIT_FULL=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(ALLOCATIONS)
 test-golden: $(GOLD)
 	$(show_tests) $(GOLD)
 # The programs that hold kernels to float64, once a level; then what compares the levels.
@@ -329,8 +348,8 @@ BOARD := aarch64-linux-gnu
 test-vm:
 	@MAKE='$(MAKE)' ONLY='$(TESTS)' tests/capture/board.sh $(CACHE) $(BOARD)
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
-test-scenes: $(SCENES)
-	$(show_tests) $(SCENES)
+test-scenes: $(SCENES) $(PROGRAM)
+	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SCENES=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
 
 # Hostile input: each target for FUZZ_SECONDS; TESTS names some.
 fuzz-program: $(FUZZER)

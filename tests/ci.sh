@@ -54,7 +54,7 @@ step lint "${make[@]}" lint
 step gcc "${make[@]}" test
 step levels "${make[@]}" check
 # A step that tests keeps little more than one CPU busy: two go side by side.
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit pipe capture" test >$logs/thread.out &
+step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel guard pipe capture" test >$logs/thread.out &
 step clang "${quick[@]}" "${make[@]}" CC=clang test
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 wait
@@ -84,6 +84,7 @@ step vm "${make[@]}" test-vm
 step install "${make[@]}" test-install
 step outside "${make[@]}" test-outside
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
+step crash "${make[@]}" crash EVERY=7
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
 
 awk '{ passed += $1; failed += $3; skipped += $5 }

@@ -1,7 +1,8 @@
 #!/bin/sh
-# run.sh PROGRAM... - runs cmocka programs, shows what failed or was skipped and why, and sums up.
+# run.sh PROGRAM... - runs cmocka programs, and scripts that print TAP as they do, shows what failed or was
+# skipped and why, and sums up.
 #
-# RUN       runs a program of another machine here, for example "qemu-aarch64-static -L DIR"
+# RUN       runs a program of another machine here, for example "qemu-aarch64-static -L DIR"; scripts do that
 # TIMEOUT   seconds that one program may take, 300 if unset
 # SHOW      1: also prints the figures that passed tests print
 set -u
@@ -23,9 +24,10 @@ export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
 : >"$scratch/sums"
 for program in "$@"; do
     began=$(date +%s)
+    case $program in *.sh) start= ;; *) start=${RUN:-} ;; esac
     # RUN is a command and its arguments.
     # shellcheck disable=SC2086
-    timeout --foreground -k 10 "${TIMEOUT:-300}" ${RUN:-} "$program" >"$scratch/out" 2>&1 </dev/null
+    timeout --foreground -k 10 "${TIMEOUT:-300}" $start "$program" >"$scratch/out" 2>&1 </dev/null
     status=$?
     awk -v name="$(basename "$program")" -v status=$status -v seconds=$(($(date +%s) - began)) \
         -v limit="${TIMEOUT:-300}" -v show="${SHOW:-0}" -v sums="$scratch/sums" -f "$here/tap.awk" "$scratch/out"

@@ -13,7 +13,7 @@ extern "C" {
 
 /* Writes `size` bytes to `path` under a temporary name beside it, syncs, renames. A device, a pipe and "-"
  * (standard output) are written directly. On failure (SF_ERR_IO) what stood at `path` still stands and no
- * temporary file is left. */
+ * temporary file is left; what a writer that was killed left there is removed. */
 SF_API sf_status sf_write_file(sf_context *context, const char *path, const void *data, size_t size);
 
 /* The same, but when the bytes reach the disk is left to the operating system: for the many files of a

@@ -199,6 +199,8 @@ typedef struct sf_fit_progress {
     int sh_degree;           /* in use */
     int gone_on;             /* started from a model */
     uint64_t skipped_values; /* Gaussian-steps left out for a value that was not finite */
+    int64_t diverged;        /* times that the loss jumped, or was not finite: the fit went back to an earlier
+                                model, and on with half the learning rates */
     float background[3];
     /* with refine_poses, medians over the training views: how far poses are from the given ones; with
      * refine_intrinsics: the focal length's change, as a fraction */

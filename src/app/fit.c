@@ -125,15 +125,17 @@ static int read_options(fit_run *r) {
     return error ? error : watch_read(&r->watch);
 }
 
-/* A checkpoint that cannot be written leaves the last one, and is tried again in time. */
+/* A checkpoint that cannot be written leaves the last one, and is tried again in time; what is wrong is said
+ * once until it is mended. */
 static void write_checkpoint(fit_run *r, const sf_fit_progress *p) {
     const char *path = args_value(r->a, "checkpoint");
     if (!path) return;
-    r->checkpoint_error = 0;
-    if (sf_fitter_save(r->fitter, path)) {
+    sf_status status = sf_fitter_save(r->fitter, path);
+    if (status && !r->checkpoint_error) {
         progress_break(&r->line);
-        r->checkpoint_error = app_fail(r->a, r->ctx);
+        app_fail(r->a, r->ctx);
     }
+    r->checkpoint_error = status ? EXIT_FAILED : 0;
     r->next_checkpoint = p->seconds + r->checkpoint_every;
 }
 
@@ -271,6 +273,8 @@ static void print_result(fit_run *r, const evaluation *e) {
     if (p.skipped_values)
         fprintf(r->out, "left out %llu times: Gaussians with values that were not finite\n",
                 (unsigned long long)p.skipped_values);
+    if (p.diverged)
+        fprintf(r->out, "diverged %lld times, and went on from an earlier model\n", (long long)p.diverged);
     if (e->views)
         fprintf(r->out,
                 "held out, %zu views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",

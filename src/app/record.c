@@ -248,15 +248,20 @@ static json_t *totals_json(const sf_source_counts *s, const record_counts *c) {
     return json_pack("{s:o}", "totals", totals);
 }
 
+static void fail_list(record *r, const char *name, int error) {
+    char path[1024];
+    snprintf(path, sizeof path, "%s/%s", r->o.folder, name);
+    if (error) fail_with(r, path, strerror(error));
+}
+
 static void open_lists(record *r) {
     list_open(&r->frames, r->o.folder, "frames.json", head_json(r), "frames");
-    if (r->frames.error || r->frames.full)
-        fail_with(r, "frames.json", strerror(r->frames.error ? r->frames.error : r->frames.full));
+    fail_list(r, "frames.json", r->frames.error ? r->frames.error : r->frames.full);
     r->with_cameras = r->o.info.has_poses;
     if (!r->with_cameras) return;
     list_open(&r->cameras, r->o.folder, "transforms.json", json_pack("{s:s}", "camera_model", "PINHOLE"),
               "frames");
-    if (r->cameras.error) fail_with(r, "transforms.json", strerror(r->cameras.error));
+    fail_list(r, "transforms.json", r->cameras.error);
 }
 
 static void add_to_list(record *r, list_file *list, json_t *entry) {
@@ -582,10 +587,8 @@ static int close_lists(record *r, const sf_source_counts *totals) {
         give_up_lists(r);
         return tell(r);
     }
-    int error = list_close(&r->frames, totals_json(totals, &r->counts));
-    if (error) fail_with(r, "frames.json", strerror(error));
-    error = r->with_cameras ? list_close(&r->cameras, NULL) : 0;
-    if (error) fail_with(r, "transforms.json", strerror(error));
+    fail_list(r, "frames.json", list_close(&r->frames, totals_json(totals, &r->counts)));
+    if (r->with_cameras) fail_list(r, "transforms.json", list_close(&r->cameras, NULL));
     return tell(r);
 }
 

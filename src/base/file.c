@@ -3,6 +3,8 @@
 #include "file.h"
 #include "memory.h"
 
+#include "temporary.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -15,9 +17,7 @@
 
 enum {
     BUFFER_SIZE = 1 << 16,
-    TEMPORARY_TRIES = 100,      /* names left behind by a process that was killed are stepped over */
-    TEMPORARY_NAME_BYTES = 200, /* of the target's name: the rest of the 255 is for what is added */
-    LINE_SIZE = 4096            /* longest text of one sf_writer_printf */
+    LINE_SIZE = 4096 /* longest text of one sf_writer_printf */
 };
 
 /* Reading. */
@@ -98,13 +98,15 @@ static char *copy_text(sf_context *ctx, const char *text) {
     return copy;
 }
 
+/* The lock goes last: the name is the writer's until then. */
 static void release(sf_writer *w) {
+    if (w->lock >= 0) close(w->lock);
     sf_free(w->ctx, w->path);
     sf_free(w->ctx, w->temporary);
     sf_free(w->ctx, w->buffer);
     w->path = w->temporary = NULL;
     w->buffer = NULL;
-    w->fd = -1;
+    w->fd = w->lock = -1;
 }
 
 /* A file that a symbolic link names is replaced where it stands, so that the link goes on naming it. */
@@ -126,22 +128,12 @@ static sf_status open_direct(sf_writer *w) {
 }
 
 static sf_status open_temporary(sf_writer *w, mode_t mode) {
-    const char *slash = strrchr(w->path, '/');
-    const char *name = slash ? slash + 1 : w->path;
-    size_t size = strlen(w->path) + 64;
+    size_t size = strlen(w->path) + SF_TEMPORARY_EXTRA;
     w->temporary = sf_alloc(w->ctx, size, 1);
     if (!w->temporary) return w->status = SF_ERR_MEMORY;
-    for (int i = 0; i < TEMPORARY_TRIES; i++) {
-        snprintf(w->temporary, size, "%.*s.%.*s.%ld.%d.tmp", (int)(name - w->path), w->path,
-                 TEMPORARY_NAME_BYTES, name, (long)getpid(), i);
-        w->fd = open(w->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-        if (w->fd >= 0 || errno != EEXIST) break;
-    }
-    if (w->fd >= 0) return SF_OK;
-    int error = errno;
-    sf_free(w->ctx, w->temporary);
-    w->temporary = NULL;
-    return writer_fail(w, "created", error);
+    if (!w->unsynced) sf_temporary_clear(w->path);
+    w->fd = sf_temporary_open(w->path, mode, w->temporary, size, &w->lock);
+    return w->fd < 0 ? writer_fail(w, "created", errno) : SF_OK;
 }
 
 static sf_status open_target(sf_writer *w) {
@@ -158,8 +150,8 @@ static sf_status open_target(sf_writer *w) {
     return status ? status : open_temporary(w, 0666);
 }
 
-sf_status sf_writer_open(sf_writer *w, sf_context *ctx, const char *path) {
-    *w = (sf_writer){.ctx = ctx, .fd = -1};
+static sf_status open_writer(sf_writer *w, sf_context *ctx, const char *path, int unsynced) {
+    *w = (sf_writer){.ctx = ctx, .fd = -1, .lock = -1, .unsynced = unsynced};
     w->path = copy_text(ctx, path);
     w->buffer = sf_alloc(ctx, BUFFER_SIZE, 1);
     if (!w->path || !w->buffer) {
@@ -172,6 +164,10 @@ sf_status sf_writer_open(sf_writer *w, sf_context *ctx, const char *path) {
     }
     if (w->status) release(w);
     return w->status;
+}
+
+sf_status sf_writer_open(sf_writer *w, sf_context *ctx, const char *path) {
+    return open_writer(w, ctx, path, 0);
 }
 
 static void write_out(sf_writer *w, const uint8_t *data, size_t size) {
@@ -260,9 +256,8 @@ void sf_writer_abandon(sf_writer *w) {
 
 static sf_status write_file(sf_context *ctx, const char *path, const void *data, size_t size, int unsynced) {
     sf_writer w;
-    sf_status status = sf_writer_open(&w, ctx, path);
+    sf_status status = open_writer(&w, ctx, path, unsynced);
     if (status) return status;
-    w.unsynced = unsynced;
     sf_writer_put(&w, data, size);
     return sf_writer_commit(&w);
 }

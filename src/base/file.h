@@ -20,7 +20,8 @@ size_t sf_read_start(const char *path, uint8_t *data, size_t most);
 typedef struct sf_writer {
     sf_context *ctx;
     int fd;
-    int unsynced; /* may be set after sf_writer_open: the commit does not wait for the disk */
+    int lock;     /* says that the writer lives, -1: none (temporary.h) */
+    int unsynced; /* the commit does not wait for the disk */
     int direct;   /* a device, a pipe or standard output: written as it is */
     char *path, *temporary;
     uint8_t *buffer;

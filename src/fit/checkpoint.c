@@ -46,7 +46,10 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(joined)                                                                                                \
     F(trials.failures)                                                                                       \
     F(end)                                                                                                   \
-    F(adam_before)
+    F(adam_before)                                                                                           \
+    F(guard_since)                                                                                           \
+    F(views_before)                                                                                          \
+    F(diverged)
 #define STATE_REALS(F)                                                                                       \
     F(extent)                                                                                                \
     F(near_plane)                                                                                            \
@@ -58,7 +61,9 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(trials.part)                                                                                           \
     F(trials.squares)                                                                                        \
     F(least_squares)                                                                                         \
-    F(settle_for)
+    F(settle_for)                                                                                            \
+    F(least_loss)                                                                                            \
+    F(rate_cut)
 
 #define COUNT_ONE(name) +1
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };
@@ -622,6 +627,7 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
         return bad(in, "integers", "first_count is more than max_gaussians");
     if (f->order_at > f->order_count) return bad(in, "integers", "order_at lies behind the order");
     if (f->end >= SF_FIT_END_COUNT) return bad(in, "integers", "end is none that a run can have");
+    if (f->guard_since > f->step) return bad(in, "integers", "guard_since lies behind the step");
     if (f->adam_before > f->step) return bad(in, "integers", "adam_before lies behind the step");
     return SF_OK;
 }

@@ -68,6 +68,12 @@ static int learns_views(const sf_fitter *f) {
     return f->options.exposure || f->options.refine_poses || f->options.refine_intrinsics;
 }
 
+/* Views that came or went are no measure for those before. */
+static void note_views(sf_fitter *f, size_t count) {
+    if (f->views_before && count != f->views_before) sf_guard_forget(f);
+    f->views_before = count;
+}
+
 /* The next training view, each once a pass in random order; views that came or went since are taken up with
  * the next pass. The reference is the caller's. */
 static sf_status next_view(sf_fitter *f, sf_view **view) {
@@ -76,6 +82,7 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
             sf_free(f->ctx, f->order);
             f->order_at = f->order_count = 0;
             sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
+            if (!status) note_views(f, f->order_count);
             if (!status) status = sf_take_up(f, f->order, f->order_count);
             if (!status) leave_out_validation(f);
             if (!status && learns_views(f))
@@ -188,11 +195,12 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
 /* All that a step teaches beside the Gaussians. */
 static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *d, double fraction) {
     const sf_fit_options *o = &f->options;
-    double decay = pow(o->lr_camera_final, fraction);
+    double decay = f->rate_cut * pow(o->lr_camera_final, fraction);
     if (o->background == SF_BACKGROUND_AUTO) sf_update_background(f, d->background);
     if (!state) return;
     if (o->exposure)
-        sf_exposure_update(&f->views, state, d->exposure, o, pow(o->lr_exposure_final, fraction));
+        sf_exposure_update(&f->views, state, d->exposure, o,
+                           f->rate_cut * pow(o->lr_exposure_final, fraction));
     if (o->refine_poses && fraction >= o->refine_start)
         sf_refine_pose(state, d->camera, o, decay * o->lr_pose);
     if (o->refine_intrinsics) sf_refine_focal(&f->views, state, d->camera + 6, o, decay * o->lr_focal);
@@ -255,6 +263,7 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     sf_workspace_init(&f->workspace, ctx);
     choose_background(f);
     f->validation_psnr = f->best_psnr = NAN;
+    f->rate_cut = 1;
     f->settle_from = options->lr_settle;
     f->settle_for = 1 - options->lr_settle;
     *out = f;
@@ -313,8 +322,10 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     *fitter_pointer = NULL;
 }
 
+/* A loss that is not finite tells nothing beyond the warning: the one before stands for it. */
 static void note_progress(sf_fitter *f, double loss) {
-    f->losses[f->step % SF_LOSS_WINDOW] = loss;
+    double before = f->step ? f->losses[(f->step - 1) % SF_LOSS_WINDOW] : 0;
+    f->losses[f->step % SF_LOSS_WINDOW] = isfinite(loss) ? loss : before;
     f->step++;
     double now = sf_clock();
     if (now - f->rate_time >= 1 || f->steps_per_second == 0) {
@@ -327,6 +338,8 @@ sf_status sf_fitter_step(sf_fitter *f) {
     if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
     double fraction = sf_next_fraction(f);
     sf_status status = sf_consider(f, fraction);
+    if (status == SF_ERR_END && sf_drop_not_finite(f)) status = SF_ERR_MEMORY;
+    if (!status) status = sf_guard(f);
     if (status) return status;
     sf_view *view;
     status = next_view(f, &view);
@@ -341,6 +354,9 @@ sf_status sf_fitter_step(sf_fitter *f) {
     int with_camera = f->options.refine_poses || f->options.refine_intrinsics;
     status = differentiate(f, view, state, &loss, &d);
     sf_view_release(view);
+    int64_t diverged = f->diverged;
+    if (!status && !isfinite(loss.loss)) status = sf_diverged(f, loss.loss);
+    if (!status && f->diverged > diverged) status = SF_ERR_EMPTY; /* of a model that is no more */
     if (!status) status = sf_update(f, fraction, with_camera ? d.camera : NULL);
     if (status && status != SF_ERR_EMPTY) return status;
     if (!status) {
@@ -348,6 +364,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
         f->skipped_values += f->workspace.not_finite;
     }
     note_progress(f, loss.loss);
+    if (f->workspace.not_finite) (void)sf_drop_not_finite(f); /* left out, where there is no memory for it */
     if (sf_growth_due(f, fraction) || sf_charging_due(f, fraction)) {
         sf_fitter_watch_memory(f);
         sf_grow_and_prune(f, fraction);
@@ -377,6 +394,7 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .sh_degree = f->sh_degree,
                            .gone_on = f->gone_on,
                            .skipped_values = f->skipped_values,
+                           .diverged = f->diverged,
                            .validation_psnr = f->validation_psnr,
                            .best_step = f->best_step,
                            .end = (sf_fit_end)f->end};

@@ -63,9 +63,10 @@ struct sf_fitter {
     double validation_psnr, best_psnr; /* dB; NAN before the first */
     double best_fraction, next_validation;
     int64_t best_step, next_look; /* steps */
-    sf_model *best;            /* the model with best_psnr, until the views of validation join the others */
-    double best_background[3]; /* of that model */
-    uint32_t *kept_out;        /* ids of these views, ascending */
+    sf_model *best;               /* the model with best_psnr, until the views of validation join the others;
+                                     where that is NAN, one to go back to */
+    double best_background[3];    /* of that model */
+    uint32_t *kept_out;           /* ids of these views, ascending */
     size_t kept_out_count, kept_out_capacity;
     uint32_t newest;     /* id of the last training view that was taken up */
     int64_t taken_up;    /* number of training views that were */
@@ -74,6 +75,13 @@ struct sf_fitter {
     double settle_from;  /* of the run: from here on the rates fall */
     double settle_for;   /* of the run: for so long */
     int64_t adam_before; /* steps that the moments know nothing of */
+
+    /* guard.c */
+    double least_loss;   /* median of several steps, the least so far; 0: none yet */
+    double rate_cut;     /* what all rates are multiplied by */
+    int64_t guard_since; /* the step from which on losses are compared */
+    int64_t diverged;    /* times that the fit went back */
+    size_t views_before; /* training views of the last pass */
 
     double background[3], background_m[3], background_v[3];
     float step_background[3]; /* of the step in progress */
@@ -172,9 +180,23 @@ sf_status sf_view_psnr(sf_fitter *fitter, const sf_view *view, double *psnr);
 sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);
 /* The next model that is looked at is the best: a smaller one is worth what it loses. */
 void sf_forget_best(sf_fitter *fitter);
+/* The model as it is becomes the one to go back to; and comes back, without what the optimiser knew. On
+ * failure nothing has changed. */
+sf_status sf_keep_best(sf_fitter *fitter);
+sf_status sf_bring_back(sf_fitter *fitter);
 /* Validates when it is time, keeps the best model, lets the views of validation join the others when the
  * rates fall, and says when the run is over: SF_ERR_END. */
 sf_status sf_consider(sf_fitter *fitter, double fraction);
+
+/* guard.c */
+/* Before a step: goes back where the losses of the last steps say that the fit diverged; keeps a model to go
+ * back to now and then. */
+sf_status sf_guard(sf_fitter *fitter);
+/* Goes back, and on with lower rates, and counts it. Without a model that is known to be better nothing
+ * happens, nor after many times. */
+sf_status sf_diverged(sf_fitter *fitter, double loss);
+/* Views came or went: the losses to come are no measure for those so far. */
+void sf_guard_forget(sf_fitter *fitter);
 
 /* arrange.c */
 /* Makes what stands beside a model that a fit begins with, and room for `count` Gaussians in all. */
@@ -196,6 +218,9 @@ void sf_trials_free(sf_fitter *fitter);
 /* grow.c */
 /* Removes what is faint or not finite, then clones and splits up to the plan; or relocates. */
 void sf_grow_and_prune(sf_fitter *fitter, double fraction);
+
+/* Removes what is not finite, and says so. */
+sf_status sf_drop_not_finite(sf_fitter *fitter);
 
 /* look.c: draws `wanted` of the views that are trained on, spread over all of them, the same each time or,
  * with `others`, others each time; 0: all. At the level, degree and background of the moment, with the

@@ -52,8 +52,7 @@ static sf_place itself(const sf_fitter *f, size_t i) {
 }
 
 /* degrees: NULL or [count], of those that are kept; no higher than now. */
-static sf_status prune(sf_fitter *f, const uint8_t *degrees) {
-    float faintest = sf_faintest(f);
+static sf_status keep_worthy(sf_fitter *f, float faintest, const uint8_t *degrees) {
     size_t kept = 0, count = f->model->count, lowered = 0;
     sf_place *places = sf_alloc(f->ctx, count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
@@ -65,6 +64,23 @@ static sf_status prune(sf_fitter *f, const uint8_t *degrees) {
     }
     sf_status status = kept < count || lowered ? sf_arrange(f, places, kept, NULL) : SF_OK;
     sf_free(f->ctx, places);
+    return status;
+}
+
+static sf_status prune(sf_fitter *f, const uint8_t *degrees) {
+    return keep_worthy(f, sf_faintest(f), degrees);
+}
+
+sf_status sf_drop_not_finite(sf_fitter *f) {
+    size_t had = f->model->count, finite = 0;
+    while (finite < had && sf_worth_keeping(f, finite, -INFINITY)) finite++;
+    if (finite == had) return SF_OK;
+    sf_trials_end(f); /* the others find other places */
+    sf_status status = keep_worthy(f, -INFINITY, NULL);
+    if (f->model->count < had)
+        sf_log(f->ctx, SF_LOG_WARNING,
+               "step %lld: removed %zu of %zu Gaussians with values that are not finite", (long long)f->step,
+               had - f->model->count, had);
     return status;
 }
 
@@ -226,7 +242,7 @@ static sf_status grow_by_plan(sf_fitter *f, double fraction) {
     if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
-    if (sf_is_priced(f) && !f->grown_out && sf_consider_growth(f)) f->grown_out = 1;
+    if (sf_is_priced(f) && !f->grown_out && !f->growth_ended && sf_consider_growth(f)) end_growth(f);
     sf_status status = prune(f, NULL);
     size_t wanted = !f->grown_out && !status ? wanted_more(f, fraction) : 0;
     return wanted ? grow(f, wanted) : status;

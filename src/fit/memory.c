@@ -80,7 +80,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double layers = TILE_LAYERS * pixels / SF_TILE_PIXELS;
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
-    double models = f->options.validate > 1 ? 2 : 1; /* itself, the best one so far */
+    double models = 2; /* itself, the one to go back to */
     models += (double)sf_moment_bytes(f->options.moments) / sizeof(float);
     double growing = GROWING + (f->options.merge > 0 ? MERGING : 0);
     return (bill_rates){.gaussians =

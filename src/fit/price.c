@@ -10,6 +10,9 @@
 #define PRICE 25.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.0 / 255)
+/* What a float of an SH band must take away, in those of a Gaussian's: half of what bands make serves to
+ * please single views. */
+#define BAND_PRICE 3.0
 /* So many times their square is hardly seen. */
 #define HARDLY_SEEN 4
 /* What goes at once may raise the squared error by this part; when few steps are left, to make up for it, by
@@ -163,7 +166,7 @@ static sf_status weigh(sf_fitter *f, sf_worth *w) {
 /* The degree at which what the bands above it make and the price of those up to it are the least; bands are
  * paid by the float. */
 static void lower_degrees(const sf_fitter *f, const sf_worth *w, uint8_t *degrees) {
-    double price = price_of(f, w) / SF_MOST_FLOATS * (getenv("X_BAND") ? atof(getenv("X_BAND")) : 1);
+    double price = price_of(f, w) / SF_MOST_FLOATS * BAND_PRICE;
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
         int best = degrees[i];

@@ -130,7 +130,8 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
 
 /* At the end all rates fall: what is left of the noise of single views settles. */
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
-    return full_rate(f, place_of(f, fraction), field) * pow(f->options.lr_settled, settled_part(f, fraction));
+    return f->rate_cut * full_rate(f, place_of(f, fraction), field) *
+           pow(f->options.lr_settled, settled_part(f, fraction));
 }
 
 /* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */

@@ -134,7 +134,7 @@ static int suits(const sf_model *best, const sf_model *model) {
 }
 
 /* The model as it is becomes the best one. */
-static sf_status keep(sf_fitter *f) {
+sf_status sf_keep_best(sf_fitter *f) {
     memcpy(f->best_background, f->background, sizeof f->background);
     if (!f->best || !suits(f->best, f->model)) {
         sf_model *best;
@@ -150,7 +150,7 @@ static sf_status keep(sf_fitter *f) {
 }
 
 /* The best model comes back; what the optimiser and growth knew belongs to the other one. */
-static sf_status bring_back(sf_fitter *f) {
+sf_status sf_bring_back(sf_fitter *f) {
     sf_status status = sf_fitter_room(f, f->best->banded);
     if (status) return status;
     f->trials.count = 0; /* the best one has none */
@@ -189,7 +189,7 @@ static sf_status look(sf_fitter *f, double fraction) {
     if (status || !views) return status;
     f->validation_psnr = psnr;
     if (!(psnr <= f->best_psnr + GAIN)) {
-        status = keep(f);
+        status = sf_keep_best(f);
         if (status) return status;
         f->best_psnr = psnr, f->best_fraction = fraction, f->best_step = f->step;
     }
@@ -203,7 +203,7 @@ static sf_status look(sf_fitter *f, double fraction) {
 static sf_status join(sf_fitter *f) {
     double most = sf_settles_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
-    if (f->best && f->validation_psnr < f->best_psnr - most) status = bring_back(f);
+    if (f->best && f->validation_psnr < f->best_psnr - most) status = sf_bring_back(f);
     if (status) return status;
     sf_model_destroy(&f->best);
     f->joined = 1;
@@ -233,7 +233,7 @@ sf_status sf_consider(sf_fitter *f, double fraction) {
         if (status) return status;
     }
     if (over && !f->end) f->end = why_over(f);
-    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) status = bring_back(f);
+    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) status = sf_bring_back(f);
     if (f->end) sf_trials_end(f);
     if (!f->end && joins && fraction >= f->settle_from) status = join(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;

@@ -376,6 +376,12 @@ static sf_status fatal_result(const loading *l) {
     return SF_OK;
 }
 
+static const char *first_bad_pose(const loading *l) {
+    for (size_t i = 0; i < l->project->count; i++)
+        if (l->results[i].bad_pose) return l->project->entries[i].path;
+    return "";
+}
+
 static void report(const loading *l, const char *path, const sf_scene *scene) {
     size_t rotated = 0;
     for (size_t i = 0; i < l->project->count; i++) rotated += (size_t)l->results[i].rotated;
@@ -386,10 +392,13 @@ static void report(const loading *l, const char *path, const sf_scene *scene) {
         sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu of %zu pictures skipped: missing or not decodable", path,
                scene->skipped_missing, l->project->count);
     if (scene->skipped_pose)
-        sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu of %zu views skipped: pose or intrinsics not usable", path,
-               scene->skipped_pose, l->project->count);
+        sf_log(l->ctx, SF_LOG_WARNING,
+               "%s: %zu of %zu views skipped: pose or intrinsics not usable (first: %s)", path,
+               scene->skipped_pose, l->project->count, first_bad_pose(l));
     if (scene->skipped_points)
-        sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu points left out: not finite", path, scene->skipped_points);
+        sf_log(l->ctx, SF_LOG_WARNING, "%s: skipped %zu of %zu points that are not finite (first: #%zu)",
+               path, scene->skipped_points, scene->skipped_points + scene->point_count,
+               scene->first_skipped_point);
     if (scene->undistorted_views)
         sf_log(l->ctx, SF_LOG_INFO, "%s: %zu views undistorted", path, scene->undistorted_views);
 }

@@ -181,7 +181,7 @@ sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, c
     for (size_t i = 0; !status && i < count; i++) {
         const float *p = xyz + 3 * i;
         if (!isfinite(p[0]) || !isfinite(p[1]) || !isfinite(p[2])) {
-            scene->skipped_points++;
+            if (!scene->skipped_points++) scene->first_skipped_point = used + i;
             continue;
         }
         memcpy(&scene->points[3 * scene->point_count], p, 3 * sizeof *p);

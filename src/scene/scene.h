@@ -33,6 +33,7 @@ struct sf_scene {
     uint8_t *point_colors; /* [n][3] */
     size_t point_count, point_capacity, color_capacity;
     size_t skipped_missing, skipped_pose, skipped_points, undistorted_views;
+    size_t first_skipped_point; /* in the order of adding */
 };
 
 /* A view with uninitialised pixels, one reference; the loader fills them in. `weight` only if with_weight. */

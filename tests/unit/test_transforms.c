@@ -299,6 +299,7 @@ static void test_points(void **state) {
     scene = load_json(ctx, "ply", text);
     assert_int_equal(info_of(scene).points, 2);
     assert_int_equal(info_of(scene).skipped_points, 1);
+    assert_log("skipped 1 of 3 points that are not finite (first: #");
     assert_int_equal(sf_scene_get_points(scene, 0, 2, xyz, rgb), 2);
     assert_true(xyz[3] == 4 && xyz[5] == 6);
     assert_int_equal(rgb[4], 50);

@@ -1,0 +1,552 @@
+/* test_allocations.c - every allocation of each job of the library gives nothing in turn: the job says so,
+ * leaves nothing behind, and done again it makes what it makes undisturbed.
+ *
+ * SPLATFIT_FULL=1 walks through all of them (make test-allocations); otherwise, of the jobs that take
+ * longest, every few.
+ */
+#include "testing.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/hash.h"
+#include "fit/fitter.h"
+
+enum { SIDE = 64, PICTURES = 3, WIDTH = 24, HEIGHT = 16, TEXT = 8192 };
+#define SCENE "sim:studio?width=64&height=64&frames=9"
+
+/* What jobs work on: made before any allocation fails. */
+typedef struct world {
+    sf_context *ctx;
+    test_allocations memory;
+    sf_scene *scene;
+    sf_model *model;
+    uint64_t result; /* hash of what the job made */
+} world;
+
+typedef struct job {
+    const char *name;
+    sf_status (*attempt)(world *w);
+    int degrades; /* it may go on without what there was no memory for, and says so in the log */
+    int every;    /* of its allocations, where not all are asked for */
+} job;
+
+static void note(world *w, const void *data, size_t size) { w->result = sf_hash(w->result, data, size); }
+
+static void note_file(world *w, const char *path) {
+    size_t size;
+    uint8_t *data = test_read(path, &size);
+    note(w, data, size);
+    free(data);
+}
+
+static sf_status note_model(world *w, const sf_model *model) {
+    size_t n = sf_model_count(model);
+    float *means = malloc((n + 1) * 3 * sizeof *means);
+    assert_non_null(means);
+    sf_gaussians g = {.means = means};
+    sf_status status = sf_model_get(model, 0, n, &g);
+    note(w, means, n * 3 * sizeof *means);
+    free(means);
+    return status;
+}
+
+/* Files. */
+
+static void write_text(const char *name, const char *text) {
+    char json[TEXT];
+    size_t size = strlen(text);
+    assert_true(size < sizeof json);
+    for (size_t i = 0; i < size; i++) json[i] = text[i] == '\'' ? '"' : text[i];
+    test_write(test_path(name), json, size);
+}
+
+static void write_pictures(sf_context *ctx, const char *folder) {
+    float rgb[3 * WIDTH * HEIGHT];
+    char name[256];
+    mkdir(test_path(folder), 0777);
+    for (int k = 0; k < PICTURES; k++) {
+        uint8_t *file;
+        size_t size;
+        for (int i = 0; i < 3 * WIDTH * HEIGHT; i++) rgb[i] = (float)((i * (k + 3)) % 97) / 97;
+        snprintf(name, sizeof name, "%s/%d.jpg", folder, k);
+        assert_ok(ctx, sf_encode_jpeg(ctx, WIDTH, HEIGHT, rgb, 90, &file, &size));
+        test_write(test_path(name), file, size);
+        sf_encoded_free(ctx, &file);
+    }
+}
+
+/* A COLMAP project of a camera that distorts. */
+static void write_colmap(sf_context *ctx) {
+    mkdir(test_path("colmap"), 0777);
+    write_pictures(ctx, "colmap/images");
+    write_text("colmap/cameras.txt", "1 OPENCV 24 16 20 21 12 8 0.05 0.01 0.001 0.001\n");
+    write_text("colmap/images.txt", "1 1 0 0 0 0 0 4 1 0.jpg\n\n2 1 0 0 0 1 0 4 1 1.jpg\n\n"
+                                    "3 1 0 0 0 2 0 4 1 2.jpg\n\n");
+    write_text("colmap/points3D.txt", "1 0 0 0 9 8 7 0.1 1 0\n2 1 0 0 9 8 7 0.1 1 0\n");
+}
+
+static void put(uint8_t **at, const void *data, size_t size) {
+    memcpy(*at, data, size);
+    *at += size;
+}
+
+static void put_u64(uint8_t **at, uint64_t value) { put(at, &value, sizeof value); }
+static void put_u32(uint8_t **at, uint32_t value) { put(at, &value, sizeof value); }
+
+/* The same in its binary form, with a PINHOLE camera. */
+static void write_binary_colmap(sf_context *ctx) {
+    const double params[] = {20, 21, 12, 8}, point[3] = {0, 1, 0}, error = 0.1;
+    uint8_t data[1024], *at = data;
+    mkdir(test_path("binary"), 0777);
+    write_pictures(ctx, "binary/images");
+    put_u64(&at, 1), put_u32(&at, 7), put_u32(&at, 1), put_u64(&at, WIDTH), put_u64(&at, HEIGHT);
+    put(&at, params, sizeof params);
+    test_write(test_path("binary/cameras.bin"), data, (size_t)(at - data));
+    at = data;
+    put_u64(&at, PICTURES);
+    for (uint32_t k = 0; k < PICTURES; k++) {
+        const double pose[7] = {1, 0, 0, 0, k, 0, 4};
+        char name[8] = "0.jpg";
+        name[0] = (char)('0' + k);
+        put_u32(&at, k + 1), put(&at, pose, sizeof pose), put_u32(&at, 7), put(&at, name, 6);
+        put_u64(&at, 0);
+    }
+    test_write(test_path("binary/images.bin"), data, (size_t)(at - data));
+    at = data;
+    put_u64(&at, 1), put_u64(&at, 1), put(&at, point, sizeof point), put(&at, "\1\2\3", 3);
+    put(&at, &error, sizeof error), put_u64(&at, 0);
+    test_write(test_path("binary/points3D.bin"), data, (size_t)(at - data));
+}
+
+#define FRAME(name, x)                                                                                       \
+    "{'file_path':'images/" name "','transform_matrix':[[1,0,0," x "],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}"
+
+static void write_transforms(sf_context *ctx) {
+    mkdir(test_path("transforms"), 0777);
+    write_pictures(ctx, "transforms/images");
+    write_text("transforms/points.ply", "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n"
+                                        "property float y\nproperty float z\nend_header\n0 0 0\n1 1 1\n");
+    write_text("transforms/transforms.json",
+               "{'w':24,'h':16,'fl_x':20,'fl_y':21,'cx':12,'cy':8,'k1':0.05,'ply_file_path':'points.ply',"
+               "'frames':[" FRAME("0.jpg", "0") "," FRAME("1.jpg", "1") "," FRAME("2.jpg", "2") "]}");
+    write_text("transforms/held-out.txt", "1.jpg\n");
+}
+
+/* Jobs: projects. */
+
+static sf_status load_scene(world *w, const char *path, const sf_load_options *options) {
+    sf_scene *scene;
+    uint64_t fingerprint = 0;
+    sf_status status = sf_scene_load(w->ctx, path, options, &scene);
+    if (status) {
+        assert_null(scene);
+        return status;
+    }
+    status = sf_scene_fingerprint(scene, &fingerprint);
+    note(w, &fingerprint, sizeof fingerprint);
+    if (!status) status = sf_scene_save_cameras(scene, test_path("cameras.json"));
+    if (!status) note_file(w, test_path("cameras.json"));
+    sf_scene_destroy(&scene);
+    return status;
+}
+
+static sf_status load_colmap(world *w) { return load_scene(w, test_path("colmap"), NULL); }
+static sf_status load_binary_colmap(world *w) { return load_scene(w, test_path("binary"), NULL); }
+static sf_status load_studio(world *w) {
+    return load_scene(w, "sim:studio?width=16&height=16&frames=3", NULL);
+}
+
+static sf_status load_transforms(world *w) {
+    sf_load_options options = sf_load_options_default();
+    options.downscale = 2;
+    options.test_list = test_path("transforms/held-out.txt");
+    return load_scene(w, test_path("transforms"), &options);
+}
+
+/* Jobs: models. */
+
+static sf_status convert(world *w, const char *name, const sf_model_file_options *options) {
+    sf_model *read = NULL;
+    const char *path = test_path(name);
+    sf_status status = sf_model_save_as(w->model, path, options);
+    if (!status) status = sf_model_load_as(w->ctx, path, options, &read);
+    if (!status) status = sf_model_pack(read);
+    if (!status) {
+        note_file(w, path);
+        status = note_model(w, read);
+    }
+    sf_model_destroy(&read);
+    return status;
+}
+
+static sf_status convert_to(world *w, const char *name, int rub) {
+    sf_model_file_options options = sf_model_file_options_default();
+    if (rub) {
+        options.spz_frame = SF_SPZ_FRAME_RUB;
+        options.sh_bits[0] = 5, options.sh_bits[1] = 4;
+    }
+    return convert(w, name, &options);
+}
+
+static sf_status convert_ply(world *w) { return convert_to(w, "m.ply", 0); }
+static sf_status convert_spz(world *w) { return convert_to(w, "m.spz", 0); }
+static sf_status convert_spz_turned(world *w) { return convert_to(w, "t.spz", 1); }
+static sf_status convert_splat(world *w) { return convert_to(w, "m.splat", 0); }
+
+/* Jobs: pictures. */
+
+static sf_status render(world *w) {
+    static float rgb[SIDE * SIDE * 3], depth[SIDE * SIDE], target[SIDE * SIDE * 3], d_rgb[SIDE * SIDE * 3];
+    double pose[6], background[3], focal[2];
+    float *means = calloc(sf_model_count(w->model), 3 * sizeof *means);
+    sf_view_info view;
+    sf_renderer *renderer = NULL;
+    sf_loss_value loss;
+    sf_quality quality;
+    sf_image_out out = {.rgb = rgb, .depth = depth};
+    sf_render_grads grads = {
+        .gaussians = {.means = means}, .pose = pose, .background = background, .focal = focal};
+    assert_non_null(means);
+    assert_ok(w->ctx, sf_scene_get_view(w->scene, 0, &view));
+    assert_ok(w->ctx, sf_scene_get_pixels(w->scene, view.id, target, NULL));
+    sf_status status = sf_renderer_create(w->ctx, &renderer);
+    if (!status) status = sf_render(renderer, w->model, &view.camera, NULL, &out);
+    if (!status) status = sf_loss(renderer, SIDE, SIDE, rgb, target, NULL, 0.2, &loss, d_rgb);
+    if (!status) status = sf_render_backward(renderer, w->model, d_rgb, &grads);
+    if (!status) status = sf_compare(renderer, SIDE, SIDE, rgb, target, NULL, &quality);
+    if (!status) status = sf_write_png(w->ctx, test_path("r.png"), SIDE, SIDE, rgb);
+    if (!status) {
+        note(w, rgb, sizeof rgb);
+        note(w, means, 3 * sizeof *means * sf_model_count(w->model));
+        note_file(w, test_path("r.png"));
+    }
+    sf_renderer_destroy(&renderer);
+    free(means);
+    return status;
+}
+
+static sf_status read_frames(world *w, const char *name) {
+    static float plane[3][SIDE * SIDE];
+    float *const rgb[3] = {plane[0], plane[1], plane[2]};
+    sf_source *source = NULL;
+    sf_frame frame;
+    sf_status status = sf_source_open(w->ctx, name, &source);
+    while (!status && !(status = sf_source_next(source, 1000, &frame))) {
+        status = sf_frame_convert(w->ctx, &frame, rgb, SIDE);
+        sf_source_release(source, &frame);
+        if (!status) note(w, plane, sizeof plane);
+    }
+    sf_source_close(&source);
+    return status == SF_ERR_END ? SF_OK : status;
+}
+
+static sf_status read_folder(world *w) {
+    char name[1200];
+    snprintf(name, sizeof name, "folder:%s", test_path("colmap/images"));
+    return read_frames(w, name);
+}
+
+static sf_status read_studio(world *w) {
+    return read_frames(w, "sim:studio?width=16&height=16&frames=2&loop=0");
+}
+
+static sf_status remap(world *w) {
+    static float in[3][WIDTH * HEIGHT], out[3][WIDTH * HEIGHT], weight[WIDTH * HEIGHT];
+    float *const from[3] = {in[0], in[1], in[2]}, *const to[3] = {out[0], out[1], out[2]};
+    const sf_lens lens = {.fx = 20, .fy = 20, .cx = 12, .cy = 8, .k1 = 0.1};
+    sf_remap *r = NULL;
+    for (int i = 0; i < WIDTH * HEIGHT; i++) in[0][i] = in[1][i] = in[2][i] = (float)(i % 31) / 31;
+    sf_status status = sf_remap_create(w->ctx, &lens, WIDTH, HEIGHT, 1, &r);
+    if (!status) status = sf_remap_run(r, from, WIDTH, to, WIDTH, weight);
+    if (!status) note(w, out, sizeof out);
+    sf_remap_destroy(&r);
+    return status;
+}
+
+/* Boards in an empty picture: what is calibrated from sightings, test_calibrate walks through. */
+static sf_status write_board(world *w) {
+    static uint8_t grey[SIDE * SIDE];
+    sf_board *board = NULL;
+    sf_detector *detector = NULL;
+    const sf_board_corner *corners;
+    size_t count;
+    sf_status status = sf_board_open(w->ctx, "a4-36h11", 0, &board);
+    static const char *const names[] = {"b.json", "b.svg", "b.pdf"};
+    for (int i = 0; i < 3 && !status; i++) {
+        status = sf_board_write(w->ctx, board, test_path(names[i]));
+        if (!status) note_file(w, test_path(names[i]));
+    }
+    sf_board_close(&board);
+    if (!status) status = sf_board_open(w->ctx, test_path("b.json"), 0, &board);
+    if (!status) status = sf_detector_create(w->ctx, board, 1, &detector);
+    if (!status) status = sf_detector_find(detector, grey, SIDE, SIDE, SIDE, &corners, &count);
+    sf_detector_destroy(&detector);
+    sf_board_close(&board);
+    return status == SF_ERR_UNSUPPORTED ? SF_OK : status;
+}
+
+/* Jobs: fits. */
+
+/* Each stage of a long run, in a few steps: growth, charging, merging, validation, and all that is learned of
+ * views. */
+static sf_fit_options all_stages(void) {
+    sf_fit_options o = sf_fit_options_default();
+    o.steps = 15;
+    o.plan_steps = 1000;
+    o.max_gaussians = 150;
+    o.init_random = 60;
+    o.first = SF_FIRST_RANDOM;
+    o.grow_every = 2;
+    o.validate = 4;
+    o.merge = 0.5;
+    o.exposure = o.refine_poses = o.refine_intrinsics = 1;
+    o.refine_start = 0;
+    o.moments = SF_MOMENTS_HALF;
+    o.background = SF_BACKGROUND_AUTO;
+    return o;
+}
+
+/* A step that failed was not done: the run goes on to its end. */
+static sf_status run_to_the_end(world *w, sf_fitter *fitter) {
+    sf_status status = sf_fitter_run(fitter, NULL, NULL);
+    if (status == SF_ERR_MEMORY) assert_ok(w->ctx, sf_fitter_run(fitter, NULL, NULL));
+    return status;
+}
+
+static sf_status end_fit(world *w, sf_fitter **fitter, sf_status status) {
+    sf_model *model = NULL;
+    if (!status) status = run_to_the_end(w, *fitter);
+    if (!status) status = sf_fitter_snapshot(*fitter, &model);
+    if (!status) status = note_model(w, model);
+    sf_model_destroy(&model);
+    sf_fitter_destroy(fitter);
+    return status;
+}
+
+static sf_status fit(world *w, const sf_model *from, const sf_fit_options *options) {
+    sf_fitter *fitter = NULL;
+    sf_status status = sf_fitter_create(w->ctx, w->scene, from, options, &fitter);
+    return end_fit(w, &fitter, status);
+}
+
+static sf_status fit_all_stages(world *w) {
+    sf_fit_options o = all_stages();
+    return fit(w, NULL, &o);
+}
+
+static sf_status fit_by_error(world *w) {
+    sf_fit_options o = all_stages();
+    o.growth = SF_GROWTH_ERROR;
+    o.merge = 0;
+    o.steps = 8;
+    return fit(w, NULL, &o);
+}
+
+static sf_status fit_by_relocation(world *w) {
+    sf_fit_options o = all_stages();
+    o.growth = SF_GROWTH_RELOCATE;
+    o.moments = SF_MOMENTS_FLOAT;
+    o.steps = 8;
+    return fit(w, w->model, &o);
+}
+
+static sf_status fit_from_sweep(world *w) {
+    sf_fit_options o = all_stages();
+    o.first = SF_FIRST_SWEEP;
+    o.steps = 1;
+    return fit(w, NULL, &o);
+}
+
+static sf_status fit_by_time(world *w) {
+    sf_fit_options o = all_stages();
+    o.steps = 4;
+    o.time_limit = 1e6;
+    return fit(w, NULL, &o);
+}
+
+static sf_status resume(world *w) {
+    const char *path = test_path("checkpoint");
+    sf_fit_options o = all_stages();
+    sf_fitter *fitter = NULL;
+    sf_status status = sf_fitter_create(w->ctx, w->scene, NULL, &o, &fitter);
+    for (int i = 0; i < 6 && !status; i++) status = sf_fitter_step(fitter);
+    if (!status) status = sf_fitter_save(fitter, path);
+    sf_fitter_destroy(&fitter);
+    if (!status) status = sf_checkpoint_options(w->ctx, path, &o);
+    if (!status) status = sf_fitter_load(w->ctx, w->scene, path, &o, &fitter);
+    return end_fit(w, &fitter, status);
+}
+
+static sf_status save_fitted_cameras(world *w) {
+    sf_fit_options o = all_stages();
+    sf_fitter *fitter = NULL;
+    o.steps = 1;
+    sf_status status = sf_fitter_create(w->ctx, w->scene, NULL, &o, &fitter);
+    if (!status) status = sf_fitter_save_cameras(fitter, test_path("fitted.json"));
+    if (!status) note_file(w, test_path("fitted.json"));
+    sf_fitter_destroy(&fitter);
+    return status;
+}
+
+static sf_status prune_with(world *w, const sf_prune_options *o) {
+    sf_model *pruned = NULL;
+    sf_prune_result result;
+    sf_status status = sf_prune(w->ctx, w->scene, w->model, o, &pruned, &result);
+    if (!status) status = note_model(w, pruned);
+    sf_model_destroy(&pruned);
+    return status;
+}
+
+static sf_status prune(world *w) {
+    sf_prune_options o = sf_prune_options_default();
+    o.loss = 3;
+    o.refit_steps = 2;
+    return prune_with(w, &o);
+}
+
+static sf_status prune_to(world *w) {
+    sf_prune_options o = sf_prune_options_default();
+    o.keep = 10;
+    return prune_with(w, &o);
+}
+
+/* The walk. */
+
+static const job jobs[] = {
+    {"colmap", load_colmap, 0, 1},
+    {"binary colmap", load_binary_colmap, 0, 1},
+    {"transforms", load_transforms, 0, 1},
+    {"studio", load_studio, 0, 1},
+    {"ply", convert_ply, 0, 1},
+    {"spz", convert_spz, 0, 1},
+    {"spz turned", convert_spz_turned, 0, 1},
+    {"splat", convert_splat, 0, 1},
+    {"render", render, 0, 1},
+    {"folder of frames", read_folder, 0, 1},
+    {"simulated frames", read_studio, 0, 1},
+    {"remap", remap, 0, 1},
+    {"board", write_board, 0, 5},
+    {"fit, all stages", fit_all_stages, 1, 5},
+    {"fit by error", fit_by_error, 1, 5},
+    {"fit by relocation", fit_by_relocation, 1, 3},
+    {"fit from a sweep", fit_from_sweep, 1, 19},
+    {"fit by time", fit_by_time, 1, 7},
+    {"checkpoint", resume, 1, 11},
+    {"fitted cameras", save_fitted_cameras, 0, 3},
+    {"prune", prune, 0, 23},
+    {"prune to a number", prune_to, 0, 5},
+};
+
+/* Gaussians of all degrees in front of the cameras. */
+static void make_model(world *w) {
+    enum { GAUSSIANS = 24, COEFFICIENTS = 16 };
+    static float means[GAUSSIANS][3], log_scales[GAUSSIANS][3], logits[GAUSSIANS],
+        sh[GAUSSIANS][COEFFICIENTS][3];
+    for (int i = 0; i < GAUSSIANS; i++) {
+        logits[i] = (float)(i % 5) - 1;
+        for (int k = 0; k < 3; k++) {
+            means[i][k] = (float)((i * (5 + 2 * k)) % 11 - 5) / 4;
+            log_scales[i][k] = -1.5f - 0.1f * (float)k;
+            for (int c = 0; c < COEFFICIENTS; c++)
+                sh[i][c][k] = c > i % 17 ? 0 : (float)((i + c * (k + 2)) % 7 - 3) / 9;
+        }
+    }
+    sf_gaussians g = {.means = &means[0][0],
+                      .log_scales = &log_scales[0][0],
+                      .logit_opacities = logits,
+                      .sh = &sh[0][0][0]};
+    assert_ok(w->ctx, sf_model_create(w->ctx, GAUSSIANS, 3, &w->model));
+    assert_ok(w->ctx, sf_model_set(w->model, 0, GAUSSIANS, &g));
+}
+
+static void keep_log(void *log_pointer, sf_log_level level, const char *message) {
+    char *log = log_pointer;
+    if (level == SF_LOG_WARNING && strstr(message, "out of memory")) snprintf(log, TEXT, "%s", message);
+}
+
+static char said[TEXT]; /* the last warning about memory */
+
+static sf_allocator allocator;
+
+static int open_world(void **state) {
+    static world w;
+    allocator = (sf_allocator){test_count_alloc, test_count_free, &w.memory};
+    sf_context_options options = {.allocator = &allocator, .log = keep_log, .log_user = said, .threads = 1};
+    assert_int_equal(sf_context_create(&w.ctx, &options), SF_OK);
+    write_colmap(w.ctx);
+    write_binary_colmap(w.ctx);
+    write_transforms(w.ctx);
+    assert_ok(w.ctx, sf_scene_load(w.ctx, SCENE, NULL, &w.scene));
+    make_model(&w);
+    *state = &w;
+    return 0;
+}
+
+static int close_world(void **state) {
+    world *w = *state;
+    sf_model_destroy(&w->model);
+    sf_scene_destroy(&w->scene);
+    sf_context_destroy(&w->ctx);
+    return w->memory.live != 0;
+}
+
+/* The job with allocation `at` of it failing (0: none); its status. */
+static sf_status attempt(world *w, const job *j, long at) {
+    long live = w->memory.live;
+    said[0] = 0;
+    w->result = 0;
+    w->memory.fail_at = at ? w->memory.calls + at : 0;
+    sf_status status = j->attempt(w);
+    w->memory.fail_at = 0;
+    if (w->memory.live != live)
+        fail_msg("%s: allocation %ld leaves %ld blocks", j->name, at, w->memory.live - live);
+    return status;
+}
+
+static void check_undisturbed(world *w, const job *j, uint64_t expected) {
+    assert_ok(w->ctx, attempt(w, j, 0));
+    if (w->result != expected) fail_msg("%s: not the same any more", j->name);
+}
+
+/* Without the block the job is not done; or it is done as well without; or worse, and says so. */
+static void fail_one(world *w, const job *j, long at, uint64_t expected) {
+    sf_status status = attempt(w, j, at);
+    if (status == SF_ERR_MEMORY)
+        assert_error_names(w->ctx, "out of memory");
+    else if (status || (w->result != expected && !(j->degrades && said[0])))
+        fail_msg("%s: allocation %ld: %s: %s", j->name, at, sf_status_text(status), sf_last_error(w->ctx));
+}
+
+static void walk(world *w, const job *j, long every) {
+    assert_ok(w->ctx, attempt(w, j, 0));
+    uint64_t expected = w->result;
+    long before = w->memory.calls, failed = 0;
+    check_undisturbed(w, j, expected);
+    long calls = w->memory.calls - before;
+    assert_true(calls > 0);
+    for (long at = 1; at <= calls; at += every, failed++) {
+        fail_one(w, j, at, expected);
+        if (failed % 16 == 0) check_undisturbed(w, j, expected);
+    }
+    check_undisturbed(w, j, expected);
+    print_message("%s: %ld of %ld allocations\n", j->name, failed, calls);
+}
+
+/* Started by cmocka with the world as its state, once a job: the next one. */
+static void test_each_allocation_may_fail(void **state) {
+    static size_t next;
+    const job *j = &jobs[next++];
+    long every = getenv("SPLATFIT_FULL") ? 1 : getenv("SPLATFIT_QUICK") ? 23 * j->every : j->every;
+    walk(*state, j, every);
+}
+
+int main(void) {
+    enum { JOBS = sizeof jobs / sizeof *jobs };
+    struct CMUnitTest tests[JOBS];
+    for (int i = 0; i < JOBS; i++)
+        tests[i] = (struct CMUnitTest){.name = jobs[i].name, .test_func = test_each_allocation_may_fail};
+    return cmocka_run_group_tests_name("allocations", tests, open_world, close_world);
+}
