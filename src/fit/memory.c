@@ -22,7 +22,7 @@ enum {
  * and the order that they make; and those that writing the result takes: a .spz most. */
 enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_place), WRITING = 24 };
 /* And charging: what each is worth, its neighbours, a quarter of them on trial. */
-enum { MERGING = 128 + sizeof(sf_trial) / 4 };
+enum { CHARGING = 128 + sizeof(sf_trial) / 4 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5
@@ -82,7 +82,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double pictures = pixels * planes * sizeof(float) + scratch;
     double models = 2; /* itself, the one to go back to */
     models += (double)sf_moment_bytes(f->options.moments) / sizeof(float);
-    double growing = GROWING + (f->options.merge > 0 ? MERGING : 0);
+    double growing = GROWING + (f->options.size == SF_SIZE_AUTO ? CHARGING : 0);
     return (bill_rates){.gaussians =
                             models * values + sizeof *f->screen_sum + sizeof *f->screen_seen + growing,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,

@@ -70,11 +70,6 @@ static double price_of(const sf_fitter *f, const sf_worth *w) {
     return PRICE / f->options.quality * (mean + NOTHING * NOTHING);
 }
 
-/* Its part of the squared error, but for what nobody sees. */
-static double seen_share(const sf_worth *w, size_t i) {
-    return (double)w->share[i] - SF_CHANNELS * NOTHING * NOTHING * (double)w->mass[i];
-}
-
 sf_status sf_consider_growth(sf_fitter *f) {
     sf_worth w;
     int level = f->level;
@@ -88,7 +83,7 @@ sf_status sf_consider_growth(sf_fitter *f) {
         if (f->growths_in_vain >= GROWTHS_IN_VAIN) f->grown_out = 1;
         double price = price_of(f, &w);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
-            if (f->screen_sum[i] > 0 && GROWTH_PART * seen_share(&w, i) < price) f->screen_sum[i] = 0;
+            if (f->screen_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price) f->screen_sum[i] = 0;
     }
     sf_worth_free(f->ctx, &w);
     return status;

@@ -318,7 +318,7 @@ static void report_fit(stab_run *run, const stab_lab *lab) {
     assert_ok(lab->ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
     stab_at_most(run, (double)fit_poisoned(lab, scene, &skipped), 1, "",
                  "8 steps from a model with a NaN: Gaussians that are not finite");
-    stab_at_least(run, (double)skipped, 8, "", "8 steps from a model with a NaN: counted");
+    stab_at_least(run, (double)skipped, 1, "", "8 steps from a model with a NaN: counted");
     sf_scene_destroy(&scene);
 }
 
@@ -333,9 +333,9 @@ static void poison(stab_run *run) {
 const stab_row stab_row_5 = {
     .id = "5",
     .failure = "NaN and Inf spread from one parameter to the whole model in one step",
-    .cure = "Values are checked where they enter: at load, in the projection, in the update. The Gaussian at "
-            "fault is "
-            "left out and counted; the picture is otherwise the same to the bit.",
+    .cure =
+        "Values are checked where they enter: at load, in the projection, in the update. The Gaussian at "
+        "fault is left out, counted and, in a fit, removed; the picture is otherwise the same to the bit.",
     .quick = 1,
     .run = poison,
 };
