@@ -324,9 +324,11 @@ test-allocations: $(ALLOCATIONS)
 test-golden: $(GOLD)
 	$(show_tests) $(GOLD)
 # The programs that hold kernels to float64, once a level; then what compares the levels.
-LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden $(O)/tests/stability/test_stability
-check: $(LEVEL_TESTS) $(CHECK) $(PROGRAM)
-	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/levels.sh '$(LEVEL_TESTS)' '$(CHECK)' scalar $(LEVELS)
+LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
+# Where it is not emulated: so are the quick experiments.
+CHECKED := $(LEVEL_TESTS) $(if $(RUN),,$(STAB))
+check: $(CHECKED) $(CHECK) $(PROGRAM)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/levels.sh '$(CHECKED)' '$(CHECK)' scalar $(LEVELS)
 # Emulated vectors are slow.
 check-cpus: $(LEVEL_TESTS) $(PROGRAM)
 	@OBJDUMP='$(NM:%nm=%objdump)' QEMU_ROOT='$(QEMU_ROOT)' PROGRAM='$(PROGRAM)' SPLATFIT_QUICK=1 TIMEOUT=$${TIMEOUT:-900} \

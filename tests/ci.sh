@@ -33,7 +33,7 @@ step() { # NAME COMMAND...
 # Names of all tests but those given.
 all_but() { # NAME...
     local file name
-    for file in tests/{unit,golden,check}/test_*.c; do
+    for file in tests/{unit,golden,check,stability}/test_*.c; do
         name=${file##*/test_}
         name=${name%.c}
         [[ " $* " == *" $name "* ]] || echo "$name"
@@ -41,8 +41,8 @@ all_but() { # NAME...
 }
 
 # Whole fits take minutes where they are emulated: of these tests, each machine leaves out what the other runs.
-fits_64='exposure fit growth refine schedule sweep chart calibrate capture'
-fits_32='checkpoint cli bench'
+fits_64='exposure fit growth refine schedule sweep chart calibrate capture allocations stability'
+fits_32='checkpoint cli bench guard cancel'
 emulated() { # NAME TOOLCHAIN TESTS
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
     step "$1" "${run[@]}" TESTS="$3" test
@@ -55,8 +55,9 @@ step gcc "${make[@]}" test
 step levels "${make[@]}" check
 # A step that tests keeps little more than one CPU busy: two go side by side.
 step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel guard pipe capture" test >$logs/thread.out &
-step clang "${quick[@]}" "${make[@]}" CC=clang test
+# All tests as clang builds them run there; without sanitizers it only has to compile them.
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
+step clang "${make[@]}" CC=clang build-tests
 wait
 cat $logs/thread.out
 # Two targets at a time, or as many as there are processors.
@@ -84,7 +85,7 @@ step vm "${make[@]}" test-vm
 step install "${make[@]}" test-install
 step outside "${make[@]}" test-outside
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
-step crash "${make[@]}" crash EVERY=7
+step crash "${make[@]}" crash EVERY=15
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
 
 awk '{ passed += $1; failed += $3; skipped += $5 }
