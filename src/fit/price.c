@@ -7,12 +7,12 @@
 #include "trial.h"
 
 /* What a Gaussian must take away of the squared error, in mean squared errors of a value. */
-#define PRICE 25.0
+#define PRICE 20.0
 /* Errors below this, of values 0..1, nobody sees. */
-#define NOTHING (2.0 / 255)
+#define NOTHING (2.25 / 255)
 /* What a float of an SH band must take away, in those of a Gaussian's: half of what bands make serves to
  * please single views. */
-#define BAND_PRICE 3.0
+#define BAND_PRICE 3.5
 /* So many times their square is hardly seen. */
 #define HARDLY_SEEN 4
 /* What goes at once may raise the squared error by this part; when few steps are left, to make up for it, by

@@ -2,6 +2,7 @@
 # run.sh [NAME...] - makes each wrong edit of tests/mutants/list in a copy of the tree and says which program of
 # tests/check notices it; fails where none does, or where an edit's text is not found. Names: only these.
 #
+# --look     only says whether each edit's text is found
 # MAKE, CC   as for the Makefile      JOBS  copies at a time, the processors' number if unset
 set -u
 
@@ -99,6 +100,17 @@ mutant() { # N
 if [ "${1:-}" = --one ]; then
     mutant "$2" | tee "$all/$2.result"
     exit 0
+fi
+
+if [ "${1:-}" = --look ]; then
+    missing=0 n=0 count=$(grep -c '^name ' $list)
+    while [ $n -lt "$count" ]; do
+        n=$((n + 1))
+        edit "$(value $n file)" /dev/null "$(value $n after)" "$(value $n old)" "$(value $n new)" && continue
+        echo "$(value $n name): not found"
+        missing=1
+    done
+    exit $missing
 fi
 
 for name in "$@"; do
