@@ -213,14 +213,14 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
  * needed any more: they carry the effects through the arranging. */
 static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     sf_worth w = {0};
-    size_t had = f->model->count;
+    size_t had = f->model->count, floats = sf_model_floats(f->model);
     for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
     sf_status status = sf_charge(f, fraction, &w, degrees);
     for (size_t i = 0; i < had && !status; i++)
         if (!(f->screen_sum[i] < 0)) f->screen_sum[i] = (double)w.effect[i];
     if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
-    if (went > had / SF_NOTABLE) sf_forget_best(f);
+    if (floats - sf_model_floats(f->model) > floats / SF_NOTABLE) sf_forget_best(f);
     w.count = f->model->count;
     for (size_t i = 0; i < w.count && !status; i++) w.effect[i] = (float)f->screen_sum[i];
     if (!status) status = sf_try_pairs(f, fraction, went, &w);

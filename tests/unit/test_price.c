@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/grow.h"
 #include "fit/merge.h"
 #include "fit/price.h"
 #include "fit/trial.h"
@@ -308,6 +309,65 @@ static void test_a_fit_pays(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A fit that is saved while pairs are on trial goes on to the same bytes. */
+static void test_trial_goes_on(void **state) {
+    (void)state;
+    if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK is set");
+    sf_context *ctx = test_context();
+    sf_model *truth = model_of(ctx, three, 3, 0), *ends[2];
+    sf_scene *scene = scene_of(ctx, truth);
+    sf_fit_options options = sf_fit_options_default();
+    sf_fitter *fitters[2];
+    options.steps = options.plan_steps = 1000;
+    options.first = SF_FIRST_RANDOM;
+    options.init_random = 200;
+    options.sh_degree = 1;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitters[0]));
+    while (fitters[0]->step < 800 && !fitters[0]->trials.count) assert_ok(ctx, sf_fitter_step(fitters[0]));
+    for (int k = 0; k < 10; k++) assert_ok(ctx, sf_fitter_step(fitters[0]));
+    assert_true(fitters[0]->trials.count > 0);
+    assert_ok(ctx, sf_fitter_save(fitters[0], test_path("trial")));
+    assert_ok(ctx, sf_fitter_load(ctx, scene, test_path("trial"), NULL, &fitters[1]));
+    assert_int_equal(fitters[1]->trials.count, fitters[0]->trials.count);
+    for (int i = 0; i < 2; i++) {
+        for (int k = 0; k < 120; k++) assert_ok(ctx, sf_fitter_step(fitters[i]));
+        assert_ok(ctx, sf_fitter_snapshot(fitters[i], &ends[i]));
+        sf_fitter_destroy(&fitters[i]);
+    }
+    assert_int_equal(ends[0]->count, ends[1]->count);
+    for (int field = 0; field <= SF_FIELD_sh1; field++)
+        assert_memory_equal(ends[0]->params.field[field], ends[1]->params.field[field],
+                            sf_field_values(field, ends[0]->banded[sf_field_band(field)]) * sizeof(float));
+    for (int i = 0; i < 2; i++) sf_model_destroy(&ends[i]);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_context_destroy(&ctx);
+}
+
+/* Bands that change no picture are not paid for; those that the pictures show are. */
+static void test_degrees_are_paid_for(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_model *truth = model_of(ctx, three, 3, 3);
+    sf_params *p = &truth->params;
+    for (int k = 0; k < sf_field_components(SF_FIELD_sh1); k++) *sf_value(p, SF_FIELD_sh1, 1, k) = 0.3f;
+    *sf_value(p, SF_FIELD_sh2, 2, 0) = 1e-6f;
+    sf_scene *scene = scene_of(ctx, truth);
+    sf_fitter *f = fitter_of(ctx, scene, truth);
+    uint8_t degrees[3] = {3, 3, 2};
+    sf_worth w;
+    assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
+    assert_true(w.bands[1][0] > 0 && w.bands[1][1] == 0 && w.bands[0][0] == 0 && w.bands[2][1] > 0);
+    assert_int_equal(degrees[0], 0);
+    assert_int_equal(degrees[1], 1);
+    assert_int_equal(degrees[2], 0);
+    sf_worth_free(ctx, &w);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_worth_is_what_is_lost),
@@ -315,6 +375,8 @@ int main(void) {
         cmocka_unit_test(test_merge),
         cmocka_unit_test(test_trial_succeeds),
         cmocka_unit_test(test_trial_fails),
+        cmocka_unit_test(test_degrees_are_paid_for),
+        cmocka_unit_test(test_trial_goes_on),
         cmocka_unit_test(test_a_fit_pays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
