@@ -82,8 +82,11 @@ static void test_a_sound_fit_is_left_alone(void **state) {
 static void test_what_diverged_goes_back(void **state) {
     setup *s = *state;
     sf_fitter *f = start(s, &s->options);
+    assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
+    double sound = progress_of(f).loss;
+    sf_fitter_destroy(&f);
+    f = start(s, &s->options);
     take_steps(s, f, 60);
-    double before = progress_of(f).loss;
     spoil(f);
     test_log_clear();
     take_steps(s, f, 12);
@@ -91,8 +94,8 @@ static void test_what_diverged_goes_back(void **state) {
     test_assert_contains(test_log, "the fit diverged", __FILE__, __LINE__);
     assert_true(f->rate_cut == 0.5);
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
-    print_message("loss %.3f before, %.3f in the end\n", before, progress_of(f).loss);
-    assert_true(progress_of(f).loss < 1.25 * before); /* of finer pictures by now */
+    print_message("loss %.3f, of a sound fit %.3f\n", progress_of(f).loss, sound);
+    assert_true(progress_of(f).loss < 2 * sound); /* it has had half of the steps, at half the rates */
     assert_true(is_finite(f->model));
     sf_fitter_destroy(&f);
 }
