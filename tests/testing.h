@@ -64,7 +64,12 @@ double test_number(const json_t *object, const char *key);
 
 void test_pause_ms(long ms);
 
-/* Means of the figures of a fitter's model over the held-out views of its scene. */
+/* Of the training views only `wanted` stay, evenly spread. */
+void test_thin_out(sf_context *ctx, sf_scene *scene, size_t wanted);
+
+/* Means of the figures of a fitter's model over the views of one split of its scene; over the held-out ones.
+ */
+sf_quality test_quality(sf_context *ctx, sf_scene *scene, sf_fitter *fitter, sf_split split);
 sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);
 
 /* What a test does to a training view on its way into a scene; number: 0, 1, ... of the training views. */
