@@ -235,20 +235,21 @@ static void copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view,
     free(bytes);
 }
 
-sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user) {
-    sf_scene *from, *to;
-    sf_scene_info info;
+void test_copy_views(sf_context *ctx, sf_scene *from, sf_scene *to, test_change change, void *user) {
+    sf_view_info view;
     size_t number = 0;
-    assert_ok(ctx, sf_scene_load(ctx, name, NULL, &from));
-    assert_ok(ctx, sf_scene_create(ctx, &to));
-    sf_scene_get_info(from, &info);
-    copy_points(ctx, from, to);
-    for (size_t i = 0; i < info.views; i++) {
-        sf_view_info view;
-        assert_ok(ctx, sf_scene_get_view(from, i, &view));
+    for (size_t i = 0; !sf_scene_get_view(from, i, &view); i++) {
         copy_view(ctx, from, &view, to, number, change, user);
         number += view.split == SF_SPLIT_TRAIN;
     }
+}
+
+sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user) {
+    sf_scene *from, *to;
+    assert_ok(ctx, sf_scene_load(ctx, name, NULL, &from));
+    assert_ok(ctx, sf_scene_create(ctx, &to));
+    copy_points(ctx, from, to);
+    test_copy_views(ctx, from, to, change, user);
     sf_scene_destroy(&from);
     return to;
 }

@@ -1,6 +1,7 @@
 /* row_few.c - rows 14 and 21: few views, and one. */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "fits.h"
 
@@ -80,4 +81,35 @@ const stab_row stab_row_14 = {
     .cure = "Of 8 views or more some are kept out of the training until the rates fall; where they gain "
             "nothing any more, the fit settles from its best model.",
     .run = few_views,
+};
+
+/* ---- row 21
+ * ------------------------------------------------------------------------------------------------
+ */
+
+static void one_image(stab_run *run) {
+    sf_context *ctx = test_context();
+    sf_scene *scene = load_studio(ctx);
+    sf_fit_options options = stab_fit_options(600, 4000);
+    sf_fitter *fitter;
+    test_thin_out(ctx, scene, 1);
+    test_log_clear();
+    stab_fit fit = stab_fit_scene(ctx, scene, &options, 600 / LOOKS, &fitter);
+    stab_at_least(run, test_quality(ctx, scene, fitter, SF_SPLIT_TRAIN).psnr, 30, "dB",
+                  "one image: its own PSNR");
+    stab_at_least(run, strstr(test_log, "depth") != NULL, 1, "", "one image: warnings of depths");
+    stab_at_most(run, (double)fit.progress.skipped_values, 0, "", "one image: values not finite");
+    stab_shown(run, fit.quality.psnr, "dB", "one image: held-out PSNR of other views");
+    stab_chart_begin(run, "The studio from one image: other views", steps_axis, psnr_axis);
+    stab_draw_fit(run, STAB_OURS, &fit, "held-out views");
+    sf_fitter_destroy(&fitter);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+const stab_row stab_row_21 = {
+    .id = "21",
+    .failure = "A single image, a single place",
+    .cure = "It is fitted like any scene, with a warning that the depth is not determined.",
+    .run = one_image,
 };
