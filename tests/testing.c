@@ -219,8 +219,9 @@ static void copy_points(sf_context *ctx, sf_scene *from, sf_scene *to) {
     free(rgb);
 }
 
-static void copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view, sf_scene *to, size_t number,
-                      test_change change, void *user) {
+static uint32_t copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view, sf_scene *to,
+                          size_t number, test_change change, void *user) {
+    uint32_t id;
     size_t values = 3 * (size_t)view->camera.width * (size_t)view->camera.height;
     float *rgb = malloc(values * sizeof *rgb);
     uint8_t *bytes = malloc(values);
@@ -230,9 +231,15 @@ static void copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view,
     for (size_t i = 0; i < values; i++) bytes[i] = (uint8_t)(255 * rgb[i] + 0.5f);
     if (change && view->split == SF_SPLIT_TRAIN) change(user, number, &camera, bytes);
     sf_pixels pixels = {.rgb = bytes, .stride = 3 * (size_t)camera.width};
-    assert_ok(ctx, sf_scene_add_view(to, view->name, &camera, &pixels, view->split, NULL));
+    assert_ok(ctx, sf_scene_add_view(to, view->name, &camera, &pixels, view->split, &id));
     free(rgb);
     free(bytes);
+    return id;
+}
+
+uint32_t test_copy_view(sf_context *ctx, sf_scene *from, sf_view_info view, sf_scene *to, sf_split split) {
+    view.split = split;
+    return copy_view(ctx, from, &view, to, 0, NULL, NULL);
 }
 
 void test_copy_views(sf_context *ctx, sf_scene *from, sf_scene *to, test_change change, void *user) {

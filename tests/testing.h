@@ -74,6 +74,8 @@ sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);
 
 /* What a test does to a training view on its way into a scene; number: 0, 1, ... of the training views. */
 typedef void (*test_change)(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
+/* A view of `from` once more in `to`, with another split; returns its id there. */
+uint32_t test_copy_view(sf_context *ctx, sf_scene *from, sf_view_info view, sf_scene *to, sf_split split);
 /* Views alone, in their order; change (NULL: none) is called of training views. */
 void test_copy_views(sf_context *ctx, sf_scene *from, sf_scene *to, test_change change, void *user);
 /* A simulated scene loaded anew, its training views changed (NULL: as they are); held-out views and points

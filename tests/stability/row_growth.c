@@ -70,7 +70,7 @@ static void through_growth(stab_run *run, const char *name, sf_context *ctx, sf_
     for (size_t i = 0; i < ours.count; i++) stab_point(run, ours.steps[i], ours.psnr[i]);
     stab_series_begin(run, STAB_TEXTBOOK, "textbook: and a reset of opacities after %d", RESET_AT);
     for (size_t i = 0; i < textbook.count; i++) stab_point(run, textbook.steps[i], textbook.psnr[i]);
-    stab_at_most(run, worst.fall, 0.5, "dB", "%s: largest fall at a growth", name);
+    stab_at_most(run, worst.fall, 0.1, "dB", "%s: largest fall at a growth", name);
     stab_textbook(run, reset.fall);
     stab_at_most(run, worst.steps, EVERY, "steps", "%s: most steps to recover", name);
     stab_textbook(run, reset.steps);
