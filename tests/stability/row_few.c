@@ -87,14 +87,16 @@ const stab_row stab_row_14 = {
  * ------------------------------------------------------------------------------------------------
  */
 
+enum { ONE_STEPS = 1500 };
+
 static void one_image(stab_run *run) {
     sf_context *ctx = test_context();
     sf_scene *scene = load_studio(ctx);
-    sf_fit_options options = stab_fit_options(600, 4000);
+    sf_fit_options options = stab_fit_options(ONE_STEPS, 8000);
     sf_fitter *fitter;
     test_thin_out(ctx, scene, 1);
     test_log_clear();
-    stab_fit fit = stab_fit_scene(ctx, scene, &options, 600 / LOOKS, &fitter);
+    stab_fit fit = stab_fit_scene(ctx, scene, &options, ONE_STEPS / LOOKS, &fitter);
     stab_at_least(run, test_quality(ctx, scene, fitter, SF_SPLIT_TRAIN).psnr, 30, "dB",
                   "one image: its own PSNR");
     stab_at_least(run, strstr(test_log, "depth") != NULL, 1, "", "one image: warnings of depths");
