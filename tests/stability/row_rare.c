@@ -82,6 +82,7 @@ static void rarely_seen(stab_run *run) {
     }
     stab_at_least(run, least, 0.95 * (double)OPACITY, "",
                   "least opacity of what 1 %% of the views see, from %g", (double)OPACITY);
+    stab_known(run, "it is regularised in the steps that see it; what all see falls further");
     stab_textbook(run, textbook);
     stab_shown(run, opacity_of(f, 0), "", "opacity of what the others see, at the end");
     stab_chart_begin(run, "Two Gaussians with a regulariser of opacity", (stab_axis){"steps (1)", 0},
