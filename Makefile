@@ -119,7 +119,7 @@ CHART_OBJ := $(CHART_SRC:%.c=$(O)/%.o)
 BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
                $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
-TEST_OBJ := $(O)/tests/testing.o
+TEST_OBJ := $(addprefix $(O)/tests/,testing.o disturb.o)
 # The targets of hostile input, and what of the program they call.
 FUZZ_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
             $(filter-out $(O)/src/app/main.o,$(APP_OBJ)) $(BENCH_OBJ)

@@ -150,34 +150,61 @@ double test_number(const json_t *object, const char *key) {
 
 void test_pause_ms(long ms) { nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL); }
 
-sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
+static sf_quality quality_of_view(sf_renderer *renderer, sf_context *ctx, sf_scene *scene, sf_fitter *fitter,
+                                  sf_view_info view) {
+    size_t pixels = (size_t)view.camera.width * (size_t)view.camera.height;
+    float *truth = malloc(3 * pixels * sizeof *truth), *drawn = malloc(3 * pixels * sizeof *drawn);
+    assert_true(truth && drawn);
+    sf_quality quality;
+    sf_image_out out = {.rgb = drawn};
+    assert_ok(ctx, sf_scene_get_pixels(scene, view.id, truth, NULL));
+    assert_ok(ctx, sf_fitter_get_camera(fitter, view.id, &view.camera));
+    assert_ok(ctx, sf_fitter_render(fitter, &view.camera, &out));
+    assert_ok(ctx, sf_compare(renderer, view.camera.width, view.camera.height, drawn, truth, NULL, &quality));
+    free(truth);
+    free(drawn);
+    return quality;
+}
+
+sf_quality test_quality(sf_context *ctx, sf_scene *scene, sf_fitter *fitter, sf_split split) {
     sf_quality mean = {0};
     sf_renderer *renderer;
     sf_scene_info info;
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));
     sf_scene_get_info(scene, &info);
+    size_t count = split == SF_SPLIT_TEST ? info.test_views : info.train_views;
     for (size_t i = 0; i < info.views; i++) {
         sf_view_info view;
         assert_ok(ctx, sf_scene_get_view(scene, i, &view));
-        if (view.split != SF_SPLIT_TEST) continue;
-        size_t pixels = (size_t)view.camera.width * (size_t)view.camera.height;
-        float *truth = malloc(3 * pixels * sizeof *truth), *drawn = malloc(3 * pixels * sizeof *drawn);
-        assert_true(truth && drawn);
-        sf_quality quality;
-        sf_image_out out = {.rgb = drawn};
-        assert_ok(ctx, sf_scene_get_pixels(scene, view.id, truth, NULL));
-        assert_ok(ctx, sf_fitter_get_camera(fitter, view.id, &view.camera));
-        assert_ok(ctx, sf_fitter_render(fitter, &view.camera, &out));
-        assert_ok(ctx,
-                  sf_compare(renderer, view.camera.width, view.camera.height, drawn, truth, NULL, &quality));
-        mean.psnr += quality.psnr / (double)info.test_views;
-        mean.ssim += quality.ssim / (double)info.test_views;
-        mean.psnr_corrected += quality.psnr_corrected / (double)info.test_views;
-        free(truth);
-        free(drawn);
+        if (view.split != split) continue;
+        sf_quality quality = quality_of_view(renderer, ctx, scene, fitter, view);
+        mean.psnr += quality.psnr / (double)count;
+        mean.ssim += quality.ssim / (double)count;
+        mean.psnr_corrected += quality.psnr_corrected / (double)count;
     }
     sf_renderer_destroy(&renderer);
     return mean;
+}
+
+sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
+    return test_quality(ctx, scene, fitter, SF_SPLIT_TEST);
+}
+
+void test_thin_out(sf_context *ctx, sf_scene *scene, size_t wanted) {
+    sf_scene_info info;
+    sf_view_info view;
+    sf_scene_get_info(scene, &info);
+    size_t have = info.train_views, next = 0;
+    for (size_t i = 0, number = 0; !sf_scene_get_view(scene, i, &view);) {
+        int stays = view.split == SF_SPLIT_TEST;
+        if (!stays && number++ == (2 * next + 1) * have / (2 * wanted)) next++, stays = 1;
+        if (stays)
+            i++;
+        else
+            assert_ok(ctx, sf_scene_remove_view(scene, view.id));
+    }
+    sf_scene_get_info(scene, &info);
+    assert_int_equal(info.train_views, wanted);
 }
 
 static void copy_points(sf_context *ctx, sf_scene *from, sf_scene *to) {
@@ -192,8 +219,9 @@ static void copy_points(sf_context *ctx, sf_scene *from, sf_scene *to) {
     free(rgb);
 }
 
-static void copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view, sf_scene *to, size_t number,
-                      test_change change, void *user) {
+static uint32_t copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view, sf_scene *to,
+                          size_t number, test_change change, void *user) {
+    uint32_t id;
     size_t values = 3 * (size_t)view->camera.width * (size_t)view->camera.height;
     float *rgb = malloc(values * sizeof *rgb);
     uint8_t *bytes = malloc(values);
@@ -203,25 +231,32 @@ static void copy_view(sf_context *ctx, sf_scene *from, const sf_view_info *view,
     for (size_t i = 0; i < values; i++) bytes[i] = (uint8_t)(255 * rgb[i] + 0.5f);
     if (change && view->split == SF_SPLIT_TRAIN) change(user, number, &camera, bytes);
     sf_pixels pixels = {.rgb = bytes, .stride = 3 * (size_t)camera.width};
-    assert_ok(ctx, sf_scene_add_view(to, view->name, &camera, &pixels, view->split, NULL));
+    assert_ok(ctx, sf_scene_add_view(to, view->name, &camera, &pixels, view->split, &id));
     free(rgb);
     free(bytes);
+    return id;
+}
+
+uint32_t test_copy_view(sf_context *ctx, sf_scene *from, sf_view_info view, sf_scene *to, sf_split split) {
+    view.split = split;
+    return copy_view(ctx, from, &view, to, 0, NULL, NULL);
+}
+
+void test_copy_views(sf_context *ctx, sf_scene *from, sf_scene *to, test_change change, void *user) {
+    sf_view_info view;
+    size_t number = 0;
+    for (size_t i = 0; !sf_scene_get_view(from, i, &view); i++) {
+        copy_view(ctx, from, &view, to, number, change, user);
+        number += view.split == SF_SPLIT_TRAIN;
+    }
 }
 
 sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user) {
     sf_scene *from, *to;
-    sf_scene_info info;
-    size_t number = 0;
     assert_ok(ctx, sf_scene_load(ctx, name, NULL, &from));
     assert_ok(ctx, sf_scene_create(ctx, &to));
-    sf_scene_get_info(from, &info);
     copy_points(ctx, from, to);
-    for (size_t i = 0; i < info.views; i++) {
-        sf_view_info view;
-        assert_ok(ctx, sf_scene_get_view(from, i, &view));
-        copy_view(ctx, from, &view, to, number, change, user);
-        number += view.split == SF_SPLIT_TRAIN;
-    }
+    test_copy_views(ctx, from, to, change, user);
     sf_scene_destroy(&from);
     return to;
 }

@@ -64,11 +64,20 @@ double test_number(const json_t *object, const char *key);
 
 void test_pause_ms(long ms);
 
-/* Means of the figures of a fitter's model over the held-out views of its scene. */
+/* Of the training views only `wanted` stay, evenly spread. */
+void test_thin_out(sf_context *ctx, sf_scene *scene, size_t wanted);
+
+/* Means of the figures of a fitter's model over the views of one split of its scene; over the held-out ones.
+ */
+sf_quality test_quality(sf_context *ctx, sf_scene *scene, sf_fitter *fitter, sf_split split);
 sf_quality test_held_out(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);
 
 /* What a test does to a training view on its way into a scene; number: 0, 1, ... of the training views. */
 typedef void (*test_change)(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
+/* A view of `from` once more in `to`, with another split; returns its id there. */
+uint32_t test_copy_view(sf_context *ctx, sf_scene *from, sf_view_info view, sf_scene *to, sf_split split);
+/* Views alone, in their order; change (NULL: none) is called of training views. */
+void test_copy_views(sf_context *ctx, sf_scene *from, sf_scene *to, test_change change, void *user);
 /* A simulated scene loaded anew, its training views changed (NULL: as they are); held-out views and points
  * stay. */
 sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user);

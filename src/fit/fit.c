@@ -270,6 +270,13 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     return SF_OK;
 }
 
+/* Pictures that were all taken from one place say nothing of depths. */
+static void warn_of_one_place(sf_fitter *f) {
+    if (f->gone_on || !sf_scene_in_one_place(f->scene)) return;
+    sf_log(f->ctx, SF_LOG_WARNING,
+           "scene: all training pictures are from one place: they do not determine the depth");
+}
+
 /* The views that there are at the start. */
 static sf_status take_up_first(sf_fitter *f) {
     uint32_t *ids;
@@ -293,6 +300,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     status = take_up_first(f);
     if (!status) status = choose_start(f, from);
     if (!status) {
+        warn_of_one_place(f);
         f->model->antialiased = options->antialiased || (from && from->antialiased);
         f->first_count = f->model->count;
         status = make_plan(f);

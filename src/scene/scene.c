@@ -214,7 +214,9 @@ static double median_distance(const sf_scene *scene, const double *center) {
     return n ? distances[n / 2] : 0;
 }
 
-static void measure_extent(const sf_scene *scene, sf_scene_info *info) {
+/* Sets info->center; returns the largest distance of a training camera from it, 0 where all stand in one
+ * place: rounding of their mean is not an extent. */
+static double measure_spread(const sf_scene *scene, sf_scene_info *info) {
     double largest = 0, c[3];
     for (size_t i = 0; i < scene->view_count; i++) {
         if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
@@ -227,12 +229,29 @@ static void measure_extent(const sf_scene *scene, sf_scene_info *info) {
         double x = c[0] - info->center[0], y = c[1] - info->center[1], z = c[2] - info->center[2];
         largest = fmax(largest, sqrt(x * x + y * y + z * z));
     }
-    info->extent = 1.1 * largest;
-    /* one camera, or all in one place: rounding of their mean is not an extent */
     double scale = fabs(info->center[0]) + fabs(info->center[1]) + fabs(info->center[2]);
-    if (info->extent <= 1e-9 * scale || !(info->extent > 0))
-        info->extent = median_distance(scene, info->center);
+    return 1.1 * largest > 1e-9 * scale ? largest : 0;
+}
+
+static void measure_extent(const sf_scene *scene, sf_scene_info *info) {
+    info->extent = 1.1 * measure_spread(scene, info);
+    if (!(info->extent > 0)) info->extent = median_distance(scene, info->center);
     if (!(info->extent > 0)) info->extent = 1;
+}
+
+static size_t count_training(const sf_scene *scene) {
+    size_t count = 0;
+    for (size_t i = 0; i < scene->view_count; i++) count += scene->views[i]->split == SF_SPLIT_TRAIN;
+    return count;
+}
+
+int sf_scene_in_one_place(sf_scene *scene) {
+    sf_scene_info info = {0};
+    pthread_mutex_lock(&scene->lock);
+    info.train_views = count_training(scene);
+    int result = info.train_views && !(measure_spread(scene, &info) > 0);
+    pthread_mutex_unlock(&scene->lock);
+    return result;
 }
 
 void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
@@ -245,8 +264,7 @@ void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
         .skipped_points = scene->skipped_points,
         .undistorted_views = scene->undistorted_views,
     };
-    for (size_t i = 0; i < scene->view_count; i++)
-        info->train_views += scene->views[i]->split == SF_SPLIT_TRAIN;
+    info->train_views = count_training(scene);
     info->test_views = info->views - info->train_views;
     measure_extent(scene, info);
     pthread_mutex_unlock(&scene->lock);

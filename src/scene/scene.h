@@ -50,6 +50,8 @@ sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
 /* New references to all views, in order; release them and sf_free *views. */
 sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
 void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count);
+/* Whether all training cameras stand in one place, but for rounding. */
+int sf_scene_in_one_place(sf_scene *scene);
 /* fingerprint.c: the hash of a view's picture and weights. */
 uint64_t sf_view_hash(sf_view *view);
 /* The ids of the training views, in order; *ids is sf_free'd by the caller. */

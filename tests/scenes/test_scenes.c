@@ -58,24 +58,6 @@ static void reaches_its_quality(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* Of the training views only `wanted` stay, evenly spread. */
-static void thin_out(sf_context *ctx, sf_scene *scene, size_t wanted) {
-    sf_scene_info info;
-    sf_view_info view;
-    sf_scene_get_info(scene, &info);
-    size_t have = info.train_views, next = 0;
-    for (size_t i = 0, number = 0; !sf_scene_get_view(scene, i, &view);) {
-        int stays = view.split == SF_SPLIT_TEST;
-        if (!stays && number++ == (2 * next + 1) * have / (2 * wanted)) next++, stays = 1;
-        if (stays)
-            i++;
-        else
-            assert_ok(ctx, sf_scene_remove_view(scene, view.id));
-    }
-    sf_scene_get_info(scene, &info);
-    assert_int_equal(info.train_views, wanted);
-}
-
 typedef struct peak {
     sf_context *ctx;
     sf_scene *scene;
@@ -97,7 +79,7 @@ static void few_views_end_near_the_best(void **state) {
     snprintf(path, sizeof path, "%s/%s", test_data(), fox_centred.project);
     peak best = {.ctx = test_context_threads(0)};
     assert_ok(best.ctx, sf_scene_load(best.ctx, path, NULL, &best.scene));
-    thin_out(best.ctx, best.scene, views);
+    test_thin_out(best.ctx, best.scene, views);
     sf_fit_options options = sf_fit_options_default();
     options.steps = fox_centred.steps;
     options.max_gaussians = fox_centred.max_gaussians;

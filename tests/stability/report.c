@@ -21,9 +21,8 @@ static void print_figure(const stab_figure *figure) {
         snprintf(bound, sizeof bound, "%s %.3g", sense_text(figure), figure->bound);
     if (figure->has_textbook) number_text(figure->textbook, textbook, sizeof textbook);
     printf("      %-66s %9s %10s %-9s %9s  %s\n", figure->name, value, bound, figure->unit, textbook,
-           figure->sense == STAB_SHOWN ? ""
-           : stab_figure_holds(figure) ? "ok"
-                                       : "FAILS");
+           stab_figure_verdict(figure));
+    if (!stab_figure_holds(figure) && figure->known[0]) printf("        known: %s\n", figure->known);
 }
 
 void stab_print(const stab_run *run) {
@@ -49,6 +48,7 @@ static json_t *figure_json(const stab_figure *figure) {
     if (figure->sense != STAB_SHOWN)
         json_object_set_new(object, figure->sense == STAB_AT_MOST ? "at_most" : "at_least",
                             number_json(figure->bound));
+    if (figure->known[0]) json_object_set_new(object, "known", json_string(figure->known));
     if (figure->has_textbook) json_object_set_new(object, "textbook", number_json(figure->textbook));
     return object;
 }
@@ -78,9 +78,10 @@ static json_t *run_json(const stab_run *run) {
     for (size_t i = 0; i < run->chart_count; i++) json_array_append_new(charts, chart_json(&run->charts[i]));
     json_t *object = json_pack("{s:s, s:s, s:s, s:s, s:f, s:o, s:o}", "row", run->row->id, "failure",
                                run->row->failure, "cure", run->row->cure, "result",
-                               run->skipped[0]       ? "skipped"
-                               : stab_run_holds(run) ? "ok"
-                                                     : "failed",
+                               run->skipped[0]          ? "skipped"
+                               : stab_run_holds(run)    ? "ok"
+                               : stab_run_is_known(run) ? "known failure"
+                                                        : "failed",
                                "seconds", run->seconds, "figures", figures, "charts", charts);
     if (run->skipped[0]) json_object_set_new(object, "reason", json_string(run->skipped));
     return object;

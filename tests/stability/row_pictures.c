@@ -12,11 +12,11 @@ typedef struct result {
     uint64_t skipped;
 } result;
 
-static result fit(sf_context *ctx, sf_scene *scene, int64_t steps) {
+static result fit(sf_context *ctx, sf_scene *scene, int64_t steps, int background) {
     sf_fitter *fitter;
     sf_fit_progress progress;
     sf_fit_options options = sf_fit_options_default();
-    options.steps = steps, options.max_gaussians = 1500;
+    options.steps = steps, options.max_gaussians = 1500, options.background = background;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     sf_fitter_get_progress(fitter, &progress);
@@ -80,7 +80,7 @@ static result try_content(sf_context *ctx, const stab_run *run, content c) {
     sf_scene *scene = changed(
         ctx, emulated ? "sim:studio?width=80&height=60&frames=6" : "sim:studio?width=80&height=60&frames=24",
         c);
-    result r = fit(ctx, scene, (int64_t)stab_count(run, 400, 40, 3));
+    result r = fit(ctx, scene, (int64_t)stab_count(run, 400, 40, 3), SF_BACKGROUND_BLACK);
     sf_scene_destroy(&scene);
     return r;
 }
@@ -98,8 +98,23 @@ static uint64_t try_odd_ones(sf_context *ctx, stab_run *run) {
     return black.skipped + constant.skipped + one.skipped + less.skipped;
 }
 
+/* Nothing is to be seen before a background that is learned, and with time to charge for what is there
+ * nothing is left. */
+static void try_nothing(sf_context *ctx, stab_run *run) {
+    static const content contents[] = {BLACK, CONSTANT};
+    static const char *const names[] = {"all pictures black", "all pictures of one colour"};
+    for (int i = 0; i < 2; i++) {
+        sf_scene *scene = changed(ctx, "sim:studio?width=80&height=60&frames=12", contents[i]);
+        result r = fit(ctx, scene, 3000, SF_BACKGROUND_AUTO);
+        stab_at_most(run, (double)r.gaussians, 1, "", "%s, background learned: Gaussians", names[i]);
+        stab_at_least(run, r.psnr, 40, "dB", "%s, background learned: PSNR", names[i]);
+        sf_scene_destroy(&scene);
+    }
+}
+
 static void pictures(stab_run *run) {
     sf_context *ctx = test_context();
+    if (run->effort == STAB_WHOLE) try_nothing(ctx, run);
     uint64_t skipped = run->effort == STAB_EMULATED ? 0 : try_odd_ones(ctx, run);
     result white = try_content(ctx, run, MASKED_WHITE), noise = try_content(ctx, run, MASKED_NOISE);
     skipped += white.skipped + noise.skipped;

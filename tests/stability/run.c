@@ -50,6 +50,12 @@ void stab_shown(stab_run *run, double value, const char *unit, const char *name,
     figure->value = value, figure->bound = NAN, figure->sense = STAB_SHOWN;
 }
 
+void stab_known(stab_run *run, const char *reason) {
+    assert_true(run->figure_count > 0);
+    stab_figure *figure = &run->figures[run->figure_count - 1];
+    snprintf(figure->known, sizeof figure->known, "%s", reason);
+}
+
 void stab_textbook(stab_run *run, double value) {
     assert_true(run->figure_count > 0);
     run->figures[run->figure_count - 1].textbook = value;
@@ -112,6 +118,17 @@ int stab_run_holds(const stab_run *run) {
     for (size_t i = 0; i < run->figure_count; i++)
         if (!stab_figure_holds(&run->figures[i])) return 0;
     return run->figure_count > 0;
+}
+
+int stab_run_is_known(const stab_run *run) {
+    for (size_t i = 0; i < run->figure_count; i++)
+        if (!stab_figure_holds(&run->figures[i]) && !run->figures[i].known[0]) return 0;
+    return run->skipped[0] || run->figure_count > 0;
+}
+
+const char *stab_figure_verdict(const stab_figure *figure) {
+    if (figure->sense == STAB_SHOWN) return "";
+    return stab_figure_holds(figure) ? "ok" : figure->known[0] ? "known failure" : "FAILS";
 }
 
 void stab_execute(const stab_row *row, stab_effort effort, stab_run *run) {

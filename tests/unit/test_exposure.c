@@ -1,5 +1,5 @@
 /* test_exposure.c - a gain and a bias per channel and training picture, and the PSNR that leaves them out. */
-#include "testing.h"
+#include "disturb.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -189,26 +189,6 @@ static void nothing_to_correct_by(void **state) {
 
 #define STUDIO "sim:studio?width=80&height=60&frames=24"
 
-/* As a camera that leaves room: the greatest gain below brings nothing to white. */
-static const double DIM = 0.6;
-
-static void multiply(const double gains[3], const sf_camera *camera, uint8_t *rgb) {
-    for (size_t i = 0; i < 3 * (size_t)camera->width * (size_t)camera->height; i++)
-        rgb[i] = (uint8_t)(fmin(gains[i % 3] * rgb[i], 255) + 0.5);
-}
-
-static void dim(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
-    (void)user, (void)number;
-    multiply((const double[]){DIM, DIM, DIM}, camera, rgb);
-}
-
-/* Gains .7 and 1.4 by turns, and red against blue by 15 %. */
-static void wander(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
-    (void)user;
-    double gain = DIM * (number % 2 ? 0.7 : 1.4), balance = number / 2 % 2 ? 0.15 : -0.15;
-    multiply((const double[]){gain * (1 + balance), gain, gain * (1 - balance)}, camera, rgb);
-}
-
 static sf_fit_options small_fit(int exposure) {
     sf_fit_options options = sf_fit_options_default();
     options.validate = 0;
@@ -226,8 +206,9 @@ static sf_quality fitted(sf_context *ctx, test_change change, int exposure) {
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     sf_quality quality = test_held_out(ctx, scene, fitter);
-    print_message("%s, exposure %s: %.2f dB, corrected %.2f dB\n", change == wander ? "wandering" : "steady",
-                  exposure ? "on" : "off", quality.psnr, quality.psnr_corrected);
+    print_message("%s, exposure %s: %.2f dB, corrected %.2f dB\n",
+                  change == test_wander ? "wandering" : "steady", exposure ? "on" : "off", quality.psnr,
+                  quality.psnr_corrected);
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     return quality;
@@ -239,8 +220,8 @@ static void wandering_exposure_costs_little(void **state) {
     (void)state;
     if (is_quick()) test_skip("SPLATFIT_QUICK is set, and this takes thousands of steps");
     sf_context *ctx = test_context();
-    sf_quality plain = fitted(ctx, dim, 0), steady = fitted(ctx, dim, 1);
-    sf_quality without = fitted(ctx, wander, 0), with = fitted(ctx, wander, 1);
+    sf_quality plain = fitted(ctx, test_dim, 0), steady = fitted(ctx, test_dim, 1);
+    sf_quality without = fitted(ctx, test_wander, 0), with = fitted(ctx, test_wander, 1);
     assert_true(steady.psnr_corrected >= plain.psnr_corrected - 0.05);
     assert_true(with.psnr_corrected >= plain.psnr_corrected - 0.3);
     assert_true(with.psnr_corrected >= without.psnr_corrected + 1);
@@ -252,7 +233,7 @@ static void wandering_exposure_costs_little(void **state) {
 static void mean_is_held(void **state) {
     (void)state;
     sf_context *ctx = test_context();
-    sf_scene *scene = test_changed_scene(ctx, STUDIO, wander, NULL);
+    sf_scene *scene = test_changed_scene(ctx, STUDIO, test_wander, NULL);
     sf_fit_options options = small_fit(1);
     options.steps = 300;
     sf_fitter *fitter;

@@ -1,17 +1,13 @@
 /* test_refine.c - poses and focal lengths that are off, and what a fit makes of them. */
-#include "testing.h"
+#include "disturb.h"
 
 #include <jansson.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/rng.h"
-
 #define STUDIO "sim:studio?width=160&height=120&frames=24"
-enum { MOST_VIEWS = 64 };
 
-static const double pi = 3.141592653589793, DEPTH = 4.3; /* from the studio's cameras to its middle */
 /* Of the error of small pictures, of which a tenth of a degree is a third of a pixel; larger ones give more.
  */
 static const double LEAST_RECOVERED = 0.7;
@@ -21,127 +17,6 @@ static int is_quick(void) { return getenv("SPLATFIT_QUICK") != NULL; }
 static void skip_if_quick(void) {
     if (is_quick()) test_skip("SPLATFIT_QUICK is set, and this takes thousands of steps");
 }
-
-/* 1. Rotations */
-
-/* out = a b, or a^T b */
-static void product(const double a[9], const double b[9], int transposed, double out[9]) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            out[3 * i + j] = 0;
-            for (int k = 0; k < 3; k++)
-                out[3 * i + j] += a[transposed ? 3 * k + i : 3 * i + k] * b[3 * k + j];
-        }
-}
-
-static void apply(const double R[9], const double p[3], double out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = R[3 * i] * p[0] + R[3 * i + 1] * p[1] + R[3 * i + 2] * p[2];
-}
-
-/* About `axis`, whose length is the angle. */
-static void turn_about(const double axis[3], double R[9]) {
-    double angle = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
-    double s = angle > 0 ? sin(angle) / angle : 1, c = angle > 0 ? (1 - cos(angle)) / (angle * angle) : 0.5;
-    const double K[9] = {0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0};
-    product(K, K, 0, R);
-    for (int k = 0; k < 9; k++) R[k] = (k % 4 == 0) + s * K[k] + c * R[k];
-}
-
-static double degrees_between(const double a[9], const double b[9]) {
-    double trace = 0;
-    for (int k = 0; k < 9; k++) trace += a[k] * b[k];
-    return 2 * asin(fmin(1, sqrt(fmax(0, 6 - 2 * trace) / 8))) * 180 / pi;
-}
-
-/* 2. Cameras, as they are and as they are given */
-
-typedef struct cameras {
-    size_t count;
-    sf_camera truth[MOST_VIEWS], given[MOST_VIEWS];
-    double degrees, depth, zoom; /* of the disturbance: standard deviations, and a factor */
-    sf_rng rng;
-} cameras;
-
-static void disturb(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
-    (void)rgb;
-    cameras *c = user;
-    double axis[3], by[9], R[9], center[3];
-    assert_int_equal(number, c->count);
-    assert_true(number < MOST_VIEWS);
-    c->truth[number] = *camera;
-    sf_camera_center(camera, center);
-    for (int k = 0; k < 3; k++) {
-        axis[k] = c->degrees * pi / 180 / sqrt(3) * sf_rng_normal(&c->rng);
-        center[k] += c->depth * DEPTH / sqrt(3) * sf_rng_normal(&c->rng);
-    }
-    turn_about(axis, by);
-    product(by, camera->R_cw, 0, R);
-    memcpy(camera->R_cw, R, sizeof R);
-    apply(R, center, camera->t_cw);
-    for (int k = 0; k < 3; k++) camera->t_cw[k] = -camera->t_cw[k];
-    camera->fx *= c->zoom;
-    camera->fy *= c->zoom;
-    c->given[c->count++] = *camera;
-}
-
-static cameras disturbance(double degrees, double depth, double zoom) {
-    cameras c = {.degrees = degrees, .depth = depth, .zoom = zoom};
-    sf_rng_seed(&c.rng, 21);
-    return c;
-}
-
-/* Mean errors after the cameras are laid over the true ones by a rotation, a scale and a translation. */
-typedef struct pose_error {
-    double degrees, depths;
-} pose_error;
-
-/* The rotation that brings the worlds of `got` into those of `want`, as well as one can for all. */
-static void common_turn(const sf_camera *got, const sf_camera *want, size_t n, double G[9]) {
-    for (int k = 0; k < 9; k++) G[k] = k % 4 == 0;
-    for (int pass = 0; pass < 20; pass++) {
-        double mean[3] = {0}, by[9], next[9];
-        for (size_t i = 0; i < n; i++) {
-            double all[9], back[9], left[9];
-            product(want[i].R_cw, got[i].R_cw, 1, all);
-            for (int k = 0; k < 9; k++) back[k] = G[k % 3 * 3 + k / 3];
-            product(all, back, 0, left);
-            mean[0] += (left[7] - left[5]) / 2 / (double)n;
-            mean[1] += (left[2] - left[6]) / 2 / (double)n;
-            mean[2] += (left[3] - left[1]) / 2 / (double)n;
-        }
-        turn_about(mean, by);
-        product(by, G, 0, next);
-        memcpy(G, next, sizeof next);
-    }
-}
-
-static pose_error error_of(const sf_camera *got, const sf_camera *want, size_t n) {
-    double G[9], p[MOST_VIEWS][3], q[MOST_VIEWS][3], mean_p[3] = {0}, mean_q[3] = {0}, pq = 0, pp = 0;
-    pose_error e = {0};
-    common_turn(got, want, n, G);
-    for (size_t i = 0; i < n; i++) {
-        double center[3], turned[9];
-        sf_camera_center(&got[i], center);
-        apply(G, center, p[i]);
-        sf_camera_center(&want[i], q[i]);
-        for (int k = 0; k < 3; k++) mean_p[k] += p[i][k] / (double)n, mean_q[k] += q[i][k] / (double)n;
-        product(want[i].R_cw, G, 0, turned); /* got's axes, by the true pose */
-        e.degrees += degrees_between(got[i].R_cw, turned) / (double)n;
-    }
-    for (size_t i = 0; i < n; i++)
-        for (int k = 0; k < 3; k++) {
-            pq += (p[i][k] - mean_p[k]) * (q[i][k] - mean_q[k]);
-            pp += (p[i][k] - mean_p[k]) * (p[i][k] - mean_p[k]);
-        }
-    for (size_t i = 0; i < n; i++) {
-        double square = 0;
-        for (int k = 0; k < 3; k++) square += pow(pq / pp * (p[i][k] - mean_p[k]) + mean_q[k] - q[i][k], 2);
-        e.depths += sqrt(square) / DEPTH / (double)n;
-    }
-    return e;
-}
-
-/* 3. Fits */
 
 static sf_fit_options small_fit(int64_t steps) {
     sf_fit_options options = sf_fit_options_default();
@@ -156,28 +31,19 @@ typedef struct fitting {
     sf_context *ctx;
     sf_scene *scene;
     sf_fitter *fitter;
-    cameras c;
-    sf_camera refined[MOST_VIEWS];
+    test_cameras c;
+    sf_camera refined[TEST_MOST_VIEWS];
     sf_fit_progress progress;
 } fitting;
 
 /* Runs a fit of the studio, its cameras disturbed as `c` says. */
-static fitting run(const char *studio, cameras c, const sf_fit_options *options, int threads) {
+static fitting run(const char *studio, test_cameras c, const sf_fit_options *options, int threads) {
     fitting f = {.ctx = test_context_threads(threads), .c = c};
-    sf_scene_info info;
-    size_t n = 0;
-    f.scene = test_changed_scene(f.ctx, studio, disturb, &f.c);
+    f.scene = test_changed_scene(f.ctx, studio, test_disturb, &f.c);
     assert_ok(f.ctx, sf_fitter_create(f.ctx, f.scene, NULL, options, &f.fitter));
     assert_ok(f.ctx, sf_fitter_run(f.fitter, NULL, NULL));
     sf_fitter_get_progress(f.fitter, &f.progress);
-    sf_scene_get_info(f.scene, &info);
-    for (size_t i = 0; i < info.views; i++) {
-        sf_view_info view;
-        assert_ok(f.ctx, sf_scene_get_view(f.scene, i, &view));
-        if (view.split == SF_SPLIT_TRAIN)
-            assert_ok(f.ctx, sf_fitter_get_camera(f.fitter, view.id, &f.refined[n++]));
-    }
-    assert_int_equal(n, f.c.count);
+    test_cameras_of(f.ctx, f.scene, f.fitter, &f.c, f.refined);
     return f;
 }
 
@@ -192,9 +58,9 @@ static void poses_are_recovered(void **state) {
     skip_if_quick();
     sf_fit_options options = small_fit(2000);
     options.refine_poses = 1;
-    fitting f = run(STUDIO, disturbance(0.5, 0.01, 1), &options, 2);
-    pose_error before = error_of(f.c.given, f.c.truth, f.c.count),
-               after = error_of(f.refined, f.c.truth, f.c.count);
+    fitting f = run(STUDIO, test_disturbance(0.5, 0.01, 1), &options, 2);
+    test_pose_error before = test_pose_error_of(f.c.given, f.c.truth, f.c.count),
+                    after = test_pose_error_of(f.refined, f.c.truth, f.c.count);
     print_message("%.3f degrees, then %.3f; %.4f depths, then %.4f; moved by %.3f and %.4f in the median\n",
                   before.degrees, after.degrees, before.depths, after.depths, f.progress.turned_degrees,
                   f.progress.moved_depths);
@@ -216,7 +82,7 @@ static void perfect_poses_cost_little(void **state) {
             sf_fit_options options = small_fit(2000);
             options.refine_poses = refine;
             options.seed = seed;
-            fitting f = run(STUDIO, disturbance(0, 0, 1), &options, 2);
+            fitting f = run(STUDIO, test_disturbance(0, 0, 1), &options, 2);
             psnr[refine] = test_held_out(f.ctx, f.scene, f.fitter).psnr;
             end(&f);
         }
@@ -235,7 +101,7 @@ static void focal_length_is_recovered(void **state) {
     for (int i = 0; i < 2; i++) {
         sf_fit_options options = small_fit(2000);
         options.refine_intrinsics = 1;
-        fitting f = run(STUDIO, disturbance(0, 0, zooms[i]), &options, 2);
+        fitting f = run(STUDIO, test_disturbance(0, 0, zooms[i]), &options, 2);
         double fx = f.refined[0].fx / f.c.truth[0].fx, fy = f.refined[0].fy / f.c.truth[0].fy;
         print_message("focal length %.4f of the true one, then %.4f, %.4f\n", zooms[i], fx, fy);
         assert_true(fabs(fx - 1) <= 0.2 * 0.05 && fabs(fy - 1) <= 0.2 * 0.05);
@@ -250,7 +116,7 @@ static void cameras_are_told(void **state) {
     (void)state;
     sf_fit_options options = small_fit(60);
     options.refine_poses = options.refine_intrinsics = options.hold_two_poses = 1;
-    fitting f = run("sim:studio?width=64&height=48&frames=12", disturbance(0.5, 0.01, 1), &options, 2);
+    fitting f = run("sim:studio?width=64&height=48&frames=12", test_disturbance(0.5, 0.01, 1), &options, 2);
     const char *path = test_path("cameras.json");
     assert_ok(f.ctx, sf_fitter_save_cameras(f.fitter, path));
     json_t *list = json_load_file(path, 0, NULL);
@@ -295,14 +161,14 @@ static void cameras_are_told(void **state) {
 static void same_bytes(void **state) {
     (void)state;
     static const int threads[] = {1, 2, 4};
-    sf_camera first[MOST_VIEWS];
+    sf_camera first[TEST_MOST_VIEWS];
     double loss = 0;
     for (size_t i = 0; i < 3; i++) {
         sf_fit_options options = small_fit(40);
         options.exposure = options.refine_poses = options.refine_intrinsics = 1;
         options.refine_start = 0;
-        fitting f =
-            run("sim:studio?width=64&height=48&frames=9", disturbance(0.5, 0.01, 1.02), &options, threads[i]);
+        fitting f = run("sim:studio?width=64&height=48&frames=9", test_disturbance(0.5, 0.01, 1.02), &options,
+                        threads[i]);
         if (!i) {
             memcpy(first, f.refined, sizeof first);
             loss = f.progress.loss;
