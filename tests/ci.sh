@@ -41,8 +41,8 @@ all_but() { # NAME...
 }
 
 # Whole fits take minutes where they are emulated: of these tests, each machine leaves out what the other runs,
-# and both what walks through all allocations, which are the same everywhere.
-fits_64='exposure fit growth refine schedule sweep chart calibrate capture stability allocations'
+# and both what has nothing of a machine: all allocations, all moments of a fit.
+fits_64='exposure fit growth refine schedule sweep chart calibrate capture stability allocations guard cancel'
 fits_32='checkpoint cli bench guard cancel allocations'
 emulated() { # NAME TOOLCHAIN TESTS
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
