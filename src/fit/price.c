@@ -176,8 +176,9 @@ static void lower_degrees(const sf_fitter *f, const sf_worth *w, uint8_t *degree
 
 sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
     sf_status status = weigh(f, w);
-    if (status || !w->views) return status;
+    if (status) return status;
     if (f->trials.count) sf_trials_judge(f, w, price_of(f, w), NOTHING * NOTHING);
+    if (!w->views) return SF_OK;
     double mean = w->squares / w->values;
     if (!(f->least_mean > 0 && f->least_mean < mean)) f->least_mean = mean;
     status = taking_out(f, fraction) ? take_out(f, fraction, w) : SF_OK;

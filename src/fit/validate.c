@@ -135,7 +135,6 @@ static int suits(const sf_model *best, const sf_model *model) {
 
 /* The model as it is becomes the best one. */
 sf_status sf_keep_best(sf_fitter *f) {
-    memcpy(f->best_background, f->background, sizeof f->background);
     if (!f->best || !suits(f->best, f->model)) {
         sf_model *best;
         sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
@@ -145,6 +144,7 @@ sf_status sf_keep_best(sf_fitter *f) {
     } else {
         sf_model_assign(f->best, f->model);
     }
+    memcpy(f->best_background, f->background, sizeof f->background);
     sf_trials_undo(&f->trials, f->best);
     return SF_OK;
 }
