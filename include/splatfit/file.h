@@ -17,7 +17,7 @@ extern "C" {
 SF_API sf_status sf_write_file(sf_context *context, const char *path, const void *data, size_t size);
 
 /* The same, but when the bytes reach the disk is left to the operating system: for the many files of a
- * recording, of which a loss of power may take the last. */
+ * recording, of which a loss of power may take the last. What killed writers left stays. */
 SF_API sf_status sf_write_file_unsynced(sf_context *context, const char *path, const void *data, size_t size);
 
 /* A picture ([height][width][3], sRGB values, clamped to 0..1, rounded to 8 bits) as the bytes of a file,

@@ -722,7 +722,7 @@ static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
     return status;
 }
 
-/* The best model so far, if the run validates. */
+/* The best model so far, or one to go back to, if there is one. */
 static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
     double psnr[2];
     size_t banded[SF_BANDS];

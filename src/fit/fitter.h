@@ -64,7 +64,7 @@ struct sf_fitter {
     double best_fraction, next_validation;
     int64_t best_step, next_look; /* steps */
     sf_model *best;               /* the model with best_psnr, until the views of validation join the others;
-                                     where that is NAN, one to go back to */
+                                     then, and where that is NAN, one to go back to */
     double best_background[3];    /* of that model */
     uint32_t *kept_out;           /* ids of these views, ascending */
     size_t kept_out_count, kept_out_capacity;
@@ -211,12 +211,13 @@ sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
 sf_status sf_arrange(sf_fitter *fitter, const sf_place *places, size_t n, uint32_t *where);
 
 /* trial.c */
-/* Whether Gaussian pairs are on trial, and an end to it, all as before. */
+/* Ends the trial, all as before. */
 void sf_trials_end(sf_fitter *fitter);
 void sf_trials_free(sf_fitter *fitter);
 
 /* grow.c */
-/* Removes what is faint or not finite, then clones and splits up to the plan; or relocates. */
+/* Charges where that is due (price.h); removes what is faint or not finite, then clones and splits up to the
+ * plan; or relocates. */
 void sf_grow_and_prune(sf_fitter *fitter, double fraction);
 
 /* Removes what is not finite, and says so. */

@@ -10,8 +10,6 @@ static inline float *sf_value(const sf_params *params, int field, size_t i, int 
     return &params->field[field][sf_at(i, sf_field_components(field), component)];
 }
 
-#define SF_SH_C0 0.28209479177387814 /* Y of band 0, M.4 */
-
 static inline float sf_opacity(float logit) { return 1.0f / (1.0f + expf(-logit)); }
 static inline float sf_logit(float opacity) { return logf(opacity / (1.0f - opacity)); }
 

@@ -7,7 +7,8 @@
 #include "fitter.h"
 
 #include <math.h>
-#include <stdlib.h>
+
+#include "refine.h"
 
 enum {
     MEDIAN_OF = 9,    /* losses */
@@ -23,18 +24,12 @@ enum {
 /* What all rates are multiplied by then. */
 #define RATE_CUT 0.5
 
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Of the last losses; 0: there are too few since the fit began or went back. */
 static double median_loss(const sf_fitter *f) {
     double last[MEDIAN_OF];
     if (f->step - f->guard_since < MEDIAN_OF) return 0;
     for (int i = 0; i < MEDIAN_OF; i++) last[i] = f->losses[(f->step - 1 - i) % SF_LOSS_WINDOW];
-    qsort(last, MEDIAN_OF, sizeof *last, by_value);
-    return last[MEDIAN_OF / 2];
+    return sf_median(last, MEDIAN_OF);
 }
 
 /* The loss at which the fit is taken to have diverged, times part; INFINITY before the first median. */
@@ -66,9 +61,8 @@ sf_status sf_diverged(sf_fitter *f, double loss) {
     f->rate_cut *= RATE_CUT;
     f->diverged++;
     sf_log(f->ctx, SF_LOG_WARNING,
-           "step %lld: the fit diverged (loss %.3g, the least before %.3g): it goes on from an earlier model "
-           "with "
-           "%.3g of the learning rates",
+           "step %lld: the fit diverged (loss %.3g, the least before %.3g): it goes on from an earlier "
+           "model with %.3g of the learning rates",
            (long long)f->step, loss, f->least_loss, f->rate_cut);
     return SF_OK;
 }

@@ -21,7 +21,8 @@ enum {
 /* Bytes of a Gaussian that growth takes while it goes on: the candidates or the draws of relocation, places,
  * and the order that they make; and those that writing the result takes: a .spz most. */
 enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_place), WRITING = 24 };
-/* And charging: what each is worth, its neighbours, a quarter of them on trial. */
+/* And charging: what each is worth, its neighbours, a quarter of them on trial: more are there only of a
+ * model that trials have made smaller. */
 enum { CHARGING = 128 + sizeof(sf_trial) / 4 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */

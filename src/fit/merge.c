@@ -10,6 +10,7 @@
 
 #include "../base/linear.h"
 #include "../base/pool.h"
+#include "../kernels/sh.h"
 #include "../scene/nearest.h"
 #include "grow.h"
 
@@ -64,7 +65,7 @@ static blob blob_of(const sf_params *p, size_t i) {
     for (int k = 0; k < 3; k++) {
         b.C[4 * k] += LEAST_VARIANCE * most;
         b.mean[k] = (double)*sf_value(p, SF_FIELD_mean, i, k);
-        b.rgb[k] = fmax(0.5 + SF_SH_C0 * (double)*sf_value(p, SF_FIELD_sh0, i, k), 0);
+        b.rgb[k] = fmax(0.5 + SF_SH_0 * (double)*sf_value(p, SF_FIELD_sh0, i, k), 0);
     }
     weigh_in(&b);
     return b;

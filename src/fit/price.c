@@ -10,7 +10,7 @@
 #define PRICE 20.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.25 / 255)
-/* What a float of an SH band must take away, in those of a Gaussian's: half of what bands make serves to
+/* What a float of an SH band must take away, in those of a Gaussian's: much of what bands make serves to
  * please single views. */
 #define BAND_PRICE 3.5
 /* So many times their square is hardly seen. */
@@ -70,12 +70,18 @@ static double price_of(const sf_fitter *f, const sf_worth *w) {
     return PRICE / f->options.quality * (mean + NOTHING * NOTHING);
 }
 
-sf_status sf_consider_growth(sf_fitter *f) {
-    sf_worth w;
+/* At full resolution, by so many views; 0: all. */
+static sf_status weigh(sf_fitter *f, size_t views, sf_worth *w) {
     int level = f->level;
     f->level = 0;
-    sf_status status = sf_weigh(f, LOOKED, &w);
+    sf_status status = sf_weigh(f, views, w);
     f->level = level;
+    return status;
+}
+
+sf_status sf_consider_growth(sf_fitter *f) {
+    sf_worth w;
+    sf_status status = weigh(f, LOOKED, &w);
     if (!status && w.views) {
         int gained = !(f->least_squares > 0) || w.squares < f->least_squares * (1 - GROWTH_GAIN);
         f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
@@ -116,8 +122,8 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
 
 /* What is not worth its price goes, but half of all at most, and no more than the steps to come make up for:
  * where many do the same none is worth much, and what is left of them is worth more. */
-static sf_status take_out(sf_fitter *f, double fraction, const sf_worth *w) {
-    double price = price_of(f, w), before, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
+static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
+    double before, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
     double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0;
@@ -149,19 +155,9 @@ static void leave_visible_alone(sf_worth *w) {
         if ((double)w->share[i] > most * (double)w->mass[i]) w->effect[i] = INFINITY;
 }
 
-/* At full resolution. */
-static sf_status weigh(sf_fitter *f, sf_worth *w) {
-    int level = f->level;
-    f->level = 0;
-    sf_status status = sf_weigh(f, 0, w);
-    f->level = level;
-    return status;
-}
-
 /* The degree at which what the bands above it make and the price of those up to it are the least; bands are
  * paid by the float. */
-static void lower_degrees(const sf_fitter *f, const sf_worth *w, uint8_t *degrees) {
-    double price = price_of(f, w) / SF_MOST_FLOATS * BAND_PRICE;
+static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
         int best = degrees[i];
@@ -175,14 +171,16 @@ static void lower_degrees(const sf_fitter *f, const sf_worth *w, uint8_t *degree
 }
 
 sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
-    sf_status status = weigh(f, w);
+    sf_status status = weigh(f, 0, w);
     if (status) return status;
-    if (f->trials.count) sf_trials_judge(f, w, price_of(f, w), NOTHING * NOTHING);
+    double price = price_of(f, w);
+    int taking = taking_out(f, fraction);
+    if (f->trials.count) sf_trials_judge(f, w, price, NOTHING * NOTHING);
     if (!w->views) return SF_OK;
     double mean = w->squares / w->values;
     if (!(f->least_mean > 0 && f->least_mean < mean)) f->least_mean = mean;
-    status = taking_out(f, fraction) ? take_out(f, fraction, w) : SF_OK;
-    if (taking_out(f, fraction) && fraction <= charge_until(f)) lower_degrees(f, w, degrees);
+    if (taking) status = take_out(f, fraction, price, w);
+    if (taking && fraction <= charge_until(f)) lower_degrees(w, price / SF_MOST_FLOATS * BAND_PRICE, degrees);
     leave_visible_alone(w);
     return status;
 }
@@ -192,7 +190,7 @@ sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) 
     if (!w->views || !may_try(f, fraction)) return SF_OK;
     if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
         sf_worth_free(f->ctx, w);
-        status = weigh(f, w);
+        status = weigh(f, 0, w);
         if (!status) leave_visible_alone(w);
     }
     return status ? status : sf_trials_begin(f, w);

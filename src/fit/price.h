@@ -15,13 +15,14 @@ int sf_is_priced(const sf_fitter *fitter);
  * growth ends (grown_out). SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_consider_growth(sf_fitter *fitter);
 
-/* Whether this step ends with charging: with those that are not worth their price, until the model must be
- * left to settle, or with pairs on trial (trial.h). Not while it grows. */
+/* Whether this step ends with charging: with those that are not worth their price, to the end of the
+ * run, or, when nothing grows any more, with pairs on trial (trial.h). */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 
 /* Marks in screen_sum what is worth less than its price, as worth has it, which is of all views, and lowers
  * degrees[i] <= its own to the SH degree that Gaussian i pays for. Then those marked and those bands can go,
- * and sf_try_pairs follow. SF_ERR_MEMORY: what is marked is marked rightly. */
+ * and sf_try_pairs follow: the effects of those that it must leave alone are INFINITY. SF_ERR_MEMORY: what is
+ * marked is marked rightly. */
 sf_status sf_charge(sf_fitter *fitter, double fraction, sf_worth *worth, uint8_t *degrees);
 
 /* Puts pairs on trial where that pays. worth: of before, for the Gaussians that are left; `went`: so many are

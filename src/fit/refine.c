@@ -200,8 +200,7 @@ void sf_hold_mean(sf_view_states *views) {
 
 /* 5. How far it went */
 
-/* The value in the middle, by Hoare's selection; reorders them. */
-static double median(double *values, size_t n) {
+double sf_median(double *values, size_t n) {
     size_t first = 0, last = n ? n - 1 : 0, middle = n / 2;
     while (first < last) {
         double pivot = values[middle];
@@ -223,12 +222,12 @@ static double median(double *values, size_t n) {
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal) {
     double *values = views->scratch;
     for (size_t i = 0; i < views->count; i++) values[i] = views->states[i].turned_deg;
-    *degrees = median(values, views->count);
+    *degrees = sf_median(values, views->count);
     for (size_t i = 0; i < views->count; i++) values[i] = views->states[i].moved_depths;
-    *depths = median(values, views->count);
+    *depths = sf_median(values, views->count);
     for (size_t i = 0; i < views->count; i++) {
         const double *log_focal = views->lenses[views->states[i].lens].log_focal;
         values[i] = expm1((log_focal[0] + log_focal[1]) / 2);
     }
-    *focal = median(values, views->count);
+    *focal = sf_median(values, views->count);
 }

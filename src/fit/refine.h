@@ -32,4 +32,7 @@ void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, con
 /* Medians over the training views: degrees turned, depths moved, change of the mean focal length. */
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal);
 
+/* The value in the middle, by Hoare's selection; reorders them. */
+double sf_median(double *values, size_t n);
+
 #endif

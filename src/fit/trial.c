@@ -107,7 +107,7 @@ sf_status sf_trials_begin(sf_fitter *f, sf_worth *w) {
     sf_status status = SF_OK;
     if (!(t->part > 0)) t->part = FIRST_PART;
     size_t most = (size_t)ceil(t->part * (double)f->model->count), merged = 1;
-    for (int pass = 0; pass < PASSES && merged && !status; pass++)
+    for (int pass = 0; pass < PASSES && merged && t->count < most && !status; pass++)
         status = merge_some(f, most - t->count, w->effect, &merged);
     if (!status) status = name_leaders(f);
     if (status) sf_trials_end(f);
@@ -148,8 +148,7 @@ void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
     uint32_t *members = count_members(f);
     double fell = fmin(w->squares / t->squares, 1), all = 0;
     size_t n = t->count, good = 0;
-    if (!members || !w->blame ||
-        w->tile_count != t->tile_count) { /* views came or went: nothing to compare */
+    if (!members || w->tile_count != t->tile_count) { /* views came or went: nothing to compare */
         sf_free(f->ctx, members);
         sf_trials_end(f);
         return;
@@ -168,7 +167,7 @@ void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
             w->effect[one->a] = w->effect[one->b] = INFINITY;
         }
     }
-    learn(t, failed, n ? (double)good / (double)n : 1);
+    learn(t, failed, (double)good / (double)n);
     t->count = 0;
     sf_free(f->ctx, members);
 }

@@ -11,8 +11,8 @@ enum { SF_TRIAL_STEPS = 50 /* that those on trial have to make up for what is mi
 int sf_trials_promise(const sf_fitter *fitter);
 
 /* Puts the pairs that are likely to cost least on trial. worth: of the model as it is, all views looked at;
- * the squared errors that it found are what the trial is judged by. On SF_ERR_MEMORY what is on trial is on
- * trial rightly. */
+ * its tiles, which are the trial's then, are what that is judged by, and its effects are those of the pairs.
+ * SF_ERR_MEMORY: nothing is on trial. */
 sf_status sf_trials_begin(sf_fitter *fitter, sf_worth *worth);
 
 /* Ends the trial: pairs whose one has raised the squared error by no more than the price of the Gaussians

@@ -178,7 +178,7 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void
     weigh_job *job = job_pointer;
     sf_status status = residual(job, pixels);
     if (!status) status = sf_stage_blend_worth(job->ws);
-    if (!status) status = weigh_tiles(job);
+    if (!status && job->worth->bands) status = weigh_tiles(job);
     if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
     return status;
 }

@@ -19,7 +19,7 @@ typedef struct sf_worth {
     double squares; /* squared error of the views */
     double values;  /* weights of their pixels, times the channels */
     float *removal; /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
-                       be  below 0 */
+                       be below 0 */
     float *effect;  /* [count] what that does to the pictures, squared: the removal where the residual is
                        noise */
     float *share;   /* [count] its part of the squared error: sum of w r^2 */
@@ -27,7 +27,7 @@ typedef struct sf_worth {
     float (*bands)[SF_MAX_SH_DEGREE]; /* [count] effect of leaving out the bands above 0, 1, 2; NULL where
                                          only some views are looked at */
     sf_blame *blame; /* [count] while pairs are on trial, and all views are looked at; else NULL */
-    float *tiles;    /* squared error of each tile of each view that was looked at, as drawn */
+    float *tiles; /* squared error of each tile of each view, as drawn; NULL where only some are looked at */
     size_t tile_count, tile_capacity;
 } sf_worth;
 

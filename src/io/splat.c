@@ -9,12 +9,11 @@
 #include <string.h>
 
 #include "../base/bytes.h"
+#include "../kernels/sh.h"
 #include "model_file.h"
 #include "quantise.h"
 
 enum { ROW = 32, SCALES_AT = 12, COLORS_AT = 24, ALPHA_AT = 27, QUAT_AT = 28 };
-
-static const double sh_c0 = 0.28209479177387814;
 
 /* ---- In ---- */
 
@@ -23,7 +22,7 @@ static void decode(const uint8_t *row, sf_gaussian *g) {
     sf_bytes b = {.data = row, .size = ROW};
     for (int k = 0; k < 3; k++) f.means[k] = sf_bytes_f32(&b);
     for (int k = 0; k < 3; k++) f.log_scales[k] = logf(sf_bytes_f32(&b));
-    for (int k = 0; k < 3; k++) f.sh[k] = (float)((row[COLORS_AT + k] / 255.0 - 0.5) / sh_c0);
+    for (int k = 0; k < 3; k++) f.sh[k] = (float)((row[COLORS_AT + k] / 255.0 - 0.5) / SF_SH_0);
     f.logit_opacities[0] = sf_logit_of_byte(row[ALPHA_AT]);
     for (int k = 0; k < 4; k++) f.quats[k] = (float)((row[QUAT_AT + k] - 128) / 128.0);
 }
@@ -100,7 +99,7 @@ static void encode(sf_gaussian *g, uint8_t row[ROW]) {
     for (int k = 0; k < 3; k++) {
         put_float(row + 4 * k, f.means[k]);
         put_float(row + SCALES_AT + 4 * k, expf(f.log_scales[k]));
-        row[COLORS_AT + k] = sf_byte_of(255 * (0.5 + sh_c0 * (double)f.sh[k]), NULL);
+        row[COLORS_AT + k] = sf_byte_of(255 * (0.5 + SF_SH_0 * (double)f.sh[k]), NULL);
     }
     row[ALPHA_AT] = sf_byte_of(255 * sf_sigmoid(f.logit_opacities[0]), NULL);
     for (int k = 0; k < 4; k++) row[QUAT_AT + k] = sf_byte_of(128 + 128 * (double)unit[k], NULL);
