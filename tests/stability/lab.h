@@ -19,6 +19,9 @@ void stab_lab_close(stab_lab *lab);
 enum { STAB_LEVELS = 8 };
 size_t stab_levels(const char *names[STAB_LEVELS]);
 
+/* The worse of two errors; one that is not finite is infinite, where fmax() leaves NaN out. */
+static inline double stab_worse(double a, double b) { return isfinite(b) ? fmax(a, b) : INFINITY; }
+
 /* The largest magnitude of n values. */
 double stab_most_of(const double *values, size_t n);
 

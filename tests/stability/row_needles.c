@@ -34,8 +34,6 @@ static test_ref_scene draw_needle(sf_rng *rng, const setting *s, double aspect) 
     return scene;
 }
 
-static double worse(double a, double b) { return isfinite(b) ? fmax(a, b) : INFINITY; }
-
 static void try_textbook(const stab_truth *truth, worst *w) {
     size_t pixels = (size_t)truth->scene->camera.width * (size_t)truth->scene->camera.height;
     double *T = test_ref_numbers(pixels);
@@ -43,8 +41,8 @@ static void try_textbook(const stab_truth *truth, worst *w) {
     stab_textbook_single(truth->scene, truth->d_rgb, T, &d);
     for (size_t i = 0; i < pixels; i++)
         if (!truth->left_out[i])
-            w->textbook_g = worse(w->textbook_g, fabs(T[i] - truth->frame.transmittance[i]) / 0.9);
-    w->textbook_gradient = worse(w->textbook_gradient, stab_gradient_error(truth, &d));
+            w->textbook_g = stab_worse(w->textbook_g, fabs(T[i] - truth->frame.transmittance[i]) / 0.9);
+    w->textbook_gradient = stab_worse(w->textbook_gradient, stab_gradient_error(truth, &d));
     test_ref_gaussians_free(&d);
     free(T);
 }
@@ -52,8 +50,8 @@ static void try_textbook(const stab_truth *truth, worst *w) {
 static void try_needle(const stab_lab *lab, const test_ref_scene *scene, worst *w) {
     stab_truth truth = stab_truth_of(scene);
     stab_errors e = stab_compare(lab, &truth);
-    w->g = worse(w->g, e.transmittance / 0.9);
-    w->gradient = worse(w->gradient, e.worst_gradient);
+    w->g = stab_worse(w->g, e.transmittance / 0.9);
+    w->gradient = stab_worse(w->gradient, e.worst_gradient);
     try_textbook(&truth, w);
     stab_truth_free(&truth);
 }
