@@ -2,6 +2,7 @@
 #include "lab.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 stab_lab stab_lab_open(const char *isa) {
     stab_lab lab = {0};
@@ -17,10 +18,12 @@ void stab_lab_close(stab_lab *lab) {
 }
 
 size_t stab_levels(const char *names[STAB_LEVELS]) {
+    const char *only = getenv("SPLATFIT_ISA");
     size_t n = 0;
     sf_isa_info info;
     for (size_t i = 0; n < STAB_LEVELS && sf_isa_describe(i, &info) == SF_OK; i++)
-        if (info.usable) names[n++] = info.name;
+        if (info.usable && (!only || !*only || !strcmp(only, info.name))) names[n++] = info.name;
+    assert_true(n > 0);
     return n;
 }
 

@@ -15,7 +15,8 @@ typedef struct stab_lab {
 stab_lab stab_lab_open(const char *isa);
 void stab_lab_close(stab_lab *lab);
 
-/* The levels that this machine has, lowest first; how many. */
+/* The levels that this machine has, lowest first; how many. Where SPLATFIT_ISA names one, that alone: make
+ * check runs the program once a level. */
 enum { STAB_LEVELS = 8 };
 size_t stab_levels(const char *names[STAB_LEVELS]);
 
