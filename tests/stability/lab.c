@@ -38,6 +38,10 @@ double stab_most_of(const double *values, size_t n) {
     return most;
 }
 
+double stab_between(sf_rng *rng, double least, double most) {
+    return (double)(float)test_random_between(rng, least, most);
+}
+
 void stab_set_opacity(test_ref_scene *scene, size_t i, double opacity) {
     scene->gaussians.logit_opacities[i] = (float)log(opacity / (1 - opacity));
 }
@@ -190,4 +194,14 @@ double stab_ref_loss(const test_ref_scene *scene) {
     for (size_t i = 0; i < values; i++) sum += (double)test_d_rgb_at(i) * frame.rgb[i];
     test_ref_frame_free(&frame);
     return sum;
+}
+
+double stab_difference(const test_ref_scene *scene, double *at, double h) {
+    double middle = *at;
+    *at = middle + h;
+    double after = stab_ref_loss(scene);
+    *at = middle - h;
+    double before = stab_ref_loss(scene);
+    *at = middle;
+    return (after - before) / (2 * h);
 }

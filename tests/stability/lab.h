@@ -26,6 +26,9 @@ static inline double stab_worse(double a, double b) { return isfinite(b) ? fmax(
 /* The largest magnitude of n values. */
 double stab_most_of(const double *values, size_t n);
 
+/* Uniform, rounded to a float: what library and reference both take as it is. */
+double stab_between(sf_rng *rng, double least, double most);
+
 /* One of three counts, by effort. */
 size_t stab_count(const stab_run *run, size_t whole, size_t quick, size_t emulated);
 
@@ -67,5 +70,7 @@ double stab_gradient_error(const stab_truth *truth, const test_ref_gaussians *go
 
 /* The loss sum d_rgb rgb of the reference, whose gradient test_outcome_of gives. */
 double stab_ref_loss(const test_ref_scene *scene);
+/* Its derivative by a value of the scene, by central differences with a step of h; the value is as it was. */
+double stab_difference(const test_ref_scene *scene, double *at, double h);
 
 #endif

@@ -59,15 +59,8 @@ static double unit(void) {
  */
 
 /* dL/do of layer i in float64, by central differences of its logit. */
-static double difference(test_ref_scene *scene, size_t i) {
-    const double h = 1e-5;
-    double *at = &scene->gaussians.logit_opacities[i], middle = *at;
-    *at = middle + h;
-    double after = stab_ref_loss(scene);
-    *at = middle - h;
-    double before = stab_ref_loss(scene);
-    *at = middle;
-    return (after - before) / (2 * h) / slope_of(scene, i);
+static double difference(const test_ref_scene *scene, size_t i) {
+    return stab_difference(scene, &scene->gaussians.logit_opacities[i], 1e-5) / slope_of(scene, i);
 }
 
 static void saturated(stab_run *run) {

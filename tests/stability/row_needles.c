@@ -17,16 +17,12 @@ typedef struct worst {
     double g, gradient, textbook_g, textbook_gradient;
 } worst;
 
-static double between(sf_rng *rng, double least, double most) {
-    return (double)(float)test_random_between(rng, least, most);
-}
-
 /* A quarter of the picture long, in any direction. */
 static test_ref_scene draw_needle(sf_rng *rng, const setting *s, double aspect) {
     test_ref_scene scene = stab_scene(1, s->width, s->width, 600 * s->scale);
-    double z = between(rng, 1.5, 4), middle = 0.05 * s->width * z / scene.camera.fx;
-    test_random_place(&scene, 0,
-                      (const double[]){middle * between(rng, -1, 1), middle * between(rng, -1, 1), z});
+    double z = stab_between(rng, 1.5, 4), middle = 0.05 * s->width * z / scene.camera.fx;
+    test_random_place(
+        &scene, 0, (const double[]){middle * stab_between(rng, -1, 1), middle * stab_between(rng, -1, 1), z});
     double longest = log(0.25 * s->width * z / scene.camera.fx);
     for (size_t k = 0; k < 3; k++)
         scene.gaussians.log_scales[k] = (float)(k == 0 ? longest : longest - log(aspect));

@@ -91,13 +91,7 @@ static double difference_error(const test_ref_scene *scene, double *values, cons
                                double h) {
     double most = 0, worst = 0;
     for (size_t k = 0; k < n; k++) {
-        double middle = values[k];
-        values[k] = middle + h;
-        double after = stab_ref_loss(scene);
-        values[k] = middle - h;
-        double before = stab_ref_loss(scene);
-        values[k] = middle;
-        double expected = (after - before) / (2 * h);
+        double expected = stab_difference(scene, &values[k], h);
         most = fmax(most, fabs(expected));
         worst = stab_worse(worst, fabs(expected - (double)gradient[k]));
     }
