@@ -8,7 +8,7 @@
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
-# make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; minutes
+# make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; memory that ends; minutes
 # make test-allocations  each job of the library without each of the blocks that it asks for; minutes
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
@@ -19,7 +19,7 @@
 # make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
-# make lint          include order, headers, symbols, format, forbidden words, scripts
+# make lint          include order, headers, symbols, format, forbidden words, scripts, the mutants' texts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
 # make install       program, headers, libraries and splatfit.pc to $(DESTDIR)$(PREFIX)
@@ -54,7 +54,7 @@ endif
 
 find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-golden test-scenes stability check check-cpus build-tests,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests,$(MAKECMDGOALS))
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
@@ -302,7 +302,8 @@ $(FUZZER): $(FUZZER).o $(FUZZ_OBJ) $(LIB)
 # ---- testing -----------------------------------------------------------------------------------------------
 
 run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/run.sh
-show_tests = @RUN='$(RUN)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh
+# With the figures that passed tests print; $(call show_tests,VARIABLES).
+show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
 .PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
@@ -315,14 +316,13 @@ $(O)/tests/crash/shim.so: tests/crash/shim.c $(O)/flags
 KILLS := 200
 EVERY := 1
 crash: $(PROGRAM) $(SHIM)
-	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' KILLS=$(KILLS) EVERY=$(EVERY) TIMEOUT=$${TIMEOUT:-1200} SHOW=1 \
-	    tests/run.sh tests/crash/kill.sh tests/crash/disk.sh
+	$(call show_tests,KILLS=$(KILLS) EVERY=$(EVERY)) tests/crash/kill.sh tests/crash/disk.sh
 # make test asks for fewer of the long jobs' blocks.
 ALLOCATIONS := $(O)/tests/unit/test_allocations
 test-allocations: $(ALLOCATIONS)
-	@RUN='$(RUN)' SPLATFIT_FULL=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(ALLOCATIONS)
+	$(call show_tests,SPLATFIT_FULL=1) $(ALLOCATIONS)
 test-golden: $(GOLD)
-	$(show_tests) $(GOLD)
+	$(call show_tests) $(GOLD)
 # The programs that hold kernels to float64, once a level; then what compares the levels.
 LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
 # Where it is not emulated: so are the quick experiments.
@@ -351,7 +351,7 @@ test-vm:
 	@MAKE='$(MAKE)' ONLY='$(TESTS)' tests/capture/board.sh $(CACHE) $(BOARD)
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES) $(PROGRAM)
-	@RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SCENES=1 SHOW=1 TIMEOUT=$${TIMEOUT:-1200} tests/run.sh $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
+	$(call show_tests,SCENES=1) $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
 
 # Hostile input: each target for FUZZ_SECONDS; TESTS names some.
 fuzz-program: $(FUZZER)

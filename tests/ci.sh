@@ -61,7 +61,7 @@ step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 step clang "${make[@]}" CC=clang build-tests
 wait
 cat $logs/thread.out
-# Two targets at a time, or as many as there are processors.
+# As many targets at a time as there are processors.
 step fuzz "${make[@]}" fuzz
 # Emulated programs keep one CPU busy each: the slowest machine goes beside all that follows up to the wait.
 # shellcheck disable=SC2086

@@ -5,10 +5,14 @@
  * not touched. And so are allocations, from the program's first call of signal() on: what loads the libraries
  * has no way to fail.
  *
- * SHIM_DISK=N    the N-th such call fails with ENOSPC (from 1)
- * SHIM_MODE=on   and so do all that follow, but for renaming and closing: the disk stays full; the first
- * write takes half of what it is given SHIM_MEMORY=N  the N-th allocation fails SHIM_COUNT=F   writes both
- * counts to the file F in the end
+ * SHIM_DISK=N: the N-th such call fails with ENOSPC (from 1).
+ *
+ * SHIM_MODE=on: and so do all that follow, but for renaming and closing: the disk stays full, the first write
+ * takes half of what it is given.
+ *
+ * SHIM_MEMORY=N: the N-th allocation fails.
+ *
+ * SHIM_COUNT=F: writes both counts to the file F in the end.
  */
 #undef _FILE_OFFSET_BITS /* a call has two names, and both are defined here */
 #define _GNU_SOURCE

@@ -149,7 +149,8 @@ static int remove_entry(const char *path, const struct stat *st, int type, struc
 
 static void remove_folder(void) { nftw(folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS); }
 
-const char *fuzz_folder(void) {
+/* The scratch folder, in memory where there is such a file system. */
+static const char *scratch_folder(void) {
     const char *base = getenv("TMPDIR");
     if (folder[0]) return folder;
     if (!base || !*base) base = access("/dev/shm", W_OK) ? "/tmp" : "/dev/shm";
@@ -163,7 +164,7 @@ const char *fuzz_path(const char *name) {
     static char paths[8][512];
     static unsigned turn;
     char *path = paths[turn++ % 8];
-    snprintf(path, sizeof paths[0], "%s/%s", fuzz_folder(), name);
+    snprintf(path, sizeof paths[0], "%s/%s", scratch_folder(), name);
     return path;
 }
 
@@ -175,8 +176,6 @@ const char *fuzz_file(const char *name, const void *data, size_t size) {
     FUZZ_CHECK(!fclose(file) && put == size, "%s: cannot be written", path);
     return path;
 }
-
-void fuzz_remove(const char *name) { remove(fuzz_path(name)); }
 
 const char *fuzz_subfolder(const char *name) {
     const char *path = fuzz_path(name);

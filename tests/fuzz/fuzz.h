@@ -14,6 +14,7 @@
 #include <splatfit/splatfit.h>
 
 #include "base/bytes.h"
+#include "io/sections.h"
 
 /* Name, and what makes a mutated input worth reading (checksums), or NULL. */
 #define FUZZ_TARGETS(F)                                                                                      \
@@ -48,6 +49,21 @@ void fuzz_repair_sections(uint8_t *data, size_t size);
 /* Puts a number that is odd into a section of a checkpoint, each as likely as the others. */
 void fuzz_edit_sections(uint8_t *data, size_t size, unsigned seed);
 
+/* Sections of a checkpoint, as io/sections.h lays them out: the file's header, and of each section its
+ * header, its elements and their hash. */
+enum { FUZZ_FILE_HEADER = 24, FUZZ_SECTION_HEADER = SF_SECTION_NAME + 24, FUZZ_SECTION_HASH = 8 };
+
+typedef struct fuzz_section {
+    size_t at, element, count; /* of its header in the file; bytes of an element; elements */
+} fuzz_section;
+
+/* The section whose header is at `at`, as long as the rest allows; 0: there is none. */
+int fuzz_section_at(const uint8_t *data, size_t size, size_t at, fuzz_section *s);
+/* Where the next begins. */
+size_t fuzz_section_end(const fuzz_section *s);
+/* Little-endian. */
+void fuzz_store(uint8_t *to, uint64_t value, size_t bytes);
+
 typedef struct fuzz_target {
     const char *name;
     int (*run)(const uint8_t *data, size_t size);
@@ -77,11 +93,11 @@ const char *fuzz_last_error(void);
 /* Whether the call went well; a failure must have one line that names `name`, the file or the field. */
 int fuzz_went_well(sf_context *ctx, sf_status status, const char *name);
 
-/* The scratch folder, in memory where there is such a file system; a file in it, named anew by each call. */
-const char *fuzz_folder(void);
+/* A file in the scratch folder, which is in memory where there is such a file system; named anew by each
+ * call.
+ */
 const char *fuzz_path(const char *name);
 const char *fuzz_file(const char *name, const void *data, size_t size);
-void fuzz_remove(const char *name);
 /* A folder in the scratch folder, and the removal of the files in it. */
 const char *fuzz_subfolder(const char *name);
 void fuzz_clear(const char *name);

@@ -4,7 +4,6 @@
 #include <zlib.h>
 
 #include "base/hash.h"
-#include "io/sections.h"
 
 static uint32_t big32(const uint8_t *p) {
     return (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 | (uint32_t)p[2] << 8 | p[3];
@@ -24,7 +23,7 @@ void fuzz_repair_png(uint8_t *data, size_t size) {
     }
 }
 
-static void store(uint8_t *to, uint64_t value, size_t bytes) {
+void fuzz_store(uint8_t *to, uint64_t value, size_t bytes) {
     for (size_t b = 0; b < bytes; b++) to[b] = (uint8_t)(value >> (8 * b));
 }
 
@@ -35,18 +34,12 @@ static uint64_t hash_in_pieces(const uint8_t *data, size_t size) {
     return hash;
 }
 
-/* The layout is sections.h's. */
-enum { FILE_HEADER = 24, COUNT_AT = SF_SECTION_NAME + 8, HEADER = SF_SECTION_NAME + 24, HASH = 8 };
+enum { COUNT_AT = SF_SECTION_NAME + 8 }; /* in a section's header */
 
-typedef struct section {
-    size_t at, element, count;
-} section;
-
-/* The section whose header is at `at`, as long as the rest allows; 0: there is none. */
-static int look(const uint8_t *data, size_t size, size_t at, section *s) {
-    if (size < at || size - at < HEADER + HASH) return 0;
+int fuzz_section_at(const uint8_t *data, size_t size, size_t at, fuzz_section *s) {
+    if (size < at || size - at < FUZZ_SECTION_HEADER + FUZZ_SECTION_HASH) return 0;
     sf_bytes b = {.data = data, .size = size, .at = at + SF_SECTION_NAME};
-    size_t most = size - at - HEADER - HASH;
+    size_t most = size - at - FUZZ_SECTION_HEADER - FUZZ_SECTION_HASH;
     s->at = at;
     s->element = sf_bytes_u32(&b);
     b.at = at + COUNT_AT;
@@ -56,19 +49,24 @@ static int look(const uint8_t *data, size_t size, size_t at, section *s) {
     return 1;
 }
 
-static size_t end_of(const section *s) { return s->at + HEADER + s->element * s->count + HASH; }
+size_t fuzz_section_end(const fuzz_section *s) {
+    return s->at + FUZZ_SECTION_HEADER + s->element * s->count + FUZZ_SECTION_HASH;
+}
 
 /* Where a section is said to be longer than the file, its last length stands. */
 void fuzz_repair_sections(uint8_t *data, size_t size) {
-    section s;
-    if (size < FILE_HEADER) return;
-    store(data + FILE_HEADER - HASH, sf_hash(SF_HASH_SEED, data, FILE_HEADER - HASH), HASH);
-    for (size_t at = FILE_HEADER; look(data, size, at, &s); at = end_of(&s)) {
+    fuzz_section s;
+    if (size < FUZZ_FILE_HEADER) return;
+    fuzz_store(data + FUZZ_FILE_HEADER - FUZZ_SECTION_HASH,
+               sf_hash(SF_HASH_SEED, data, FUZZ_FILE_HEADER - FUZZ_SECTION_HASH), FUZZ_SECTION_HASH);
+    for (size_t at = FUZZ_FILE_HEADER; fuzz_section_at(data, size, at, &s); at = fuzz_section_end(&s)) {
         uint8_t *header = data + at;
         size_t bytes = s.count * s.element;
-        store(header + COUNT_AT, s.count, 8);
-        store(header + HEADER - HASH, sf_hash(SF_HASH_SEED, header, HEADER - HASH), HASH);
-        store(header + HEADER + bytes, hash_in_pieces(header + HEADER, bytes), HASH);
+        fuzz_store(header + COUNT_AT, s.count, 8);
+        fuzz_store(header + FUZZ_SECTION_HEADER - FUZZ_SECTION_HASH,
+                   sf_hash(SF_HASH_SEED, header, FUZZ_SECTION_HEADER - FUZZ_SECTION_HASH), FUZZ_SECTION_HASH);
+        fuzz_store(header + FUZZ_SECTION_HEADER + bytes, hash_in_pieces(header + FUZZ_SECTION_HEADER, bytes),
+                   FUZZ_SECTION_HASH);
     }
 }
 
@@ -85,15 +83,16 @@ void fuzz_edit_sections(uint8_t *data, size_t size, unsigned seed) {
                                    0x43e158e460913d00 /* 1e19 */,
                                    0x7fe1ccf385ebc8a0 /* 1e308 */,
                                    0x7ff0000000000000 /* infinity */};
-    section s, chosen = {0};
+    fuzz_section s, chosen = {0};
     unsigned sections = 0;
-    for (size_t at = FILE_HEADER; look(data, size, at, &s); at = end_of(&s), sections += s.element > 1)
+    for (size_t at = FUZZ_FILE_HEADER; fuzz_section_at(data, size, at, &s);
+         at = fuzz_section_end(&s), sections += s.element > 1)
         ;
     unsigned wanted = sections ? seed % sections : 0;
-    for (size_t at = FILE_HEADER; look(data, size, at, &s); at = end_of(&s))
+    for (size_t at = FUZZ_FILE_HEADER; fuzz_section_at(data, size, at, &s); at = fuzz_section_end(&s))
         if (s.element > 1 && !wanted--) chosen = s;
     if (!chosen.count) return;
     size_t element = seed / 64 % chosen.count;
-    store(data + chosen.at + HEADER + element * chosen.element, odd[seed / 4096 % (sizeof odd / sizeof *odd)],
-          chosen.element);
+    fuzz_store(data + chosen.at + FUZZ_SECTION_HEADER + element * chosen.element,
+               odd[seed / 4096 % (sizeof odd / sizeof *odd)], chosen.element);
 }

@@ -36,7 +36,8 @@ float *test_d_rgb(size_t pixels) {
     return d_rgb;
 }
 
-double *test_ref_d_rgb(size_t pixels) {
+/* The same for the reference. */
+static double *ref_d_rgb(size_t pixels) {
     double *d_rgb = test_ref_numbers(3 * pixels);
     for (size_t i = 0; i < 3 * pixels; i++) d_rgb[i] = (double)test_d_rgb_at(i);
     return d_rgb;
@@ -73,7 +74,7 @@ test_outcome test_outcome_alone(const test_ref_scene *scene, int threads) {
 }
 
 void test_ref_outcome(const test_ref_scene *scene, test_ref_frame *frame, test_ref_grads *grads) {
-    double *d_rgb = test_ref_d_rgb((size_t)scene->camera.width * (size_t)scene->camera.height);
+    double *d_rgb = ref_d_rgb((size_t)scene->camera.width * (size_t)scene->camera.height);
     test_ref_render(scene, frame);
     test_ref_backward(scene, frame, d_rgb, grads);
     free(d_rgb);

@@ -20,9 +20,8 @@ void test_outcome_free(test_outcome *o);
 
 /* dL/dimage of no particular loss: waves about 1, so that no sum is small by cancellation alone. */
 static inline float test_d_rgb_at(size_t i) { return (float)(1 + 0.7 * sin(0.37 * (double)i)); }
-/* The same as an array [pixels][3], for the library and for the reference; free() it. */
+/* The same as an array [pixels][3]; free() it. */
 float *test_d_rgb(size_t pixels);
-double *test_ref_d_rgb(size_t pixels);
 
 /* Rendered with test_d_rgb taken back; a call that fails fails the test in progress. */
 test_outcome test_outcome_of(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene);

@@ -2,6 +2,7 @@
 #include "lab.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 stab_lab stab_lab_open(const char *isa) {
     stab_lab lab = {0};
@@ -17,10 +18,12 @@ void stab_lab_close(stab_lab *lab) {
 }
 
 size_t stab_levels(const char *names[STAB_LEVELS]) {
+    const char *only = getenv("SPLATFIT_ISA");
     size_t n = 0;
     sf_isa_info info;
     for (size_t i = 0; n < STAB_LEVELS && sf_isa_describe(i, &info) == SF_OK; i++)
-        if (info.usable) names[n++] = info.name;
+        if (info.usable && (!only || !*only || !strcmp(only, info.name))) names[n++] = info.name;
+    assert_true(n > 0);
     return n;
 }
 
@@ -33,6 +36,10 @@ double stab_most_of(const double *values, size_t n) {
     for (size_t i = 0; i < n; i++)
         if (fabs(values[i]) > most) most = fabs(values[i]);
     return most;
+}
+
+double stab_between(sf_rng *rng, double least, double most) {
+    return (double)(float)test_random_between(rng, least, most);
 }
 
 void stab_set_opacity(test_ref_scene *scene, size_t i, double opacity) {
@@ -187,4 +194,14 @@ double stab_ref_loss(const test_ref_scene *scene) {
     for (size_t i = 0; i < values; i++) sum += (double)test_d_rgb_at(i) * frame.rgb[i];
     test_ref_frame_free(&frame);
     return sum;
+}
+
+double stab_difference(const test_ref_scene *scene, double *at, double h) {
+    double middle = *at;
+    *at = middle + h;
+    double after = stab_ref_loss(scene);
+    *at = middle - h;
+    double before = stab_ref_loss(scene);
+    *at = middle;
+    return (after - before) / (2 * h);
 }

@@ -15,12 +15,19 @@ typedef struct stab_lab {
 stab_lab stab_lab_open(const char *isa);
 void stab_lab_close(stab_lab *lab);
 
-/* The levels that this machine has, lowest first; how many. */
+/* The levels that this machine has, lowest first; how many. Where SPLATFIT_ISA names one, that alone: make
+ * check runs the program once a level. */
 enum { STAB_LEVELS = 8 };
 size_t stab_levels(const char *names[STAB_LEVELS]);
 
+/* The worse of two errors; one that is not finite is infinite, where fmax() leaves NaN out. */
+static inline double stab_worse(double a, double b) { return isfinite(b) ? fmax(a, b) : INFINITY; }
+
 /* The largest magnitude of n values. */
 double stab_most_of(const double *values, size_t n);
+
+/* Uniform, rounded to a float: what library and reference both take as it is. */
+double stab_between(sf_rng *rng, double least, double most);
 
 /* One of three counts, by effort. */
 size_t stab_count(const stab_run *run, size_t whole, size_t quick, size_t emulated);
@@ -63,5 +70,7 @@ double stab_gradient_error(const stab_truth *truth, const test_ref_gaussians *go
 
 /* The loss sum d_rgb rgb of the reference, whose gradient test_outcome_of gives. */
 double stab_ref_loss(const test_ref_scene *scene);
+/* Its derivative by a value of the scene, by central differences with a step of h; the value is as it was. */
+double stab_difference(const test_ref_scene *scene, double *at, double h);
 
 #endif

@@ -24,24 +24,21 @@ typedef struct found {
     double rgb, gradient;
 } found;
 
-static double between(sf_rng *rng, double least, double most) {
-    return (double)(float)test_random_between(rng, least, most);
-}
-
 /* `count` Gaussians of all directions, sizes and colours, over a square picture; sizes and places grow with
  * `depth`, at which they stand. */
 static test_ref_scene crowd(sf_rng *rng, size_t count, int side, double depth) {
     test_ref_scene scene = stab_scene(count, side, side, 0.9 * side);
     for (size_t i = 0; i < count; i++) {
-        double z = depth * between(rng, 1, 3);
-        test_random_place(&scene, i,
-                          (const double[]){0.5 * z * between(rng, -1, 1), 0.5 * z * between(rng, -1, 1), z});
+        double z = depth * stab_between(rng, 1, 3);
+        test_random_place(
+            &scene, i,
+            (const double[]){0.5 * z * stab_between(rng, -1, 1), 0.5 * z * stab_between(rng, -1, 1), z});
         for (size_t k = 0; k < 4; k++) scene.gaussians.quats[4 * i + k] = (float)sf_rng_normal(rng);
         for (size_t k = 0; k < 3; k++) {
             scene.gaussians.log_scales[3 * i + k] = (float)(log(0.1 * z) + 0.5 * sf_rng_normal(rng));
-            scene.gaussians.sh[3 * i + k] = (float)(1.2 * between(rng, -1, 1));
+            scene.gaussians.sh[3 * i + k] = (float)(1.2 * stab_between(rng, -1, 1));
         }
-        stab_set_opacity(&scene, i, between(rng, 0.1, 0.9));
+        stab_set_opacity(&scene, i, stab_between(rng, 0.1, 0.9));
     }
     return scene;
 }

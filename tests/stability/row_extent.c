@@ -58,7 +58,7 @@ static void compare_differences(const stab_lab *lab, double opacity, cut *c) {
         expected = (endless(opacity, shift + h, x) - endless(opacity, shift - h, x)) / (2 * h);
         double got = (after[x] - before[x]) / (2 * h);
         double textbook = (boxed(opacity, shift + h, x) - boxed(opacity, shift - h, x)) / (2 * h);
-        c->ours_difference = fmax(c->ours_difference, fabs(got - expected) / steepest);
+        c->ours_difference = stab_worse(c->ours_difference, fabs(got - expected) / steepest);
         c->textbook_difference = fmax(c->textbook_difference, fabs(textbook - expected) / steepest);
     }
 }
@@ -69,7 +69,7 @@ static cut try_opacity(const stab_lab *lab, double opacity) {
     draw_row(lab, opacity, 0.2, row);
     for (int x = 0; x < SIDE; x++) {
         double og = endless(opacity, 0.2, x);
-        if (row[x] == 0) c.ours = fmax(c.ours, og);
+        if (!(row[x] > 0)) c.ours = fmax(c.ours, og);
         if (boxed(opacity, 0.2, x) == 0) c.textbook = fmax(c.textbook, og);
     }
     if (opacity > 0.45) compare_differences(lab, opacity, &c);
@@ -85,7 +85,7 @@ static void extent(stab_run *run) {
     for (size_t k = 0; k < COUNT; k += by) {
         cuts[k] = try_opacity(&lab, opacities[k]);
         most.ours = fmax(most.ours, cuts[k].ours), most.textbook = fmax(most.textbook, cuts[k].textbook);
-        most.ours_difference = fmax(most.ours_difference, cuts[k].ours_difference);
+        most.ours_difference = stab_worse(most.ours_difference, cuts[k].ours_difference);
         most.textbook_difference = fmax(most.textbook_difference, cuts[k].textbook_difference);
     }
     stab_chart_begin(run, "The largest opacity of a pixel that is cut off",

@@ -17,24 +17,18 @@ typedef struct worst {
     double g, gradient, textbook_g, textbook_gradient;
 } worst;
 
-static double between(sf_rng *rng, double least, double most) {
-    return (double)(float)test_random_between(rng, least, most);
-}
-
 /* A quarter of the picture long, in any direction. */
 static test_ref_scene draw_needle(sf_rng *rng, const setting *s, double aspect) {
     test_ref_scene scene = stab_scene(1, s->width, s->width, 600 * s->scale);
-    double z = between(rng, 1.5, 4), middle = 0.05 * s->width * z / scene.camera.fx;
-    test_random_place(&scene, 0,
-                      (const double[]){middle * between(rng, -1, 1), middle * between(rng, -1, 1), z});
+    double z = stab_between(rng, 1.5, 4), middle = 0.05 * s->width * z / scene.camera.fx;
+    test_random_place(
+        &scene, 0, (const double[]){middle * stab_between(rng, -1, 1), middle * stab_between(rng, -1, 1), z});
     double longest = log(0.25 * s->width * z / scene.camera.fx);
     for (size_t k = 0; k < 3; k++)
         scene.gaussians.log_scales[k] = (float)(k == 0 ? longest : longest - log(aspect));
     for (size_t k = 0; k < 4; k++) scene.gaussians.quats[k] = (float)sf_rng_normal(rng);
     return scene;
 }
-
-static double worse(double a, double b) { return isfinite(b) ? fmax(a, b) : INFINITY; }
 
 static void try_textbook(const stab_truth *truth, worst *w) {
     size_t pixels = (size_t)truth->scene->camera.width * (size_t)truth->scene->camera.height;
@@ -43,8 +37,8 @@ static void try_textbook(const stab_truth *truth, worst *w) {
     stab_textbook_single(truth->scene, truth->d_rgb, T, &d);
     for (size_t i = 0; i < pixels; i++)
         if (!truth->left_out[i])
-            w->textbook_g = worse(w->textbook_g, fabs(T[i] - truth->frame.transmittance[i]) / 0.9);
-    w->textbook_gradient = worse(w->textbook_gradient, stab_gradient_error(truth, &d));
+            w->textbook_g = stab_worse(w->textbook_g, fabs(T[i] - truth->frame.transmittance[i]) / 0.9);
+    w->textbook_gradient = stab_worse(w->textbook_gradient, stab_gradient_error(truth, &d));
     test_ref_gaussians_free(&d);
     free(T);
 }
@@ -52,8 +46,8 @@ static void try_textbook(const stab_truth *truth, worst *w) {
 static void try_needle(const stab_lab *lab, const test_ref_scene *scene, worst *w) {
     stab_truth truth = stab_truth_of(scene);
     stab_errors e = stab_compare(lab, &truth);
-    w->g = worse(w->g, e.transmittance / 0.9);
-    w->gradient = worse(w->gradient, e.worst_gradient);
+    w->g = stab_worse(w->g, e.transmittance / 0.9);
+    w->gradient = stab_worse(w->gradient, e.worst_gradient);
     try_textbook(&truth, w);
     stab_truth_free(&truth);
 }

@@ -111,6 +111,7 @@ static double largest_change(const float *a, const float *b) {
     double most = 0;
     for (size_t i = 0; i < 3 * PIXELS; i++) {
         double by = fabs((double)a[i] - (double)b[i]);
+        if (isnan(by)) return INFINITY;
         if (by > most) most = by; /* gcc 12 for aarch64 fails on fmax() here */
     }
     return most;

@@ -69,7 +69,7 @@ static void sweep_extents(stab_run *run, const stab_lab *lab) {
                 double e =
                     line == STAB_OURS ? extent(lab, tangent, depths[d]) : textbook_extent(tangent, depths[d]);
                 stab_point(run, angle, e);
-                if (line == STAB_OURS) most = fmax(most, e);
+                if (line == STAB_OURS) most = stab_worse(most, e);
                 if (line == STAB_TEXTBOOK) textbook = fmax(textbook, e);
             }
         }
@@ -91,15 +91,9 @@ static double difference_error(const test_ref_scene *scene, double *values, cons
                                double h) {
     double most = 0, worst = 0;
     for (size_t k = 0; k < n; k++) {
-        double middle = values[k];
-        values[k] = middle + h;
-        double after = stab_ref_loss(scene);
-        values[k] = middle - h;
-        double before = stab_ref_loss(scene);
-        values[k] = middle;
-        double expected = (after - before) / (2 * h);
+        double expected = stab_difference(scene, &values[k], h);
         most = fmax(most, fabs(expected));
-        worst = fmax(worst, fabs(expected - (double)gradient[k]));
+        worst = stab_worse(worst, fabs(expected - (double)gradient[k]));
     }
     return worst / most;
 }
@@ -117,7 +111,7 @@ static void compare_differences(stab_run *run, const stab_lab *lab) {
         double error = difference_error(&scene, scene.gaussians.means, o.gradient.means, 3, 1e-4);
         test_outcome_free(&o);
         stab_point(run, sides[k], error);
-        most = fmax(most, error);
+        most = stab_worse(most, error);
         test_ref_gaussians_free(&scene.gaussians);
     }
     stab_bound_line(run, 1e-3, "bound");
@@ -187,7 +181,7 @@ static void try_norm(const stab_lab *lab, double norm, norms *n) {
         n->textbook = fmax(n->textbook, textbook);
         test_outcome o = test_outcome_of(lab->ctx, lab->renderer, &scene);
         double *q = scene.gaussians.quats, h = 1e-6 * length(q, 4);
-        n->difference = fmax(n->difference, difference_error(&scene, q, o.gradient.quats, 4, h));
+        n->difference = stab_worse(n->difference, difference_error(&scene, q, o.gradient.quats, 4, h));
         test_outcome_free(&o);
     }
     stab_truth_free(&truth);
@@ -207,7 +201,7 @@ static void quaternions(stab_run *run) {
         picture[k] = one.picture, textbook[k] = one.culled ? NAN : one.textbook;
         all.picture = fmax(all.picture, one.picture), all.gradient = fmax(all.gradient, one.gradient);
         all.textbook = fmax(all.textbook, one.textbook),
-        all.difference = fmax(all.difference, one.difference);
+        all.difference = stab_worse(all.difference, one.difference);
         all.culled += one.culled, all.counted += one.counted;
     }
     stab_chart_begin(run, "Picture of a Gaussian over the norm of its quaternion", (stab_axis){"norm (1)", 1},

@@ -58,6 +58,7 @@ static void by_seed(stab_run *run, const char *name, sf_context *ctx, sf_scene *
         double psnr = stab_fit_scene(ctx, scene, &options, 0, NULL).quality.psnr;
         stab_point(run, seed, psnr);
         least = fmin(least, psnr), most = fmax(most, psnr);
+        if (isnan(psnr)) most = INFINITY;
     }
     stab_at_most(run, most - least, 0.3, "dB", "%s: held-out PSNR of %d seeds, greatest less least", name,
                  SEEDS);

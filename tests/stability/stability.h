@@ -68,7 +68,7 @@ typedef struct stab_figure {
     char name[STAB_TEXT], unit[32];
     double value, bound;
     char known[STAB_TEXT]; /* why it is beyond its bound, where that is known; "": it is not */
-    double textbook; /* the same figure of the textbook's form; NAN: there is none, INFINITY: it broke down */
+    double textbook; /* the same figure of the textbook's form, if has_textbook; INFINITY: it broke down */
     int has_textbook;
     stab_sense sense;
 } stab_figure;

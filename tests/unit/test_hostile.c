@@ -95,10 +95,6 @@ static void test_changed_inputs(void **state) {
 
 /* Numbers that stand in checkpoints, with sums that are right: none may be believed for its own sake. */
 
-static void put_number(uint8_t *to, size_t element, uint64_t value) {
-    for (size_t b = 0; b < element; b++) to[b] = (uint8_t)(value >> (8 * b));
-}
-
 static void try_numbers(const fuzz_target *target, const uint8_t *data, size_t size, size_t at,
                         size_t element) {
     static const uint64_t wide[] = {0,
@@ -115,7 +111,7 @@ static void try_numbers(const fuzz_target *target, const uint8_t *data, size_t s
     size_t count = element == 8 ? sizeof wide / sizeof *wide : sizeof narrow / sizeof *narrow;
     for (size_t i = 0; i < count; i++) {
         uint8_t *copy = copy_of(data, size);
-        put_number(copy + at, element, values[i]);
+        fuzz_store(copy + at, values[i], element);
         target->repair(copy, size);
         target->run(copy, size);
         free(copy);
@@ -135,29 +131,30 @@ static size_t elements_to_try(const char *name) {
     return 0;
 }
 
+static int checkpoints;
+
 static void change_numbers(const fuzz_target *target, const uint8_t *data, size_t size) {
-    enum { FIRST = 24, NAME = 24, HEADER = 48 };
     const size_t step = getenv("SPLATFIT_QUICK") ? 8 : 1;
-    size_t tried = 0;
+    size_t tried = 0, at = FUZZ_FILE_HEADER;
+    fuzz_section s;
     if (strcmp(target->name, "checkpoint") != 0) return;
-    for (size_t at = FIRST; at + HEADER < size;) {
-        char name[NAME + 1] = "";
-        sf_bytes b = {.data = data, .size = size, .at = at + NAME};
-        memcpy(name, data + at, NAME);
-        size_t element = sf_bytes_u32(&b), most = elements_to_try(name), from = at + HEADER;
-        sf_bytes_u32(&b);
-        size_t count = (size_t)sf_bytes_u64(&b);
-        assert_false(b.failed);
-        at = from + count * element + 8;
-        for (size_t i = 0; i < count && i < most; i++)
-            if (tried++ % step == 0) try_numbers(target, data, size, from + i * element, element);
+    for (; fuzz_section_at(data, size, at, &s); at = fuzz_section_end(&s)) {
+        char name[SF_SECTION_NAME + 1] = "";
+        memcpy(name, data + at, SF_SECTION_NAME);
+        size_t most = elements_to_try(name), from = at + FUZZ_SECTION_HEADER;
+        for (size_t i = 0; i < s.count && i < most; i++)
+            if (tried++ % step == 0) try_numbers(target, data, size, from + i * s.element, s.element);
     }
+    assert_int_equal(at, size);
     assert_in_range(tried, 20, 100);
+    checkpoints++;
 }
 
 static void test_extreme_numbers(void **state) {
     (void)state;
+    checkpoints = 0;
     for_each(seeds, change_numbers);
+    assert_in_range(checkpoints, 2, 100);
 }
 
 int main(void) {
