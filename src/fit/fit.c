@@ -196,7 +196,7 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
 static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *d, double fraction) {
     const sf_fit_options *o = &f->options;
     double decay = f->rate_cut * pow(o->lr_camera_final, fraction);
-    if (o->background == SF_BACKGROUND_AUTO) sf_update_background(f, d->background);
+    if (o->background == SF_BACKGROUND_AUTO) sf_update_background(f, fraction, d->background);
     if (!state) return;
     if (o->exposure)
         sf_exposure_update(&f->views, state, d->exposure, o,

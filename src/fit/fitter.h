@@ -152,6 +152,8 @@ void sf_plan_schedule(sf_fitter *fitter, double steps);
 double sf_end_of_run(const sf_fitter *fitter);
 /* Whether the rates fall before their time. */
 int sf_settles_early(const sf_fitter *fitter);
+/* What settling leaves of a learning rate. */
+double sf_settled_rate(const sf_fitter *fitter, double fraction, double rate);
 /* Learning rate of a field, in its own units. */
 double sf_scheduled_rate(const sf_fitter *fitter, double fraction, int field);
 /* Whether this step ends with growth, and the number of Gaussians planned for then. */
@@ -165,7 +167,7 @@ double sf_cost_ahead(const sf_fitter *fitter, double fraction);
  * the limit on needles, the statistics of growth. d_camera: NULL or [SF_CAMERA_SUMS]. On failure nothing has
  * changed. */
 sf_status sf_update(sf_fitter *fitter, double fraction, double *d_camera);
-void sf_update_background(sf_fitter *fitter, const double *gradient);
+void sf_update_background(sf_fitter *fitter, double fraction, const double *gradient);
 
 /* validate.c */
 /* Takes up the training views that came since, `ids` ascending, and keeps some of them out of the training.

@@ -129,9 +129,12 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
 }
 
 /* At the end all rates fall: what is left of the noise of single views settles. */
+double sf_settled_rate(const sf_fitter *f, double fraction, double rate) {
+    return f->rate_cut * rate * pow(f->options.lr_settled, settled_part(f, fraction));
+}
+
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
-    return f->rate_cut * full_rate(f, place_of(f, fraction), field) *
-           pow(f->options.lr_settled, settled_part(f, fraction));
+    return sf_settled_rate(f, fraction, full_rate(f, place_of(f, fraction), field));
 }
 
 /* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */
