@@ -8,6 +8,7 @@ cd "$(dirname "$0")/.." || exit 1
 logs=build/ci
 mkdir -p $logs
 : >$logs/sums
+: >$logs/times
 sums='[0-9]+ passed, [0-9]+ failed, [0-9]+ skipped'
 make=(env WERROR=1 "${MAKE:-make}" --no-print-directory "-j$(nproc)")
 # An emulated or instrumented program sees no real scenes, and slow tests do less.
@@ -27,6 +28,7 @@ step() { # NAME COMMAND...
     *:*", 0 failed,"* | *:) result="0 passed, 1 failed, 0 skipped" ;;
     esac
     echo "$result" >>$logs/sums
+    echo "$((SECONDS - began)) $name" >>$logs/times
     echo "== $name: $result ($((SECONDS - began)) s)"
 }
 
@@ -88,6 +90,11 @@ step outside "${make[@]}" test-outside
 step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 step crash "${make[@]}" crash EVERY=15
 step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
+
+# Where the time went: the steps, and each step's slowest programs.
+echo "== seconds of $SECONDS: $(sort -rn $logs/times | awk '{ printf "%s %d, ", $2, $1 }')"
+grep -HoE '^[a-z_0-9.]+ +[0-9]+ passed.*\([0-9]+ s\)' $logs/*.log | sed -E 's|.*/(.*)\.log:([^ ]+).*\(([0-9]+) s\)|\3 \1/\2|' |
+    sort -rn | awk 'NR <= 30 { printf "%s %d, ", $2, $1 } END { print "" }'
 
 awk '{ passed += $1; failed += $3; skipped += $5 }
      END {
