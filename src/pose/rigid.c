@@ -1,0 +1,41 @@
+/* rigid.c - rigid motions: chains, ways back, and the twists between them. */
+#include <math.h>
+
+#include "../base/linear.h"
+#include "track.h"
+
+void sf_rigid_compose(const sf_rigid *a, const sf_rigid *b, sf_rigid *c) {
+    sf_rigid result;
+    sf_mat3_mul(a->R, b->R, result.R);
+    sf_mat3_vec(a->R, b->t, result.t);
+    for (int k = 0; k < 3; k++) result.t[k] += a->t[k];
+    *c = result;
+}
+
+void sf_rigid_invert(const sf_rigid *a, sf_rigid *inverse) {
+    sf_rigid result;
+    double moved[3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) result.R[3 * i + j] = a->R[3 * j + i];
+    sf_mat3_vec(result.R, a->t, moved);
+    for (int k = 0; k < 3; k++) result.t[k] = -moved[k];
+    *inverse = result;
+}
+
+/* phi for which exp(phi) = R, |phi| < pi. */
+static void rotation_log(const double R[9], double phi[3]) {
+    double sine[3] = {(R[7] - R[5]) / 2, (R[2] - R[6]) / 2, (R[3] - R[1]) / 2};
+    double length = sqrt(sf_dot3(sine, sine)), cosine = (R[0] + R[4] + R[8] - 1) / 2;
+    double angle = atan2(length, cosine);
+    for (int k = 0; k < 3; k++) phi[k] = length > 1e-12 ? sine[k] * angle / length : sine[k];
+}
+
+void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TWIST]) {
+    double back[9], turn[9], moved[3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) back[3 * i + j] = from->R[3 * j + i];
+    sf_mat3_mul(to->R, back, turn);
+    rotation_log(turn, twist + 3);
+    sf_mat3_vec(turn, from->t, moved);
+    for (int k = 0; k < 3; k++) twist[k] = to->t[k] - moved[k];
+}
