@@ -66,6 +66,12 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     INT(memory, 0, 0, 1000000000000000, "bytes",                                                             \
         "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \
     INT(seed, 1, 0, INT64_MAX, "", "seed of every random choice")                                            \
+    REAL(extent, 0, 0, 1e12, "world units",                                                                  \
+         "size of the scene, which rates and limits are measured in; 0: as far as the cameras are apart")    \
+    FLAG(open_end, 0, "no end: beyond the plan the run goes on at the rates before they would fall")         \
+    INT(recent, 0, 0, 1000000, "",                                                                           \
+        "every other step is of one of the n newest training views, and new ones are taken up at once; 0: "  \
+        "all are alike, and new ones wait for the next pass")                                                \
     INT(sh_degree, 3, 0, 3, "", "highest degree of the spherical harmonics")                                 \
     FLAG(antialiased, 0, "compensate opacity for the low-pass (mip) and mark the model so")                  \
     ENUM(background, 0, "black|white|random|auto|color",                                                     \
@@ -287,6 +293,13 @@ SF_API void sf_fitter_resume(sf_fitter *fitter);
 /* Takes seconds that went by between steps out of the run's time: what the caller spent on looking at the
  * model does not count against time_limit. Negative: puts them in. */
 SF_API void sf_fitter_skip_time(sf_fitter *fitter, double seconds);
+
+/* Between steps: adds Gaussians at points that were found since, as SF_FIRST_POINTS makes them: xyz
+ * [count][3] and radius [count] (standard deviations) in world units, rgb [count][3]. What is not finite, a
+ * radius that is not above 0, and what max_gaussians has no room for is left out; *added (may be NULL): how
+ * many were not. SF_ERR_MEMORY: the model is what it was. */
+SF_API sf_status sf_fitter_add_points(sf_fitter *fitter, size_t count, const float *xyz, const uint8_t *rgb,
+                                      const float *radius, size_t *added);
 
 /* A copy of the model as it is between steps; the caller destroys it. */
 SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);

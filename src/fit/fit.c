@@ -74,9 +74,49 @@ static void note_views(sf_fitter *f, size_t count) {
     f->views_before = count;
 }
 
+/* The greatest of n ids that are below `below`. */
+static uint32_t greatest(const uint32_t *ids, size_t n, uint32_t below) {
+    uint32_t most = 0;
+    for (size_t i = 0; i < n; i++)
+        if (ids[i] < below && ids[i] > most) most = ids[i];
+    return most;
+}
+
+/* Whether training views came since the pass began. */
+static sf_status views_came(const sf_fitter *f, int *came) {
+    uint32_t *ids;
+    size_t count;
+    sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
+    *came = !status && count &&
+            (!f->order_count || ids[count - 1] > greatest(f->order, f->order_count, UINT32_MAX));
+    if (!status) sf_free(f->ctx, ids);
+    return status;
+}
+
+/* One of the newest views of the pass, drawn at random; NULL: it has gone. */
+static sf_view *recent_view(sf_fitter *f) {
+    uint64_t recent = (uint64_t)f->options.recent;
+    uint64_t among = recent < f->order_count ? recent : f->order_count, drawn = sf_rng_below(&f->rng, among);
+    uint32_t id = UINT32_MAX;
+    for (uint64_t k = 0; k <= drawn; k++) id = greatest(f->order, f->order_count, id);
+    sf_view *view = sf_scene_retain_id(f->scene, id);
+    if (!view || view->split == SF_SPLIT_TRAIN) return view;
+    sf_view_release(view);
+    return NULL;
+}
+
 /* The next training view, each once a pass in random order; views that came or went since are taken up with
- * the next pass. The reference is the caller's. */
+ * the next pass. With `recent`, every other one is one of the newest, and a pass ends when views come. The
+ * reference is the caller's. */
 static sf_status next_view(sf_fitter *f, sf_view **view) {
+    if (f->options.recent) {
+        int came;
+        sf_status status = views_came(f, &came);
+        if (status) return status;
+        if (came) f->order_at = f->order_count;
+        *view = f->order_at < f->order_count && f->step % 2 ? recent_view(f) : NULL;
+        if (*view) return SF_OK;
+    }
     for (int passes = 0; passes < 2;) {
         if (f->order_at == f->order_count) {
             sf_free(f->ctx, f->order);
@@ -255,8 +295,8 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     f->options = *options;
     if (options->target_psnr > 0 && options->validate < 2)
         f->options.validate = sf_fit_options_default().validate;
-    f->extent = info.extent;
-    f->near_plane = (float)(options->near_plane * info.extent);
+    f->extent = options->extent > 0 ? options->extent : info.extent;
+    f->near_plane = (float)(options->near_plane * f->extent);
     f->start = f->rate_time = sf_clock();
     atomic_init(&f->cancelled, 0);
     sf_rng_seed(&f->rng, (uint64_t)options->seed);

@@ -6,10 +6,6 @@
 
 #include "fitter.h"
 
-static inline float *sf_value(const sf_params *params, int field, size_t i, int component) {
-    return &params->field[field][sf_at(i, sf_field_components(field), component)];
-}
-
 static inline float sf_opacity(float logit) { return 1.0f / (1.0f + expf(-logit)); }
 static inline float sf_logit(float opacity) { return logf(opacity / (1.0f - opacity)); }
 

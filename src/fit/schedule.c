@@ -18,6 +18,9 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* SH degree 1 starts at this part of sh_end. */
 #define SH_START 0.33
 
+/* A run without an end stays at this part of lr_settle. */
+#define OPEN_END 0.999
+
 /* A run shorter than SF_SHORT_RUN grows this part of grow_most. */
 #define SHORT_GROWTH 0.26
 
@@ -60,7 +63,8 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
 double sf_fraction_at(const sf_fitter *f, double time) {
     double fraction = 0;
     if (f->options.steps > 0) fraction = (double)f->step / (double)f->options.steps;
-    return fmin(fmax(fraction, time), 1);
+    fraction = fmin(fmax(fraction, time), 1);
+    return f->options.open_end ? fmin(fraction, OPEN_END * f->options.lr_settle) : fraction;
 }
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }

@@ -16,16 +16,16 @@ sf_gaussians sf_gaussian_fields(sf_gaussian *g) {
     return (sf_gaussians){v + MEAN, v + QUAT, v + LOG_SCALE, v + LOGIT_OPACITY, v + SH};
 }
 
-static sf_value *add(sf_value *to, const char *format, int number, int at) {
+static sf_file_value *add(sf_file_value *to, const char *format, int number, int at) {
     snprintf(to->name, sizeof to->name, format, number);
     to->at = at;
     return to + 1;
 }
 
 /* A file holds all reds of the higher bands, then all greens, then all blues; a model keeps RGB innermost. */
-int sf_gaussian_values(int sh_degree, sf_value list[SF_GAUSSIAN_MOST]) {
+int sf_gaussian_values(int sh_degree, sf_file_value list[SF_GAUSSIAN_MOST]) {
     int higher = sf_coefficients(sh_degree) - 1;
-    sf_value *to = list;
+    sf_file_value *to = list;
     for (int k = 0; k < 3; k++) to = add(to, "%c", 'x' + k, MEAN + k);
     for (int c = 0; c < 3; c++) to = add(to, "f_dc_%d", c, SH + c);
     for (int i = 0; i < 3 * higher; i++) to = add(to, "f_rest_%d", i, SH + 3 * (i % higher + 1) + i / higher);
@@ -49,7 +49,7 @@ void sf_gaussian_turn(sf_gaussian *g, int sh_degree) {
         if (sh_is_odd[i / 3]) v[SH + i] = -v[SH + i];
 }
 
-int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_value *list, int values, sf_fault *found) {
+int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_file_value *list, int values, sf_fault *found) {
     const float *v = g->values, *q = v + QUAT;
     for (int i = 0; i < values; i++) {
         int at = list[i].at, is_scale = at >= LOG_SCALE && at < LOG_SCALE + 3;
@@ -64,7 +64,7 @@ int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_value *list, int values
 }
 
 sf_status sf_model_check(const sf_model *model, const char *path) {
-    sf_value list[SF_GAUSSIAN_MOST];
+    sf_file_value list[SF_GAUSSIAN_MOST];
     int values = sf_gaussian_values(sf_model_sh_degree(model), list);
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);

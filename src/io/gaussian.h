@@ -21,14 +21,14 @@ sf_gaussians sf_gaussian_fields(sf_gaussian *g);
 static inline int sf_coefficients(int sh_degree) { return (sh_degree + 1) * (sh_degree + 1); }
 
 /* A value as INRIA's .ply has it: its name, and where it is in `values`. */
-typedef struct sf_value {
+typedef struct sf_file_value {
     char name[24];
     int at;
-} sf_value;
+} sf_file_value;
 
 /* The values of a degree, in the order of the file (which has normals after the first three); returns how
  * many. */
-int sf_gaussian_values(int sh_degree, sf_value list[SF_GAUSSIAN_MOST]);
+int sf_gaussian_values(int sh_degree, sf_file_value list[SF_GAUSSIAN_MOST]);
 
 /* Turns a Gaussian by half a turn about x: y and z of its frame are negated. */
 void sf_gaussian_turn(sf_gaussian *g, int sh_degree);
@@ -38,7 +38,7 @@ typedef struct sf_fault {
     char text[64];
 } sf_fault;
 
-int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_value *list, int values, sf_fault *found);
+int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_file_value *list, int values, sf_fault *found);
 
 /* SF_ERR_ARGUMENT: a Gaussian of the model is faulty; the message says that `path` was not written. */
 sf_status sf_model_check(const sf_model *model, const char *path);
@@ -48,7 +48,7 @@ typedef struct sf_intake {
     sf_context *ctx;
     const char *path;
     sf_model *model;
-    sf_value list[SF_GAUSSIAN_MOST];
+    sf_file_value list[SF_GAUSSIAN_MOST];
     int values;
     size_t offered, kept, first_skipped;
     sf_fault first_fault;

@@ -19,7 +19,7 @@ static sf_status find_degree(sf_context *ctx, const char *path, const sf_ply *pl
 /* A property is read into its place among the values. The colours of the bands that are not wanted lie
  * between those that are: the names are the file's, of its own degree. */
 static sf_status bind_values(sf_ply *ply, int file_degree, int degree) {
-    sf_value list[SF_GAUSSIAN_MOST], kept[SF_GAUSSIAN_MOST];
+    sf_file_value list[SF_GAUSSIAN_MOST], kept[SF_GAUSSIAN_MOST];
     int values = sf_gaussian_values(file_degree, list), most = 0;
     int kept_values = sf_gaussian_values(degree, kept);
     sf_status status = SF_OK;
@@ -69,7 +69,7 @@ sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_opt
 
 /* ---- Out ---- */
 
-static void put_header(sf_writer *w, const sf_model *model, const sf_value *list, int values) {
+static void put_header(sf_writer *w, const sf_model *model, const sf_file_value *list, int values) {
     sf_writer_printf(w, "ply\nformat binary_little_endian 1.0\n");
     if (sf_model_antialiased(model)) sf_writer_printf(w, "comment SplatRenderMode: mip\n");
     sf_writer_printf(w, "element vertex %zu\n", sf_model_count(model));
@@ -88,7 +88,7 @@ static uint8_t *encode(uint8_t *to, float value) {
     return to;
 }
 
-static void put_row(sf_writer *w, const sf_gaussian *g, const sf_value *list, int values) {
+static void put_row(sf_writer *w, const sf_gaussian *g, const sf_file_value *list, int values) {
     uint8_t row[4 * (SF_GAUSSIAN_MOST + NORMAL_VALUES)], *at = row;
     for (int i = 0; i < values; i++) {
         for (int k = 0; i == MEAN_VALUES && k < NORMAL_VALUES; k++) at = encode(at, 0);
@@ -99,7 +99,7 @@ static void put_row(sf_writer *w, const sf_gaussian *g, const sf_value *list, in
 
 sf_status sf_ply_put(sf_writer *w, const sf_model *model, int sh_degree,
                      const sf_model_file_options *options) {
-    sf_value list[SF_GAUSSIAN_MOST];
+    sf_file_value list[SF_GAUSSIAN_MOST];
     int values = sf_gaussian_values(sh_degree, list);
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);

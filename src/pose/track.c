@@ -29,7 +29,7 @@ enum {
     4.0 /* pixels that tell as much as one: noise, blur and what is wrong of the model spread */
 #define STILL     2e-5 /* a step that turns by less, or moves by less of the depth, ends the rounds */
 #define REDRAW    1.0  /* px that points have moved by on average, for the model to be drawn again */
-#define GAIN_HOLD 0.02 /* what keeps the gain near 1 and the bias near 0, in pixels of all */
+#define GAIN_HOLD 1e-4 /* what keeps the gain near 1 and the bias near 0, in pixels of all */
 
 /* A drawn pixel as a point. */
 typedef struct point {

@@ -7,7 +7,6 @@
 #include "nearest.h"
 #include "random.h"
 #include "sweep.h"
-#include "nearest.h"
 
 #define SH_C0 0.28209479177387814f
 
@@ -117,21 +116,24 @@ static sf_status gather_points(sf_scene *scene, const sf_first_options *options,
     return find_points(scene, options, rng, c);
 }
 
+void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], const uint8_t rgb[3],
+                       double scale, double opacity) {
+    double least = exp(-(double)SF_LOG_SCALE_MOST), most = exp((double)SF_LOG_SCALE_MOST);
+    float log_scale = (float)log(fmin(fmax(scale, least), most));
+    for (int k = 0; k < 3; k++) {
+        *sf_value(params, SF_FIELD_mean, i, k) = xyz[k];
+        *sf_value(params, SF_FIELD_log_scale, i, k) = log_scale;
+        *sf_value(params, SF_FIELD_sh0, i, k) = ((float)rgb[k] / 255.0f - 0.5f) / SH_C0;
+    }
+    params->field[SF_FIELD_logit_opacity][i] = (float)log(opacity / (1 - opacity));
+}
+
 static void become_gaussians(const sf_cloud *c, const float *distances, const sf_first_options *options,
                              sf_model *model) {
-    float logit = (float)log(options->opacity / (1 - options->opacity));
-    double least = fmax(1e-7 * options->extent, exp(-(double)SF_LOG_SCALE_MOST));
-    double most = fmin(options->extent, exp((double)SF_LOG_SCALE_MOST));
     for (size_t i = 0; i < c->n; i++) {
         double scale = distances[i] > 0 ? options->scale * (double)distances[i] : 0.01 * options->extent;
-        float log_scale = (float)log(fmin(fmax(scale, least), most));
-        for (int k = 0; k < 3; k++) {
-            model->params.field[SF_FIELD_mean][sf_at(i, 3, k)] = c->xyz[3 * i + (size_t)k];
-            model->params.field[SF_FIELD_log_scale][sf_at(i, 3, k)] = log_scale;
-            model->params.field[SF_FIELD_sh0][sf_at(i, 3, k)] =
-                ((float)c->rgb[3 * i + (size_t)k] / 255.0f - 0.5f) / SH_C0;
-        }
-        model->params.field[SF_FIELD_logit_opacity][i] = logit;
+        scale = fmin(fmax(scale, 1e-7 * options->extent), options->extent);
+        sf_point_gaussian(&model->params, i, c->xyz + 3 * i, c->rgb + 3 * i, scale, options->opacity);
     }
 }
 

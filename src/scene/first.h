@@ -26,4 +26,9 @@ typedef struct sf_first_options {
  * SF_FIRST_POINTS in a scene without points. */
 sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
 
+/* Gaussian i of a model becomes that of a point: a ball of standard deviation `scale`, world units,
+ * of the point's colour; neutral bands stay so. */
+void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], const uint8_t rgb[3],
+                       double scale, double opacity);
+
 #endif

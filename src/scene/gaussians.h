@@ -36,6 +36,10 @@ int sf_field_components(int field);
 int sf_field_stored(int field, int sh_degree);
 static inline int sf_field_band(int field) { return field > SF_FIELD_sh0 ? field - SF_FIELD_sh0 : 0; }
 
+static inline float *sf_value(const sf_params *params, int field, size_t i, int component) {
+    return &params->field[field][sf_at(i, sf_field_components(field), component)];
+}
+
 /* Blocks of SF_LANES that hold `count` Gaussians. */
 static inline size_t sf_blocks(size_t count) { return (count + SF_LANES - 1) / SF_LANES; }
 
