@@ -7,6 +7,7 @@
 #include "context.h"
 #include "file.h"
 #include "fitter.h"
+#include "live.h"
 #include "model.h"
 #include "prune.h"
 #include "remap.h"

@@ -11,7 +11,7 @@
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
     command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert,
-    command_prune;
+    command_prune, command_live;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
@@ -36,6 +36,13 @@ int app_render_options(const args *a, sf_scene *scene, sf_render_options *option
 /* Whether a view is meant by --split (test, train, all; `otherwise` where it was not given). */
 int app_split_wants(const args *a, const char *otherwise, sf_split split);
 int app_split_check(const args *a);
+
+/* hyper.c: sets those hyperparameters that the command line names; 0 or an exit code. All of them as JSON. */
+int app_fit_options(const args *a, sf_context *ctx, sf_fit_options *options);
+json_t *app_options_json(const sf_fit_options *options);
+
+/* The most memory that the process has had resident, in MB. */
+double app_peak_memory(void);
 
 /* Whether `path` can be written, as far as that can be told without writing. 0 or an exit code. */
 int app_check_output(const args *a, const char *path);

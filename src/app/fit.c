@@ -3,7 +3,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include "watch.h"
@@ -64,27 +63,6 @@ static sf_status draw(void *user, const sf_view_info *view, float *rgb) {
     return status ? status : sf_fitter_render(user, &camera, &out);
 }
 
-/* --background R,G,B stands for the option color and its three components. */
-static int set_background(fit_run *r, const char *text) {
-    float color[3];
-    if (!app_color(text, color)) {
-        app_say(r->a, "--background", "neither R,G,B in 0..1 nor black, white, random or auto");
-        return EXIT_USAGE;
-    }
-    r->options.background = SF_BACKGROUND_COLOR;
-    r->options.background_red = (double)color[0];
-    r->options.background_green = (double)color[1];
-    r->options.background_blue = (double)color[2];
-    return 0;
-}
-
-static int set_option(fit_run *r, const char *name, const char *text) {
-    if (!strcmp(name, "background") && strchr(text, ',')) return set_background(r, text);
-    if (!sf_fit_options_set(r->ctx, &r->options, name, text)) return 0;
-    app_fail(r->a, r->ctx);
-    return EXIT_USAGE;
-}
-
 /* What holds where no option says otherwise. */
 static int first_options(fit_run *r) {
     const char *resume = args_value(r->a, "resume"), *replay = args_value(r->a, "replay");
@@ -108,12 +86,8 @@ static int first_options(fit_run *r) {
 static int read_options(fit_run *r) {
     int failed = first_options(r);
     if (failed) return failed;
-    sf_option_info info;
-    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
-        const char *text = args_value(r->a, info.name);
-        int error = text ? set_option(r, info.name, text) : 0;
-        if (error) return error;
-    }
+    failed = app_fit_options(r->a, r->ctx, &r->options);
+    if (failed) return failed;
     if (args_value(r->a, "time_limit") && r->options.time_limit > 0 && !args_value(r->a, "steps"))
         r->options.steps = 0;
     if (!r->options.steps && !(r->options.time_limit > 0)) {
@@ -146,26 +120,6 @@ static void on_progress(void *user, const sf_fit_progress *p) {
     if (p->seconds >= r->next_checkpoint) write_checkpoint(r, p);
 }
 
-static json_t *options_json(const sf_fit_options *options) {
-    json_t *object = json_object();
-    sf_option_info info;
-    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
-        char text[64];
-        sf_fit_options_get(options, info.name, text, sizeof text);
-        json_t *value = info.kind == SF_KIND_ENUM   ? json_string(text)
-                        : info.kind == SF_KIND_REAL ? json_real(strtod(text, NULL))
-                                                    : json_integer(strtoll(text, NULL, 10));
-        json_object_set_new(object, info.name, value);
-    }
-    return object;
-}
-
-/* The most memory that the process has had resident, in MB. */
-static double peak_memory(void) {
-    struct rusage usage;
-    return getrusage(RUSAGE_SELF, &usage) ? 0 : (double)usage.ru_maxrss / 1024;
-}
-
 /* Why the run ended, in a word. */
 static const char *end_word(const fit_run *r, const sf_fit_progress *p) {
     static const char *const words[SF_FIT_END_COUNT] = {[SF_FIT_GOES_ON] = "failure",
@@ -193,7 +147,7 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
     sf_scene_get_info(r->scene, &scene);
     sf_fitter_get_progress(r->fitter, &p);
     json_t *result = json_pack("{s:I, s:f, s:f, s:I, s:f, s:[f,f,f], s:I, s:b}", "steps", (json_int_t)p.step,
-                               "fit_seconds", r->seconds, "peak_memory_mb", peak_memory(), "gaussians",
+                               "fit_seconds", r->seconds, "peak_memory_mb", app_peak_memory(), "gaussians",
                                (json_int_t)p.gaussians, "loss", p.loss, "background", (double)p.background[0],
                                (double)p.background[1], (double)p.background[2], "skipped_values",
                                (json_int_t)p.skipped_values, "complete", !r->stopped);
@@ -222,7 +176,7 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         "isa", sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "project",
         app_json_text(r->a->positional[0]), "scene", "train_views", (json_int_t)scene.train_views,
         "test_views", (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent",
-        scene.extent, "fingerprint", replay_scene_json(r->scene), "options", options_json(&r->options),
+        scene.extent, "fingerprint", replay_scene_json(r->scene), "options", app_options_json(&r->options),
         "gone_on", p.gone_on, "plan", replay_plan_json(r->fitter), "result", result);
     sf_model *model = NULL;
     sf_status status = sf_fitter_snapshot(r->fitter, &model);
@@ -268,7 +222,7 @@ static void print_result(fit_run *r, const evaluation *e) {
     if (args_value(r->a, "quiet") || r->line.kind == PROGRESS_JSON) return;
     fprintf(r->out, "%s after %lld steps in %.1f s (%.1f ms a step, peak memory %.0f MB)\n",
             r->stopped ? "stopped" : "done", (long long)p.step, r->seconds,
-            1e3 * r->seconds / (double)(p.step ? p.step : 1), peak_memory());
+            1e3 * r->seconds / (double)(p.step ? p.step : 1), app_peak_memory());
     fprintf(r->out, "wrote %s: %zu Gaussians\n", r->output, p.gaussians);
     if (p.skipped_values)
         fprintf(r->out, "left out %llu times: Gaussians with values that were not finite\n",

@@ -351,6 +351,7 @@ static void conclude(const sf_tracker *t, const row_sums *s, const sf_track_prio
     size_t found = 0;
     for (size_t y = 0; y < (size_t)t->at->camera.height; y++) found += t->found[y];
     track->gain = t->gain, track->bias = t->bias;
+    track->depth = mean_depth(t);
     track->rms = sqrt(s->weight / n);
     track->seen = (double)found / (double)pixels_of(&t->at->camera);
     track->agreement = aa > 1e-8 && bb > 1e-8 ? ab / sqrt(aa * bb) : 0;

@@ -18,6 +18,7 @@ typedef struct sf_track {
     sf_rigid pose;                          /* world to camera */
     double covariance[SF_TWIST * SF_TWIST]; /* of its left twist */
     double gain, bias;                      /* the picture is gain x render + bias, in grey, 0..1 */
+    double depth;                           /* mean, of what was compared, world units */
     double rms;                             /* of the differences, where both agree */
     double seen;                            /* the share of the picture that the model fills, 0..1 */
     double agreement; /* correlation of picture and render there, -1..1; 0 where nothing is to be compared */

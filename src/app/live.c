@@ -1,0 +1,425 @@
+/* live.c - splatfit live: fits the scene in front of a camera. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app.h"
+
+static const arg_option own_options[] = {
+    {"output", 'o', "FILE", "the model to write, a .ply, .spz or .splat, every --save-every and at the end"},
+    {"seconds", 0, "S", "end after S seconds, and plan for them; default: no end, until Ctrl-C"},
+    {"board", 0, "NAME",
+     "poses from a board of AprilTags: a4-36h11, letter-36h11, a3-36h11 or a .json of one's own (a4-36h11)"},
+    {"tag-size", 0, "MM",
+     "the side of the board's black squares as measured, where the print has another scale"},
+    {"poses", 0, "FROM", "board (of --board), or frames: the frames' own, as simulated ones have (board)"},
+    {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
+    {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
+    {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (15)"},
+    {"steps-per-frame", 0, "N",
+     "of a source that is not in real time look at every frame, and do N steps after each; such a run can be "
+     "repeated; 0: as time allows (0)"},
+    {"keyframes", 0, "N", "keep so many keyframes at most (300)"},
+    {"save-every", 0, "S", "seconds between two writings of the model; 0: at the end alone (60)"},
+    {"trajectory", 0, "FILE",
+     "write the camera's path: time x y z qx qy qz qw a line, camera to world (TUM)"},
+    {"cameras", 0, "FILE", "cameras.json of the keyframes, as refined, at the end"},
+    {"log", 0, "FILE", "write options, the course of the run and the result as JSON"},
+    {"progress", 0, "KIND", "auto, plain, json (one object a line) or none (auto)"},
+    {0},
+};
+
+/* A pose that was found, for the trajectory; and how far off it is, where the frame told its own. */
+typedef struct step {
+    double time;               /* s */
+    double center[3], quat[4]; /* x y z w */
+    double degrees, distance;  /* off the truth; NAN: not known */
+    sf_pose_from from;
+} step;
+
+typedef struct live_run {
+    const args *a;
+    const char *output;
+    double seconds, save_every, next_save, tag_size, track_rate;
+    int downscale, keyframes, per_frame;
+    sf_context *ctx, *source_ctx;
+    sf_source *source;
+    sf_board *board;
+    sf_live_options options;
+    sf_live *live;
+    progress_line line;
+    step *steps;
+    size_t step_count, step_capacity;
+    uint64_t last_frame;
+    json_t *curve;
+    double next_sample;
+    int stopped, save_failed;
+} live_run;
+
+/* The fit that a signal stops. */
+static sf_live *volatile running;
+
+static void cancel(void) {
+    if (running) sf_live_cancel(running);
+}
+
+/* 1. The command line */
+
+static int usage(const char *option, const char *value, const char *what) {
+    fprintf(stderr, "splatfit live: %s: \"%s\" %s\n", option, value, what);
+    return EXIT_USAGE;
+}
+
+static int read_real(const live_run *r, const char *name, double least, double most, double *value) {
+    const char *text = args_value(r->a, name);
+    char *end, option[32], what[64];
+    if (!text) return 0;
+    double read = strtod(text, &end);
+    if (end != text && !*end && read >= least && read <= most) {
+        *value = read;
+        return 0;
+    }
+    snprintf(option, sizeof option, "--%s", name);
+    snprintf(what, sizeof what, "is not a number in %g..%g", least, most);
+    return usage(option, text, what);
+}
+
+static int read_options(live_run *r) {
+    r->save_every = 60, r->downscale = 1, r->keyframes = 300, r->track_rate = 15;
+    int error = read_real(r, "seconds", 0.1, 1e7, &r->seconds);
+    if (!error) error = read_real(r, "save-every", 0, 1e7, &r->save_every);
+    if (!error) error = read_real(r, "tag-size", 1, 1e4, &r->tag_size);
+    if (!error) error = read_real(r, "track-rate", 0.1, 1000, &r->track_rate);
+    if (!error) error = args_int(r->a, "downscale", 1, 16, &r->downscale);
+    if (!error) error = args_int(r->a, "keyframes", 8, 100000, &r->keyframes);
+    if (!error) error = args_int(r->a, "steps-per-frame", 0, 1000000, &r->per_frame);
+    if (!error && args_value(r->a, "time_limit"))
+        error = usage("--time-limit", args_value(r->a, "time_limit"), "is --seconds here");
+    return error;
+}
+
+static int read_poses(live_run *r) {
+    const char *from = args_value(r->a, "poses"), *board = args_value(r->a, "board");
+    if (from && !strcmp(from, "frames"))
+        r->options.own_poses = 1;
+    else if (from && strcmp(from, "board") != 0)
+        return usage("--poses", from, "is none of board, frames");
+    if (r->options.own_poses && !board) return 0;
+    if (sf_board_open(r->ctx, board ? board : "a4-36h11", r->tag_size / 1000, &r->board))
+        return app_fail(r->a, r->ctx);
+    r->options.board = r->board;
+    return 0;
+}
+
+static int read_lens(live_run *r) {
+    const char *path = args_value(r->a, "lens");
+    sf_calibration known;
+    sf_source_info info;
+    if (!path) return 0;
+    if (sf_calibration_load(r->ctx, path, &known)) return app_fail(r->a, r->ctx);
+    sf_source_describe(r->source, &info);
+    if (known.width && (known.width != info.width || known.height != info.height)) {
+        fprintf(stderr, "splatfit live: %s: size: %d x %d is not the source's %d x %d\n", path,
+                (int)known.width, (int)known.height, (int)info.width, (int)info.height);
+        return EXIT_FAILED;
+    }
+    r->options.lens = known.lens;
+    return 0;
+}
+
+static int open_source(live_run *r) {
+    int error = app_context(r->a, &r->source_ctx); /* its own: it fails on another thread */
+    if (!error && sf_source_open(r->source_ctx, r->a->positional[0], &r->source))
+        error = app_fail(r->a, r->source_ctx);
+    return error;
+}
+
+static int prepare(live_run *r) {
+    int error = app_context(r->a, &r->ctx);
+    if (!error) error = read_options(r);
+    r->options = sf_live_options_default();
+    if (!error) error = app_fit_options(r->a, r->ctx, &r->options.fit);
+    r->options.fit.time_limit = r->seconds;
+    r->options.downscale = r->downscale;
+    r->options.track_rate = r->track_rate;
+    r->options.keyframes_most = r->keyframes;
+    r->options.steps_per_frame = r->per_frame;
+    if (!error) error = progress_start(&r->line, r->a, stdout);
+    if (!error && !app_names_model(r->output))
+        error = usage("--output", r->output, "does not end in .ply, .spz or .splat");
+    const char *const outputs[] = {r->output, args_value(r->a, "trajectory"), args_value(r->a, "cameras"),
+                                   args_value(r->a, "log")};
+    for (int i = 0; i < 4 && !error; i++)
+        if (outputs[i]) error = app_check_output(r->a, outputs[i]);
+    if (!error) error = read_poses(r);
+    if (!error) error = open_source(r);
+    if (!error) error = read_lens(r);
+    if (!error && sf_live_create(r->ctx, r->source, &r->options, &r->live)) error = app_fail(r->a, r->ctx);
+    return error;
+}
+
+/* 2. On the way */
+
+static const char *state_word(const sf_live_progress *p) {
+    static const char *const words[SF_LIVE_STATE_COUNT] = {[SF_LIVE_WAITING] = "waiting for a first pose",
+                                                           [SF_LIVE_STARTING] = "starting: move sideways",
+                                                           [SF_LIVE_TRACKING] = "tracking",
+                                                           [SF_LIVE_LOST] = "lost: go back to where it was"};
+    return p->paused ? "paused" : words[p->state];
+}
+
+static json_t *number(double value) { return isfinite(value) ? json_real(value) : json_null(); }
+
+static json_t *progress_json(const sf_live_progress *p) {
+    return json_pack(
+        "{s:s, s:f, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:I, s:I}", "state",
+        state_word(p), "seconds", p->seconds, "gaussians", (json_int_t)p->fit.gaussians, "steps",
+        (json_int_t)p->fit.step, "steps_per_second", p->fit.steps_per_second, "frames_per_second",
+        p->frame_rate, "tracked_per_second", p->track_rate, "track_ms", p->track_ms, "dropped",
+        (json_int_t)(p->frames.dropped + p->frames.skipped), "passed_over", (json_int_t)p->passed_over,
+        "keyframes", (json_int_t)p->keyframes, "held_out", (json_int_t)p->held_out, "lost",
+        (json_int_t)p->lost, "held_out_psnr", number(p->held_out_psnr), "held_out_psnr_corrected",
+        number(p->held_out_psnr_corrected), "first_psnr", number(p->first_psnr), "looked_at",
+        (json_int_t)p->looked_at, "tracked", (json_int_t)p->tracked);
+}
+
+static void show(live_run *r, const sf_live_progress *p, int now) {
+    if (!progress_due(&r->line, p->seconds, now)) return;
+    if (r->line.kind == PROGRESS_JSON) {
+        json_t *json = progress_json(p);
+        char *text = json ? json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
+        if (text) progress_text(&r->line, text);
+        free(text);
+        json_decref(json);
+        return;
+    }
+    char text[256], psnr[48] = "";
+    if (isfinite(p->held_out_psnr_corrected))
+        snprintf(psnr, sizeof psnr, "  held out %.2f dB", p->held_out_psnr_corrected);
+    snprintf(text, sizeof text, "%.0f s  %s  %.0f poses/s  %zu keyframes  N %zu  %.3g steps/s%s", p->seconds,
+             state_word(p), p->track_rate, p->keyframes, p->fit.gaussians, p->fit.steps_per_second, psnr);
+    progress_text(&r->line, text);
+}
+
+/* The unit quaternion x y z w of a rotation, by its greatest component. */
+static void quaternion(const double R[9], double q[4]) {
+    double square[4] = {1 + R[0] - R[4] - R[8], 1 - R[0] + R[4] - R[8], 1 - R[0] - R[4] + R[8],
+                        1 + R[0] + R[4] + R[8]};
+    int k = 0;
+    for (int i = 1; i < 4; i++)
+        if (square[i] > square[k]) k = i;
+    const double row[4][4] = {{square[0], R[1] + R[3], R[2] + R[6], R[7] - R[5]},
+                              {R[1] + R[3], square[1], R[5] + R[7], R[2] - R[6]},
+                              {R[2] + R[6], R[5] + R[7], square[2], R[3] - R[1]},
+                              {R[7] - R[5], R[2] - R[6], R[3] - R[1], square[3]}};
+    for (int i = 0; i < 4; i++) q[i] = row[k][i] / (2 * sqrt(square[k]));
+}
+
+static void compare(const sf_live_frame *f, step *s) {
+    double there[3], trace = 0, squares = 0;
+    s->degrees = s->distance = NAN;
+    if (!f->has_truth) return;
+    sf_camera_center(&f->truth, there);
+    for (int k = 0; k < 9; k++) trace += f->truth.R_cw[k] * f->camera.R_cw[k];
+    for (int k = 0; k < 3; k++) squares += pow(there[k] - s->center[k], 2);
+    s->degrees = acos(fmin(fmax((trace - 1) / 2, -1), 1)) * 57.29577951308232;
+    s->distance = sqrt(squares);
+}
+
+/* Keeps the pose of a frame that was looked at. */
+static int note_frame(live_run *r) {
+    sf_live_frame f;
+    sf_live_get_frame(r->live, &f);
+    if (f.number == r->last_frame) return 0;
+    r->last_frame = f.number;
+    if (f.from == SF_POSE_NONE) return 0;
+    if (r->step_count == r->step_capacity) {
+        size_t more = r->step_capacity ? 2 * r->step_capacity : 1024;
+        step *steps = realloc(r->steps, more * sizeof *steps);
+        if (!steps) return app_say(r->a, "trajectory", "out of memory");
+        r->steps = steps, r->step_capacity = more;
+    }
+    step *s = &r->steps[r->step_count++];
+    double R_wc[9];
+    for (int i = 0; i < 9; i++) R_wc[i] = f.camera.R_cw[3 * (i % 3) + i / 3];
+    s->time = 1e-9 * (double)f.time_ns;
+    s->from = f.from;
+    sf_camera_center(&f.camera, s->center);
+    quaternion(R_wc, s->quat);
+    compare(&f, s);
+    return 0;
+}
+
+/* 3. What is written */
+
+static int save_model(live_run *r) {
+    sf_model *model = NULL;
+    sf_status status = sf_live_snapshot(r->live, &model);
+    if (!status) status = sf_model_save(model, r->output);
+    sf_model_destroy(&model);
+    if (!status) return 0;
+    progress_break(&r->line);
+    return app_fail(r->a, r->ctx);
+}
+
+static void save_now_and_then(live_run *r, const sf_live_progress *p) {
+    if (!(r->save_every > 0) || !p->has_fit || p->seconds < r->next_save) return;
+    if (r->next_save > 0) (void)save_model(r); /* said; the next one may do better */
+    r->next_save = p->seconds + r->save_every;
+}
+
+static int write_trajectory(const live_run *r) {
+    const char *path = args_value(r->a, "trajectory");
+    if (!path) return 0;
+    size_t room = 64 + 160 * r->step_count, n = 0;
+    char *text = malloc(room);
+    if (!text) return app_say(r->a, path, "out of memory");
+    n += (size_t)snprintf(text, room, "# time x y z qx qy qz qw, camera to world\n");
+    for (size_t i = 0; i < r->step_count; i++) {
+        const step *s = &r->steps[i];
+        n += (size_t)snprintf(text + n, room - n, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", s->time,
+                              s->center[0], s->center[1], s->center[2], s->quat[0], s->quat[1], s->quat[2],
+                              s->quat[3]);
+    }
+    sf_status status = sf_write_file(r->ctx, path, text, n);
+    free(text);
+    return status ? app_fail(r->a, r->ctx) : 0;
+}
+
+static int compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Medians over the poses from `from` (SF_POSE_NONE: all) whose truth is known; returns how many. */
+static size_t medians(const live_run *r, sf_pose_from from, double *degrees, double *distance) {
+    double *values = malloc((r->step_count + 1) * 2 * sizeof *values);
+    size_t n = 0;
+    for (size_t i = 0; values && i < r->step_count; i++)
+        if (isfinite(r->steps[i].degrees) && (!from || r->steps[i].from == from)) n++;
+    for (size_t i = 0, k = 0; values && i < r->step_count; i++) {
+        if (!isfinite(r->steps[i].degrees) || (from && r->steps[i].from != from)) continue;
+        values[k] = r->steps[i].degrees;
+        values[n + k++] = r->steps[i].distance;
+    }
+    *degrees = *distance = NAN;
+    if (values && n) {
+        qsort(values, n, sizeof *values, compare_doubles);
+        qsort(values + n, n, sizeof *values, compare_doubles);
+        *degrees = values[n / 2], *distance = values[n + n / 2];
+    }
+    free(values);
+    return n;
+}
+
+static json_t *log_json(live_run *r, const sf_live_progress *p) {
+    double degrees, distance;
+    json_t *result = progress_json(p);
+    json_object_set_new(result, "peak_memory_mb", json_real(app_peak_memory()));
+    if (medians(r, SF_POSE_NONE, &degrees, &distance)) {
+        json_object_set_new(result, "pose_error_degrees", json_real(degrees));
+        json_object_set_new(result, "pose_error_distance", json_real(distance));
+    }
+    return json_pack("{s:s, s:s, s:i, s:o, s:o, s:O, s:o}", "version", sf_version(), "isa",
+                     sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "source",
+                     app_json_text(r->a->positional[0]), "options", app_options_json(&r->options.fit),
+                     "curve", r->curve, "result", result);
+}
+
+static void print_result(const live_run *r, const sf_live_progress *p) {
+    double degrees, distance;
+    if (args_value(r->a, "quiet") || r->line.kind == PROGRESS_JSON) return;
+    printf("%s after %.1f s: %llu frames looked at, %llu with a pose, lost %llu times; %zu keyframes, %zu of "
+           "them held out\n",
+           r->stopped ? "stopped" : "done", p->seconds, (unsigned long long)p->looked_at,
+           (unsigned long long)p->tracked, (unsigned long long)p->lost, p->keyframes, p->held_out);
+    if (p->has_fit)
+        printf("wrote %s: %zu Gaussians after %lld steps (peak memory %.0f MB)\n", r->output,
+               p->fit.gaussians, (long long)p->fit.step, app_peak_memory());
+    if (isfinite(p->held_out_psnr))
+        printf("held out, at the poses as tracked: PSNR %.2f dB (with exposure corrected: %.2f dB)\n",
+               p->held_out_psnr, p->held_out_psnr_corrected);
+    if (medians(r, SF_POSE_NONE, &degrees, &distance))
+        printf("poses against the frames' own, medians: %.3f degrees, %.4f off\n", degrees, distance);
+}
+
+/* The model first, whatever comes after. */
+static int finish(live_run *r) {
+    sf_live_progress p;
+    sf_live_get_progress(r->live, &p);
+    const char *cameras = args_value(r->a, "cameras"), *log = args_value(r->a, "log");
+    int error = 0;
+    if (p.has_fit)
+        error = save_model(r);
+    else
+        error = app_say(r->a, r->a->positional[0],
+                        p.looked_at ? "no model: no pose was found from enough places" : "no frame came");
+    if (!error) print_result(r, &p);
+    int written = write_trajectory(r);
+    if (!error) error = written;
+    if (!error && cameras && sf_live_save_cameras(r->live, cameras)) error = app_fail(r->a, r->ctx);
+    if (log) {
+        written = app_write_json(r->a, r->ctx, log, log_json(r, &p));
+        if (!error) error = written;
+    }
+    return !error && r->stopped ? 128 + r->stopped : error;
+}
+
+static int loop(live_run *r) {
+    for (;;) {
+        sf_live_progress p;
+        sf_status status = sf_live_step(r->live);
+        int error = note_frame(r);
+        sf_live_get_progress(r->live, &p);
+        show(r, &p, status != SF_OK);
+        if (p.seconds >= r->next_sample) {
+            json_array_append_new(r->curve, progress_json(&p));
+            r->next_sample = p.seconds + 0.5;
+        }
+        if (status == SF_ERR_CANCELLED) r->stopped = app_stopped_by();
+        if (status) progress_break(&r->line);
+        if (status && status != SF_ERR_END && status != SF_ERR_CANCELLED) error = app_fail(r->a, r->ctx);
+        if (status || error) return error;
+        save_now_and_then(r, &p);
+    }
+}
+
+static int run(const args *a) {
+    const char *output = args_value(a, "output");
+    live_run r = {.a = a, .output = output ? output : "scene.ply", .curve = json_array()};
+    int error = prepare(&r);
+    if (!error) {
+        running = r.live;
+        app_catch_signals(cancel);
+        error = loop(&r);
+        int saved = finish(&r); /* also after a failure: what was fitted so far is kept */
+        if (!error) error = saved;
+    }
+    running = NULL;
+    sf_live_destroy(&r.live);
+    sf_source_close(&r.source);
+    sf_board_close(&r.board);
+    free(r.steps);
+    json_decref(r.curve);
+    sf_context_destroy(&r.source_ctx);
+    sf_context_destroy(&r.ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {own_options, common_options, NULL};
+
+const command command_live = {
+    .name = "live",
+    .synopsis = "SOURCE -o scene.ply [OPTIONS]",
+    .summary =
+        "Fits the scene in front of a camera while it moves. SOURCE is v4l2:/dev/video0, libcamera:0, a "
+        "folder:DIR, a pipe: or a simulated camera (splatfit capture --help). SIGINT and SIGTERM end it "
+        "and write the model. Defaults of a live fit that differ from splatfit fit: exposure 1, "
+        "refine_poses 1, validate 0, size cap, max_gaussians 40000.",
+    .tables = tables,
+    .least = 1,
+    .most = 1,
+    .with_fit_options = 1,
+    .run = run,
+};

@@ -1,0 +1,237 @@
+/* intake.c - a thread that takes frames as they come and keeps the newest as a picture. */
+#include "intake.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <string.h>
+#include <time.h>
+
+enum {
+    WAIT_MS = 100, /* for a frame: so soon is the end noticed */
+    PICTURES = 3   /* one is taken in, one waits, one is looked at */
+};
+
+#define GUESSED_WIDTH 1.0471975511965976 /* rad, of a picture whose lens nobody knows */
+
+struct sf_intake {
+    sf_context *ctx; /* the caller's, for memory and messages */
+    sf_context *own; /* one thread: the pool is the fit's */
+    sf_source *source;
+    sf_lens lens;
+    int downscale, live;
+    sf_remap *remap;
+    float *planes; /* of a frame, before it is remapped */
+    size_t plane_capacity;
+    sf_camera pinhole;
+    pthread_t thread;
+
+    pthread_mutex_t lock; /* guards all below */
+    pthread_cond_t changed;
+    sf_picture pictures[PICTURES];
+    size_t capacity[PICTURES]; /* floats */
+    int filled, taken;         /* indices; -1: none */
+    int ending;
+    sf_status status; /* why no more come */
+    char error[1024];
+    sf_source_counts counts;
+    uint64_t passed_over, came;
+};
+
+/* 1. From a frame to a picture: on the thread */
+
+/* The frame's own intrinsics, else a guess. */
+static void find_lens(sf_intake *in, const sf_frame *frame) {
+    if (in->lens.fx > 0) return;
+    if (frame->has_camera) {
+        const sf_camera *c = &frame->camera;
+        in->lens = (sf_lens){.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
+        return;
+    }
+    double f = frame->width / 2.0 / tan(GUESSED_WIDTH / 2);
+    in->lens = (sf_lens){.fx = f, .fy = f, .cx = frame->width / 2.0, .cy = frame->height / 2.0};
+    sf_log(in->ctx, SF_LOG_WARNING,
+           "no lens is known: taken as %.0f px of focal length; splatfit calibrate measures it", f);
+}
+
+static int is_pinhole(const sf_lens *l) { return l->k1 == 0 && l->k2 == 0 && l->p1 == 0 && l->p2 == 0; }
+
+static sf_status prepare(sf_intake *in, const sf_frame *frame) {
+    if (in->remap) return SF_OK;
+    find_lens(in, frame);
+    sf_status status =
+        sf_remap_create(in->own, &in->lens, frame->width, frame->height, in->downscale, &in->remap);
+    if (!status) sf_remap_camera(in->remap, &in->pinhole);
+    return status;
+}
+
+/* A slot that nobody holds; those that wait may be overwritten only by what is newer, as a whole. */
+static int free_slot(const sf_intake *in) {
+    for (int i = 0; i < PICTURES; i++)
+        if (i != in->filled && i != in->taken) return i;
+    return 0; /* never: there are three */
+}
+
+static sf_status make_room(sf_intake *in, int slot, int with_weight) {
+    sf_picture *p = &in->pictures[slot];
+    size_t pixels = (size_t)in->pinhole.width * (size_t)in->pinhole.height;
+    float *block = p->rgb[0];
+    sf_status status = sf_grow(in->own, &block, &in->capacity[slot], 0, 4 * pixels, sizeof *block);
+    if (status) return status;
+    for (size_t c = 0; c < 3; c++) p->rgb[c] = block + c * pixels;
+    p->weight = with_weight ? block + 3 * pixels : NULL;
+    return SF_OK;
+}
+
+static sf_status develop(sf_intake *in, const sf_frame *frame, int slot) {
+    size_t pixels = (size_t)frame->width * (size_t)frame->height, width = (size_t)frame->width;
+    sf_picture *p = &in->pictures[slot];
+    sf_status status = prepare(in, frame);
+    if (!status) status = make_room(in, slot, !is_pinhole(&in->lens));
+    if (!status)
+        status = sf_grow(in->own, &in->planes, &in->plane_capacity, 0, 3 * pixels, sizeof *in->planes);
+    if (status) return status;
+    float *const from[3] = {in->planes, in->planes + pixels, in->planes + 2 * pixels};
+    int as_it_is = in->downscale == 1 && is_pinhole(&in->lens);
+    status = sf_frame_convert(in->own, frame, as_it_is ? p->rgb : from, width);
+    if (!status && !as_it_is)
+        status = sf_remap_run(in->remap, from, width, p->rgb, (size_t)in->pinhole.width, p->weight);
+    p->camera = in->pinhole;
+    p->time_ns = frame->time_ns;
+    p->sequence = frame->sequence;
+    p->has_truth = frame->has_camera;
+    if (frame->has_camera) p->truth = sf_camera_downscaled(&frame->camera, in->downscale);
+    return status;
+}
+
+/* A frame that cannot be decoded is passed over; a camera that has gone may come back. */
+static sf_status take_in(sf_intake *in) {
+    sf_frame frame;
+    sf_status status = (in->live ? sf_source_newest : sf_source_next)(in->source, WAIT_MS, &frame);
+    if (status == SF_ERR_TIMEOUT) return SF_OK;
+    if (status) return status;
+    pthread_mutex_lock(&in->lock);
+    while (!in->live && in->filled >= 0 && !in->ending) pthread_cond_wait(&in->changed, &in->lock);
+    int slot = free_slot(in);
+    pthread_mutex_unlock(&in->lock);
+    status = develop(in, &frame, slot);
+    sf_source_release(in->source, &frame);
+    pthread_mutex_lock(&in->lock);
+    sf_source_count(in->source, &in->counts);
+    in->came++;
+    if (!status) {
+        in->passed_over += in->filled >= 0;
+        in->filled = slot;
+        pthread_cond_broadcast(&in->changed);
+    }
+    pthread_mutex_unlock(&in->lock);
+    return status == SF_ERR_FORMAT ? SF_OK : status;
+}
+
+static void *run(void *intake) {
+    sf_intake *in = intake;
+    for (;;) {
+        sf_status status = take_in(in);
+        pthread_mutex_lock(&in->lock);
+        int over = in->ending || status;
+        if (status) {
+            in->status = status;
+            const char *text = sf_last_error(in->own);
+            memcpy(in->error, text, strlen(text) + 1);
+            pthread_cond_broadcast(&in->changed);
+        }
+        pthread_mutex_unlock(&in->lock);
+        if (over) return NULL;
+    }
+}
+
+/* 2. The other side */
+
+static void free_all(sf_intake *in) {
+    for (int i = 0; i < PICTURES; i++) sf_free(in->own, in->pictures[i].rgb[0]);
+    sf_free(in->own, in->planes);
+    sf_remap_destroy(&in->remap);
+    sf_context_destroy(&in->own);
+    pthread_cond_destroy(&in->changed);
+    pthread_mutex_destroy(&in->lock);
+    sf_free(in->ctx, in);
+}
+
+sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
+                           sf_intake **intake) {
+    *intake = NULL;
+    sf_intake *in = sf_calloc(ctx, 1, sizeof *in);
+    if (!in) return SF_ERR_MEMORY;
+    sf_context_options own = {.allocator = &ctx->allocator, .threads = 1};
+    sf_status status = sf_context_create(&in->own, &own);
+    if (status) {
+        sf_free(ctx, in);
+        return status;
+    }
+    sf_source_info info;
+    sf_source_describe(source, &info);
+    in->ctx = ctx, in->source = source, in->lens = *lens, in->downscale = downscale;
+    in->live = info.live || info.frames_per_second > 0;
+    in->filled = in->taken = -1;
+    pthread_mutex_init(&in->lock, NULL);
+    pthread_condattr_t attributes;
+    pthread_condattr_init(&attributes);
+    pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
+    pthread_cond_init(&in->changed, &attributes);
+    pthread_condattr_destroy(&attributes);
+    if (pthread_create(&in->thread, NULL, run, in)) {
+        free_all(in);
+        return sf_fail(ctx, SF_ERR_MEMORY, "no thread for the frames can be created");
+    }
+    *intake = in;
+    return SF_OK;
+}
+
+void sf_intake_destroy(sf_intake **intake) {
+    sf_intake *in = *intake;
+    if (!in) return;
+    pthread_mutex_lock(&in->lock);
+    in->ending = 1;
+    pthread_cond_broadcast(&in->changed);
+    pthread_mutex_unlock(&in->lock);
+    pthread_join(in->thread, NULL);
+    free_all(in);
+    *intake = NULL;
+}
+
+sf_status sf_intake_take(sf_intake *in, int timeout_ms, const sf_picture **picture) {
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    int64_t ns = until.tv_nsec + (int64_t)timeout_ms * 1000000;
+    until.tv_sec += (time_t)(ns / 1000000000);
+    until.tv_nsec = (long)(ns % 1000000000);
+    sf_status status = SF_OK;
+    pthread_mutex_lock(&in->lock);
+    while (in->filled < 0 && !in->status && !status)
+        if (pthread_cond_timedwait(&in->changed, &in->lock, &until)) status = SF_ERR_TIMEOUT;
+    if (in->filled >= 0) {
+        in->taken = in->filled;
+        in->filled = -1;
+        *picture = &in->pictures[in->taken];
+        pthread_cond_broadcast(&in->changed);
+        status = SF_OK;
+    } else if (in->status) {
+        status = in->status == SF_ERR_END ? SF_ERR_END : sf_fail(in->ctx, in->status, "%s", in->error);
+    }
+    pthread_mutex_unlock(&in->lock);
+    return status;
+}
+
+int sf_intake_waits(sf_intake *in) {
+    pthread_mutex_lock(&in->lock);
+    int waits = in->filled >= 0 || in->status;
+    pthread_mutex_unlock(&in->lock);
+    return waits;
+}
+
+void sf_intake_count(sf_intake *in, sf_source_counts *counts, uint64_t *passed_over, uint64_t *came) {
+    pthread_mutex_lock(&in->lock);
+    *counts = in->counts;
+    *passed_over = in->passed_over;
+    *came = in->came;
+    pthread_mutex_unlock(&in->lock);
+}

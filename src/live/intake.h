@@ -1,0 +1,39 @@
+/* intake.h - frames as pictures to fit, taken in on a thread of its own. */
+#ifndef SF_LIVE_INTAKE_H
+#define SF_LIVE_INTAKE_H
+
+#include <splatfit/remap.h>
+#include <splatfit/source.h>
+
+#include "../base/context.h"
+
+/* A picture through a pinhole camera. */
+typedef struct sf_picture {
+    sf_camera camera; /* its size and intrinsics; the pose of none */
+    float *rgb[3];    /* [height][width], 0..1 */
+    float *weight;    /* [height][width], 0..1: what the lens shows; NULL: all */
+    int64_t time_ns;
+    uint64_t sequence;
+    int has_truth;
+    sf_camera truth; /* the frame's own camera, scaled to the picture */
+} sf_picture;
+
+typedef struct sf_intake sf_intake;
+
+/* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`. Of a source
+ * in real time the newest waits, and older ones are passed over; of another each waits for its turn. */
+sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
+                           sf_intake **intake);
+/* Waits for the thread to end: a fraction of a second. */
+void sf_intake_destroy(sf_intake **intake);
+
+/* The newest picture, in place of the one taken last, which is the intake's again; waits up to timeout_ms.
+ * SF_ERR_TIMEOUT: none has come; SF_ERR_END, SF_ERR_IO, ...: none will come any more, why is in
+ * sf_last_error. */
+sf_status sf_intake_take(sf_intake *intake, int timeout_ms, const sf_picture **picture);
+/* Whether one waits. */
+int sf_intake_waits(sf_intake *intake);
+
+void sf_intake_count(sf_intake *intake, sf_source_counts *counts, uint64_t *passed_over, uint64_t *came);
+
+#endif

@@ -1,0 +1,357 @@
+/* keyframes.c - which frames are kept, and what is done with them: the start, points, evaluation. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../base/clock.h"
+#include "../base/linear.h"
+#include "../fit/refine.h"
+#include "../scene/neighbours.h"
+#include "live.h"
+
+enum {
+    FIRST_VIEWS = 5, /* keyframes that a fit begins with */
+    SEED_POINTS = 1500,
+    NEIGHBOURS = 5
+};
+
+#define FIRST_BASELINE 0.06 /* of the distance: so far apart are the first keyframes at least */
+#define FIRST_GAP      0.4  /* of the gap between keyframes, before the fit begins */
+#define SHARP          0.7  /* of the usual sharpness: enough for a keyframe */
+#define PATIENCE       0.7  /* s, for a sharper one */
+#define SHARP_MEMORY   0.05 /* part of a frame in the usual sharpness */
+#define OPEN           0.02 /* part of a picture without a model: worth a search for points */
+#define MISSING        0.4f /* transmittance of where nothing is */
+#define NEARER         0.87f
+#define WRONG          0.1f /* grey */
+#define LOOK_EVERY     0.5  /* s: evaluations */
+
+/* 1. Pictures, small and sharp */
+
+static float grey_at(const sf_picture *p, size_t at) {
+    return 0.299f * p->rgb[0][at] + 0.587f * p->rgb[1][at] + 0.114f * p->rgb[2][at];
+}
+
+void sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
+    size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
+    double mean = 0, squares = 0;
+    for (size_t ty = 0; ty < SF_THUMB_HEIGHT; ty++)
+        for (size_t tx = 0; tx < SF_THUMB_WIDTH; tx++) {
+            size_t x0 = tx * width / SF_THUMB_WIDTH, x1 = (tx + 1) * width / SF_THUMB_WIDTH;
+            size_t y0 = ty * height / SF_THUMB_HEIGHT, y1 = (ty + 1) * height / SF_THUMB_HEIGHT;
+            float sum = 0, count = 0;
+            for (size_t y = y0; y < y1; y++)
+                for (size_t x = x0; x < x1; x++, count++) sum += grey_at(p, y * width + x);
+            thumb[ty * SF_THUMB_WIDTH + tx] = count > 0 ? sum / count : 0;
+            mean += (double)thumb[ty * SF_THUMB_WIDTH + tx] / SF_THUMB;
+        }
+    for (int i = 0; i < SF_THUMB; i++) squares += pow((double)thumb[i] - mean, 2);
+    for (int i = 0; i < SF_THUMB; i++)
+        thumb[i] = squares > 1e-9 ? (float)(((double)thumb[i] - mean) / sqrt(squares)) : 0;
+}
+
+static double likeness(const float *a, const float *b) {
+    double sum = 0;
+    for (int i = 0; i < SF_THUMB; i++) sum += (double)(a[i] * b[i]);
+    return sum;
+}
+
+const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank) {
+    double below = INFINITY;
+    const sf_keyframe *found = NULL;
+    for (int r = 0; r <= rank; r++) {
+        double most = -INFINITY;
+        found = NULL;
+        for (size_t i = 0; i < live->keyframe_count; i++) {
+            double like = likeness(thumb, live->keyframes[i].thumb);
+            if (like < below && like > most) most = like, found = &live->keyframes[i];
+        }
+        below = most;
+    }
+    return found;
+}
+
+/* Mean square of the Laplacian of grey over 2 x 2 pixels, relative to the picture's own contrast: brightness
+ * does not matter. */
+static double sharpness_of(const sf_picture *p) {
+    size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
+    double edges = 0, sum = 0, squares = 0, count = 0;
+    for (size_t y = 2; y + 2 < height; y += 2)
+        for (size_t x = 2; x + 2 < width; x += 2, count++) {
+            size_t at = y * width + x;
+            double g = (double)grey_at(p, at);
+            double l = 4 * g - (double)(grey_at(p, at - 2) + grey_at(p, at + 2)) -
+                       (double)(grey_at(p, at - 2 * width) + grey_at(p, at + 2 * width));
+            edges += l * l, sum += g, squares += g * g;
+        }
+    double variance = count > 0 ? squares / count - pow(sum / count, 2) : 0;
+    return variance > 1e-6 ? edges / count / variance : 0;
+}
+
+/* 2. Which frames are kept */
+
+/* How far a pose is from a keyframe: the greater of the move, in distances to what is seen, and the turn,
+ * rad. */
+static double gap_to(const sf_live *live, const sf_keyframe *k, const sf_rigid *pose,
+                     const double center[3]) {
+    double twist[6], apart = 0;
+    sf_rigid_twist(&k->pose, pose, twist);
+    for (int i = 0; i < 3; i++) apart += pow(k->center[i] - center[i], 2);
+    return fmax(sqrt(apart) / fmax(live->distance, 1e-9), sqrt(sf_dot3(twist + 3, twist + 3)));
+}
+
+static double least_gap(const sf_live *live, const sf_rigid *pose, const double center[3], size_t but) {
+    double least = INFINITY;
+    for (size_t i = 0; i < live->keyframe_count; i++)
+        if (i != but) least = fmin(least, gap_to(live, &live->keyframes[i], pose, center));
+    return least;
+}
+
+/* Of those that are trained on, but the first and the newest, the one that another stands in for best. */
+static size_t most_redundant(const sf_live *live) {
+    size_t found = 0;
+    double least = INFINITY;
+    for (size_t i = 1; i + SF_LIVE_RECENT < live->keyframe_count; i++) {
+        const sf_keyframe *k = &live->keyframes[i];
+        double gap = k->held_out ? INFINITY : least_gap(live, &k->pose, k->center, i);
+        if (gap < least) least = gap, found = i;
+    }
+    return found;
+}
+
+static sf_status make_room(sf_live *live) {
+    if (live->keyframe_count >= (size_t)live->options.keyframes_most) {
+        size_t gone = most_redundant(live);
+        sf_status status = sf_scene_remove_view(live->scene, live->keyframes[gone].id);
+        if (status) return status;
+        live->keyframe_count--;
+        memmove(live->keyframes + gone, live->keyframes + gone + 1,
+                (live->keyframe_count - gone) * sizeof *live->keyframes);
+    }
+    return sf_grow(live->ctx, &live->keyframes, &live->keyframe_capacity, live->keyframe_count,
+                   live->keyframe_count + 1, sizeof *live->keyframes);
+}
+
+static sf_status add_view(sf_live *live, sf_split split, uint32_t *id) {
+    const sf_picture *p = live->picture;
+    size_t pixels = (size_t)p->camera.width * (size_t)p->camera.height;
+    uint8_t *rgb = live->bytes, *mask = live->bytes + 3 * pixels;
+    for (size_t i = 0; i < pixels; i++) {
+        for (size_t c = 0; c < 3; c++)
+            rgb[3 * i + c] = (uint8_t)(255 * fminf(fmaxf(p->rgb[c][i], 0), 1) + 0.5f);
+        if (p->weight) mask[i] = (uint8_t)(255 * p->weight[i] + 0.5f);
+    }
+    sf_pixels given = {rgb, 3 * (size_t)p->camera.width, p->weight ? mask : NULL};
+    return sf_scene_add_view(live->scene, NULL, &live->frame.camera, &given, split, id);
+}
+
+static sf_status take_keyframe(sf_live *live) {
+    int64_t every = live->options.hold_out;
+    sf_status status = make_room(live);
+    if (status) return status;
+    sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->pose};
+    k.held_out = every > 0 && live->keyframes_made % every == every / 2;
+    sf_camera_center(&live->frame.camera, k.center);
+    sf_live_thumb(live->picture, k.thumb);
+    status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
+    if (status) return status;
+    live->keyframes[live->keyframe_count++] = k;
+    live->keyframes_made++;
+    live->wanted = 0;
+    return SF_OK;
+}
+
+sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
+    double now = 1e-9 * (double)live->picture->time_ns, gap = live->options.first_gap, center[3];
+    *taken = 0;
+    live->sharpness = sharpness_of(live->picture);
+    double usual = live->usual_sharpness > 0 ? live->usual_sharpness : live->sharpness;
+    live->usual_sharpness = usual + SHARP_MEMORY * (live->sharpness - usual);
+    if (live->frame.from == SF_POSE_NONE || !(live->distance > 0)) return SF_OK;
+    if (!live->fitter) gap *= FIRST_GAP;
+    sf_camera_center(&live->frame.camera, center);
+    if (least_gap(live, &live->pose, center, SIZE_MAX) < gap) {
+        live->wanted = 0;
+        return SF_OK;
+    }
+    if (!live->wanted) live->wanted = 1, live->wanted_since = now;
+    if (live->sharpness < SHARP * usual && now - live->wanted_since < PATIENCE) return SF_OK;
+    sf_status status = take_keyframe(live);
+    *taken = !status;
+    return status;
+}
+
+/* 3. The start */
+
+/* The largest distance between two keyframes that are trained on, in distances to what they see. */
+static double baseline(const sf_live *live, size_t *count) {
+    double most = 0;
+    *count = 0;
+    for (size_t i = 0; i < live->keyframe_count; i++) {
+        const sf_keyframe *a = &live->keyframes[i];
+        *count += !a->held_out;
+        for (size_t j = 0; j < i && !a->held_out; j++) {
+            double apart = 0;
+            for (int k = 0; k < 3; k++) apart += pow(a->center[k] - live->keyframes[j].center[k], 2);
+            if (!live->keyframes[j].held_out) most = fmax(most, sqrt(apart));
+        }
+    }
+    return most / fmax(live->distance, 1e-9);
+}
+
+sf_status sf_live_begin(sf_live *live) {
+    size_t views;
+    double apart = baseline(live, &views);
+    live->state = SF_LIVE_STARTING;
+    if (views < FIRST_VIEWS || apart < FIRST_BASELINE) return SF_OK;
+    sf_fit_options o = live->options.fit;
+    if (!(o.extent > 0)) o.extent = live->distance;
+    if (o.time_limit > 0) o.time_limit = fmax(o.time_limit - (sf_clock() - live->first_frame), 1);
+    sf_status status = sf_fitter_create(live->ctx, live->scene, NULL, &o, &live->fitter);
+    if (!status) live->state = SF_LIVE_TRACKING;
+    return status;
+}
+
+/* 4. Points */
+
+/* The newest keyframe that is trained on and its neighbours; references are the caller's. */
+static size_t seed_views(sf_live *live, sf_view *views[SF_SEED_VIEWS]) {
+    size_t n = 0, at = live->keyframe_count, count = 0, chosen[NEIGHBOURS];
+    while (at && live->keyframes[at - 1].held_out) at--;
+    if (!at) return 0;
+    const sf_keyframe *newest = &live->keyframes[at - 1];
+    sf_view **all = sf_alloc(live->ctx, at, sizeof *all);
+    const sf_camera **cameras = sf_alloc(live->ctx, at, sizeof *cameras);
+    for (size_t i = 0; all && cameras && i < at; i++) {
+        sf_view *view =
+            live->keyframes[i].held_out ? NULL : sf_scene_retain_id(live->scene, live->keyframes[i].id);
+        if (!view) continue;
+        cameras[count] = &view->camera;
+        all[count++] = view;
+    }
+    if (count && all[count - 1]->id == newest->id) {
+        views[n++] = sf_view_retain(all[count - 1]);
+        size_t found = sf_choose_neighbours(cameras, count, count - 1, live->distance, NEIGHBOURS, chosen);
+        for (size_t i = 0; i < found; i++) views[n++] = sf_view_retain(all[chosen[i]]);
+    }
+    for (size_t i = 0; i < count; i++) sf_view_release(all[i]);
+    sf_free(live->ctx, all);
+    sf_free(live->ctx, cameras);
+    return n;
+}
+
+/* The model as the newest keyframe sees it. */
+static sf_status draw_for(sf_live *live, const sf_view *view) {
+    sf_render_options options;
+    sf_camera camera = view->camera;
+    sf_fitter_render_options(live->fitter, &options);
+    sf_refine_camera(&live->fitter->views, view->id, &camera);
+    return sf_forward(&live->fitter->workspace, live->fitter->model, &camera, &options, 1);
+}
+
+static double open_part(const sf_workspace *ws) {
+    size_t open = 0, width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++) open += ws->transmittance[y * ws->stride + x] > MISSING;
+    return (double)open / (double)(width * height);
+}
+
+sf_status sf_live_ask_for_points(sf_live *live) {
+    sf_view *views[SF_SEED_VIEWS];
+    if (!live->fitter || !sf_seeder_idle(live->seeder)) return SF_OK;
+    size_t n = seed_views(live, views);
+    sf_status status = n > 1 ? draw_for(live, views[0]) : SF_OK;
+    if (!status && n > 1 && open_part(&live->fitter->workspace) > OPEN) {
+        sf_sweep_options options = {.wanted = SEED_POINTS,
+                                    .nearest = (double)live->fitter->near_plane,
+                                    .extent = live->fitter->extent};
+        sf_seeder_search(live->seeder, views, n, &options);
+        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
+    }
+    for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
+    return status;
+}
+
+/* Whether the drawing lacks what was found at a point: nothing is there, or something else far behind it. */
+static int is_missing(const sf_workspace *ws, const sf_view *view, const sf_camera *c, const float *xyz) {
+    double p[3], world[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
+    sf_mat3_vec(c->R_cw, world, p);
+    for (int k = 0; k < 3; k++) p[k] += c->t_cw[k];
+    if (!(p[2] > 0)) return 0;
+    double u = c->fx * p[0] / p[2] + c->cx, v = c->fy * p[1] / p[2] + c->cy;
+    if (!(u >= 0 && v >= 0 && u < c->width && v < c->height)) return 0;
+    size_t at = (size_t)v * ws->stride + (size_t)u, in_view = (size_t)v * (size_t)c->width + (size_t)u;
+    float T = ws->transmittance[at], wrong = 0;
+    if (T > MISSING) return 1;
+    for (size_t k = 0; k < 3; k++) {
+        size_t plane = k * (size_t)c->width * (size_t)c->height;
+        wrong += fabsf((float)view->rgb[plane + in_view] / 255.0f - ws->rgb[k][at]) / 3;
+    }
+    return wrong > WRONG && (float)p[2] < NEARER * ws->depth[at] / (1 - T);
+}
+
+/* Those that the model lacks stay. */
+static void keep_missing(sf_live *live, sf_seeds *seeds, const sf_view *view) {
+    size_t n = 0;
+    sf_camera camera = view->camera;
+    sf_refine_camera(&live->fitter->views, view->id, &camera);
+    for (size_t i = 0; i < seeds->cloud.n; i++) {
+        if (!is_missing(&live->fitter->workspace, view, &camera, seeds->cloud.xyz + 3 * i)) continue;
+        memmove(seeds->cloud.xyz + 3 * n, seeds->cloud.xyz + 3 * i, 3 * sizeof *seeds->cloud.xyz);
+        memmove(seeds->cloud.rgb + 3 * n, seeds->cloud.rgb + 3 * i, 3);
+        seeds->radius[n++] = seeds->radius[i];
+    }
+    seeds->cloud.n = n;
+}
+
+sf_status sf_live_take_points(sf_live *live) {
+    sf_seeds seeds;
+    size_t added = 0;
+    if (!live->fitter || !sf_seeder_take(live->seeder, &seeds)) return SF_OK;
+    sf_view *view = sf_scene_retain_id(live->scene, seeds.view);
+    sf_status status = view && seeds.cloud.n ? draw_for(live, view) : SF_OK;
+    if (!status && view && seeds.cloud.n) {
+        keep_missing(live, &seeds, view);
+        status = sf_fitter_add_points(live->fitter, seeds.cloud.n, seeds.cloud.xyz, seeds.cloud.rgb,
+                                      seeds.radius, &added);
+    }
+    live->seeded += added;
+    sf_view_release(view);
+    sf_seeds_free(live->seeder, &seeds);
+    return status;
+}
+
+/* 5. How good it is */
+
+static sf_status quality_of(sf_live *live, uint32_t id, sf_quality *quality) {
+    sf_camera camera;
+    sf_status status = sf_fitter_get_camera(live->fitter, id, &camera);
+    size_t pixels = (size_t)camera.width * (size_t)camera.height;
+    if (status) return status;
+    float *rgb = sf_alloc(live->ctx, 7 * pixels, sizeof *rgb);
+    if (!rgb) return SF_ERR_MEMORY;
+    sf_image_out out = {.rgb = rgb};
+    status = sf_scene_get_pixels(live->scene, id, rgb + 3 * pixels, rgb + 6 * pixels);
+    if (!status) status = sf_fitter_render(live->fitter, &camera, &out);
+    if (!status)
+        status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
+                            rgb + 6 * pixels, quality);
+    sf_free(live->ctx, rgb);
+    return status == SF_ERR_EMPTY ? SF_OK : status;
+}
+
+sf_status sf_live_evaluate(sf_live *live) {
+    double now = sf_clock();
+    if (!live->fitter || !live->keyframe_count || now < live->evaluated + LOOK_EVERY) return SF_OK;
+    live->evaluated = now;
+    sf_quality quality = {NAN, NAN, NAN};
+    for (size_t i = 0; i < live->keyframe_count; i++) {
+        size_t at = live->evaluate_next++ % live->keyframe_count;
+        sf_keyframe *k = &live->keyframes[at];
+        if (at && !k->held_out) continue;
+        sf_status status = quality_of(live, k->id, &quality);
+        k->psnr = quality.psnr, k->psnr_corrected = quality.psnr_corrected;
+        return status;
+    }
+    return SF_OK;
+}

@@ -1,0 +1,258 @@
+/* live.c - the loop of a live fit: a frame that is due, else a step. */
+#include "live.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/clock.h"
+
+enum { IDLE_MS = 20, FIRST_MS = 100 };
+
+#define TRACK_MEMORY  0.1 /* part of a frame in the mean time of a look */
+#define PLANNED       300 /* s, of a run without an end */
+#define PLANNED_STEPS 10000
+
+sf_live_options sf_live_options_default(void) {
+    sf_live_options o = {.fit = sf_fit_options_default(),
+                         .downscale = 1,
+                         .track_rate = 15,
+                         .keyframes_most = 300,
+                         .hold_out = 8,
+                         .first_gap = 0.07};
+    o.fit.steps = 0;
+    o.fit.validate = 0;
+    o.fit.size = SF_SIZE_CAP;
+    o.fit.max_gaussians = 40000;
+    o.fit.exposure = 1;
+    o.fit.refine_poses = 1;
+    o.fit.refine_start = 0;
+    o.fit.recent = SF_LIVE_RECENT;
+    o.fit.first = SF_FIRST_SWEEP;
+    o.fit.init_random = 1000;
+    o.fit.grow_end = 0.9;
+    o.fit.lr_settle = 0.9;
+    return o;
+}
+
+/* Times of the last few seconds. */
+void sf_tick(sf_ticker *t, double now) { t->time[t->count++ % SF_LIVE_TIMES] = now; }
+
+double sf_tick_rate(const sf_ticker *t, double now) {
+    const double window = 3;
+    double first = now;
+    int n = 0;
+    for (uint64_t k = 1; k <= SF_LIVE_TIMES && k <= t->count; k++) {
+        double time = t->time[(t->count - k) % SF_LIVE_TIMES];
+        if (time < now - window) break;
+        first = time, n++;
+    }
+    return n > 1 ? (n - 1) / fmax(now - first, 1e-3) : 0;
+}
+
+static sf_status check(sf_context *ctx, const sf_live_options *o) {
+    if (!(o->track_rate >= 0.1 && o->track_rate <= 1000))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "track_rate: %g is not in 0.1..1000", o->track_rate);
+    if (o->downscale < 1 || o->downscale > 16)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "downscale: %d is not in 1..16", o->downscale);
+    if (o->keyframes_most < 8 || o->keyframes_most > 100000)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "keyframes_most: %lld is not in 8..100000",
+                       (long long)o->keyframes_most);
+    if (o->hold_out < 0 || o->hold_out == 1)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "hold_out: %d is neither 0 nor above 1", o->hold_out);
+    if (o->steps_per_frame < 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "steps_per_frame: %d is below 0", o->steps_per_frame);
+    if (!(o->first_gap >= 0.001 && o->first_gap <= 1))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "first_gap: %g is not in 0.001..1", o->first_gap);
+    if (!o->board && !o->pose && !o->own_poses)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "poses: neither a board nor poses from outside are given");
+    return SF_OK;
+}
+
+/* A run without an end is planned as one of a usual length, and stays short of its end. */
+static void plan(sf_live *live, const sf_source *source) {
+    sf_fit_options *fit = &live->options.fit;
+    int per_frame = live->options.steps_per_frame;
+    sf_source_info info;
+    sf_source_describe(source, &info);
+    if (per_frame > 0) {
+        fit->time_limit = 0;
+        if (!fit->steps) fit->steps = info.frames ? (int64_t)info.frames * per_frame : 0;
+        fit->open_end = !fit->steps;
+        if (!fit->steps) fit->steps = PLANNED_STEPS;
+        live->options.track_rate = INFINITY;
+    } else if (!(fit->time_limit > 0)) {
+        fit->time_limit = PLANNED, fit->open_end = 1;
+    }
+}
+
+sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_options *options, sf_live **out) {
+    *out = NULL;
+    sf_status status = check(ctx, options);
+    if (status) return status;
+    sf_live *live = sf_calloc(ctx, 1, sizeof *live);
+    if (!live) return SF_ERR_MEMORY;
+    live->ctx = ctx;
+    live->options = *options;
+    plan(live, source);
+    live->first_psnr = NAN;
+    atomic_init(&live->cancelled, 0);
+    status = sf_fit_options_check(ctx, &live->options.fit);
+    if (!status) status = sf_scene_create(ctx, &live->scene);
+    if (!status) status = sf_tracker_create(ctx, &live->tracker);
+    if (!status) status = sf_renderer_create(ctx, &live->renderer);
+    if (!status) status = sf_seeder_create(ctx, &live->seeder);
+    if (!status && options->board) status = sf_detector_create(ctx, options->board, 1, &live->detector);
+    if (!status) status = sf_intake_create(ctx, source, &options->lens, options->downscale, &live->intake);
+    *out = live;
+    if (status) sf_live_destroy(out);
+    return status;
+}
+
+void sf_live_destroy(sf_live **live_pointer) {
+    sf_live *live = *live_pointer;
+    if (!live) return;
+    sf_intake_destroy(&live->intake);
+    sf_seeder_destroy(&live->seeder);
+    sf_fitter_destroy(&live->fitter);
+    sf_detector_destroy(&live->detector);
+    sf_tracker_destroy(&live->tracker);
+    sf_renderer_destroy(&live->renderer);
+    sf_scene_destroy(&live->scene);
+    sf_free(live->ctx, live->keyframes);
+    sf_free(live->ctx, live->bytes);
+    sf_free(live->ctx, live);
+    *live_pointer = NULL;
+}
+
+void sf_live_cancel(sf_live *live) { atomic_store(&live->cancelled, 1); }
+void sf_live_pause(sf_live *live, int paused) { live->paused = paused; }
+
+void sf_live_reset(sf_live *live) {
+    sf_seeds seeds;
+    sf_seeder_wait(live->seeder);
+    if (sf_seeder_take(live->seeder, &seeds)) sf_seeds_free(live->seeder, &seeds);
+    sf_fitter_destroy(&live->fitter);
+    for (size_t i = 0; i < live->keyframe_count; i++)
+        (void)sf_scene_remove_view(live->scene, live->keyframes[i].id);
+    live->keyframe_count = 0;
+    live->keyframes_made = 0;
+    live->seeded = 0;
+    sf_live_forget_pose(live);
+}
+
+/* Room for the picture's bytes: colours, and a mask or grey. */
+static sf_status note_frame(sf_live *live) {
+    const sf_camera *c = &live->picture->camera;
+    double now = sf_clock();
+    if (!(live->first_frame > 0)) live->first_frame = now;
+    live->next_frame = fmax(live->next_frame + 1 / live->options.track_rate, now);
+    return sf_grow(live->ctx, &live->bytes, &live->byte_capacity, 0, 4 * (size_t)c->width * (size_t)c->height,
+                   1);
+}
+
+static sf_status look_at_frame(sf_live *live) {
+    double began = sf_clock();
+    int taken = 0;
+    sf_status status = note_frame(live);
+    if (!status) status = sf_live_locate(live);
+    if (!status && !live->paused) status = sf_live_offer_keyframe(live, &taken);
+    if (!status && !live->fitter && taken) status = sf_live_begin(live);
+    if (!status && taken) status = sf_live_ask_for_points(live);
+    live->steps_due = live->options.steps_per_frame;
+    double took = sf_clock() - began;
+    live->track_seconds += (live->looked_at > 1 ? TRACK_MEMORY : 1) * (took - live->track_seconds);
+    return status;
+}
+
+static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
+    sf_status status = sf_intake_take(live->intake, timeout_ms, &live->picture);
+    *looked = !status;
+    if (status == SF_ERR_END) live->source_ended = 1;
+    if (status == SF_ERR_TIMEOUT || status == SF_ERR_END) return SF_OK;
+    return status ? status : look_at_frame(live);
+}
+
+static sf_status step_fit(sf_live *live) {
+    sf_status status = sf_live_take_points(live);
+    if (!status) status = sf_live_evaluate(live);
+    if (!status) status = sf_fitter_step(live->fitter);
+    return status;
+}
+
+/* Whether it is a frame's turn, if there is one. */
+static int frame_is_due(sf_live *live, int fits) {
+    if (live->source_ended) return 0;
+    if (live->options.steps_per_frame > 0) return !fits || live->steps_due <= 0;
+    return sf_clock() >= live->next_frame && (!fits || sf_intake_waits(live->intake));
+}
+
+static int is_over(const sf_live *live) {
+    if (live->source_ended && (!live->fitter || live->options.fit.open_end)) return 1;
+    return live->first_frame > 0 && live->options.fit.time_limit > 0 && !live->options.fit.open_end &&
+           sf_clock() - live->first_frame >= live->options.fit.time_limit;
+}
+
+sf_status sf_live_step(sf_live *live) {
+    int looked = 0, fits = live->fitter && !live->paused;
+    if (atomic_load(&live->cancelled)) return SF_ERR_CANCELLED;
+    if (is_over(live)) return SF_ERR_END;
+    sf_status status = SF_OK;
+    if (frame_is_due(live, fits))
+        status = take_frame(live, live->first_frame > 0 ? IDLE_MS : FIRST_MS, &looked);
+    if (status || looked || !fits) return status;
+    live->steps_due--;
+    return step_fit(live);
+}
+
+static void count_quality(const sf_live *live, sf_live_progress *p) {
+    double sum = 0, corrected = 0, n = 0;
+    for (size_t i = 0; i < live->keyframe_count; i++) {
+        const sf_keyframe *k = &live->keyframes[i];
+        p->held_out += k->held_out != 0;
+        if (!k->held_out || isnan(k->psnr)) continue;
+        sum += k->psnr, corrected += k->psnr_corrected, n++;
+    }
+    p->held_out_psnr = n > 0 ? sum / n : NAN;
+    p->held_out_psnr_corrected = n > 0 ? corrected / n : NAN;
+    p->first_psnr = live->keyframe_count ? live->keyframes[0].psnr_corrected : NAN;
+}
+
+void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
+    double now = sf_clock();
+    uint64_t came;
+    *p = (sf_live_progress){.state = live->state,
+                            .paused = live->paused,
+                            .seconds = live->first_frame > 0 ? now - live->first_frame : 0,
+                            .tracked = live->tracked,
+                            .looked_at = live->looked_at,
+                            .lost = live->lost,
+                            .track_rate = sf_tick_rate(&live->poses_found, now),
+                            .track_ms = 1e3 * live->track_seconds,
+                            .keyframes = live->keyframe_count,
+                            .seeded = live->seeded,
+                            .has_fit = live->fitter != NULL};
+    sf_intake_count(live->intake, &p->frames, &p->passed_over, &came);
+    p->frame_rate = p->seconds > 0 ? (double)came / p->seconds : 0;
+    count_quality(live, p);
+    if (live->fitter) sf_fitter_get_progress(live->fitter, &p->fit);
+}
+
+void sf_live_get_frame(const sf_live *live, sf_live_frame *frame) { *frame = live->frame; }
+
+sf_status sf_live_snapshot(const sf_live *live, sf_model **model) {
+    *model = NULL;
+    if (!live->fitter) return sf_fail(live->ctx, SF_ERR_EMPTY, "live: there is no model yet");
+    return sf_fitter_snapshot(live->fitter, model);
+}
+
+sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_out *out) {
+    if (!live->fitter) return sf_fail(live->ctx, SF_ERR_EMPTY, "live: there is no model yet");
+    return sf_fitter_render(live->fitter, camera, out);
+}
+
+sf_scene *sf_live_scene(sf_live *live) { return live->scene; }
+
+sf_status sf_live_save_cameras(sf_live *live, const char *path) {
+    return live->fitter ? sf_fitter_save_cameras(live->fitter, path)
+                        : sf_scene_save_cameras(live->scene, path);
+}

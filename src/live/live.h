@@ -1,0 +1,118 @@
+/* live.h - the inside of a live fit. */
+#ifndef SF_LIVE_LIVE_H
+#define SF_LIVE_LIVE_H
+
+#include <stdatomic.h>
+
+#include <splatfit/live.h>
+
+#include "../fit/fitter.h"
+#include "../pose/track.h"
+#include "intake.h"
+#include "seeds.h"
+
+enum {
+    SF_THUMB_WIDTH = 32,
+    SF_THUMB_HEIGHT = 24,
+    SF_THUMB = SF_THUMB_WIDTH * SF_THUMB_HEIGHT,
+    SF_LIVE_RECENT = 6, /* keyframes: the window that every other step is of */
+    SF_LIVE_FIRST = 24,
+    SF_LIVE_TIMES = 64
+};
+
+/* A keyframe's picture is in the scene; here is what it is found again by. */
+typedef struct sf_keyframe {
+    uint32_t id; /* of the view */
+    int held_out;
+    sf_rigid pose;               /* as it was found */
+    double center[3];            /* of the camera */
+    float thumb[SF_THUMB];       /* grey, mean 0, norm 1 */
+    double psnr, psnr_corrected; /* dB, when last looked at; NAN */
+} sf_keyframe;
+
+/* A pose that is known before the model is looked at. */
+typedef struct sf_fix {
+    sf_pose_from from; /* SF_POSE_NONE: none */
+    sf_track_prior prior;
+} sf_fix;
+
+/* Times of events, for their rate. */
+typedef struct sf_ticker {
+    double time[SF_LIVE_TIMES];
+    uint64_t count;
+} sf_ticker;
+
+struct sf_live {
+    sf_context *ctx;
+    sf_live_options options;
+    sf_intake *intake;
+    sf_detector *detector; /* NULL: no board */
+    sf_tracker *tracker;
+    sf_renderer *renderer;
+    sf_seeder *seeder;
+    sf_scene *scene;
+    sf_fitter *fitter; /* NULL: not begun */
+    atomic_int cancelled;
+    int paused, source_ended;
+    int steps_due; /* with steps_per_frame, before the next frame */
+    uint64_t steps_done;
+
+    /* The frame that is looked at. */
+    const sf_picture *picture;
+    sf_live_frame frame;
+    uint8_t *bytes; /* [height][width][3], and grey */
+    size_t byte_capacity;
+    double sharpness, usual_sharpness;
+
+    /* Where the camera is. */
+    sf_live_state state;
+    sf_rigid pose, pose_before; /* of the last two frames whose pose was found */
+    int64_t pose_ns, pose_before_ns;
+    int poses;                              /* found one after another, up to 2 */
+    int misses;                             /* frames since */
+    double distance;                        /* to what the camera sees, world units; 0: not known */
+    sf_camera first_cameras[SF_LIVE_FIRST]; /* of poses from outside, until the distance is known */
+    size_t first_count;
+
+    sf_keyframe *keyframes;
+    size_t keyframe_count, keyframe_capacity;
+    int64_t keyframes_made;
+    int wanted;          /* a keyframe is, */
+    double wanted_since; /* by the frames' clock, s */
+    size_t evaluate_next;
+    double evaluated; /* s */
+    double first_psnr;
+
+    double first_frame, next_frame; /* s of the clock */
+    uint64_t looked_at, tracked, lost;
+    size_t seeded;
+    sf_ticker poses_found, frames_come;
+    uint64_t came_before;
+    double track_seconds; /* smoothed */
+};
+
+/* locate.c */
+/* Looks for the pose of live->picture, and fills in live->frame. */
+sf_status sf_live_locate(sf_live *live);
+void sf_live_forget_pose(sf_live *live);
+
+/* keyframes.c */
+/* Takes the frame as a keyframe where one is wanted and it is good enough. *taken: whether. */
+sf_status sf_live_offer_keyframe(sf_live *live, int *taken);
+/* The keyframe that looks most like the picture of this thumbnail, of those after `rank` better ones. NULL.
+ */
+const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank);
+/* Of the picture that is looked at. */
+void sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
+/* Begins the fit when there are keyframes from enough places. */
+sf_status sf_live_begin(sf_live *live);
+/* Looks at a keyframe that is held out, or the first one, now and then. */
+sf_status sf_live_evaluate(sf_live *live);
+/* Asks for points around the newest keyframe, and takes in those that were found. */
+sf_status sf_live_ask_for_points(sf_live *live);
+sf_status sf_live_take_points(sf_live *live);
+
+void sf_tick(sf_ticker *ticker, double now);
+double sf_tick_rate(const sf_ticker *ticker, double now);
+
+#endif

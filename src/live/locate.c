@@ -1,0 +1,266 @@
+/* locate.c - where the camera is: by what is known from outside, and by the model. */
+#include <math.h>
+#include <string.h>
+
+#include "../base/clock.h"
+#include "../base/linear.h"
+#include "../scene/neighbours.h"
+#include "live.h"
+
+enum {
+    LEAST_CORNERS = 8, /* of a board: two tags */
+    CANDIDATES = 2,    /* keyframes to find a lost pose by, a frame */
+    FIRST_POSES = 6    /* that a distance is guessed from */
+};
+
+/* A pose is trusted from here on. */
+#define AGREES 0.55
+#define SEEN   0.12
+/* Without the model: a board's pose. */
+#define AMBIGUOUS 0.7
+#define BOARD_RMS 1.5 /* px */
+/* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet. */
+#define BOARD_DOUBT 4.0
+/* What a hand does to a steady motion in a tenth of a second: turns by this (rad), moves by this part of the
+ * distance. */
+#define UNSTEADY 0.04
+/* The most that a first guess of the distance is, in distances between the cameras. */
+#define FAR 12
+/* From frame to frame it does no more than this. */
+#define JUMP_TURN 0.35
+#define JUMP_MOVE 0.3
+
+static int is_finite(const sf_rigid *pose) {
+    for (int k = 0; k < 9; k++)
+        if (!isfinite(pose->R[k])) return 0;
+    return isfinite(pose->t[0]) && isfinite(pose->t[1]) && isfinite(pose->t[2]);
+}
+
+/* 1. From outside the model */
+
+static void make_grey(const sf_picture *p, uint8_t *grey) {
+    size_t pixels = (size_t)p->camera.width * (size_t)p->camera.height;
+    for (size_t i = 0; i < pixels; i++) {
+        float y = 0.299f * p->rgb[0][i] + 0.587f * p->rgb[1][i] + 0.114f * p->rgb[2][i];
+        grey[i] = (uint8_t)(255 * fminf(fmaxf(y, 0), 1) + 0.5f);
+    }
+}
+
+/* information = (doubt covariance)^-1. 0: there is none. */
+static int invert_covariance(const double covariance[36], double doubt, double information[36]) {
+    double L[36];
+    for (int k = 0; k < 36; k++) L[k] = doubt * covariance[k];
+    if (!sf_cholesky(6, L)) return 0;
+    sf_cholesky_invert(6, L, information);
+    return 1;
+}
+
+static sf_status fix_by_board(sf_live *live, sf_fix *fix) {
+    const sf_picture *p = live->picture;
+    const sf_camera *c = &p->camera;
+    sf_lens lens = {.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
+    sf_pose pose;
+    make_grey(p, live->bytes);
+    sf_status status = sf_detector_find(live->detector, live->bytes, (size_t)c->width, c->width, c->height,
+                                        &live->frame.corners, &live->frame.corner_count);
+    if (status || live->frame.corner_count < LEAST_CORNERS) return status;
+    status = sf_board_pose(live->ctx, &lens, live->frame.corners, live->frame.corner_count, &pose);
+    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
+    if (pose.ambiguity > AMBIGUOUS || pose.rms > BOARD_RMS || pose.used < LEAST_CORNERS) return SF_OK;
+    memcpy(fix->prior.pose.R, pose.R_cb, sizeof pose.R_cb);
+    memcpy(fix->prior.pose.t, pose.t_cb, sizeof pose.t_cb);
+    if (invert_covariance(pose.covariance, BOARD_DOUBT, fix->prior.information)) fix->from = SF_POSE_BOARD;
+    if (fix->from && !(live->distance > 0))
+        live->distance = sqrt(sf_dot3(pose.t_cb, pose.t_cb)); /* until something is drawn */
+    return SF_OK;
+}
+
+static void fix_by_frame(const sf_live *live, sf_fix *fix) {
+    const sf_picture *p = live->picture;
+    if (!live->options.own_poses || !p->has_truth) return;
+    memcpy(fix->prior.pose.R, p->truth.R_cw, sizeof p->truth.R_cw);
+    memcpy(fix->prior.pose.t, p->truth.t_cw, sizeof p->truth.t_cw);
+    for (int k = 0; k < 6; k++) fix->prior.information[7 * k] = 1e8;
+    fix->from = SF_POSE_OUTSIDE;
+}
+
+static sf_status find_fix(sf_live *live, sf_fix *fix) {
+    *fix = (sf_fix){0};
+    fix_by_frame(live, fix);
+    if (!fix->from && live->options.pose) {
+        sf_track_prior *prior = &fix->prior;
+        sf_status status = live->options.pose(live->options.pose_user, live->picture->time_ns, prior->pose.R,
+                                              prior->pose.t, prior->information);
+        if (!status && is_finite(&prior->pose)) fix->from = SF_POSE_OUTSIDE;
+        if (status && status != SF_ERR_EMPTY) return status;
+    }
+    live->frame.corners = NULL, live->frame.corner_count = 0;
+    if (live->detector) {
+        sf_fix board = {0};
+        sf_status status = fix_by_board(live, &board);
+        if (status) return status;
+        if (board.from && !fix->from) *fix = board;
+    }
+    return SF_OK;
+}
+
+/* 2. By the model */
+
+/* Where a steady motion leads; `spread`: how far from there a hand may be, rad. */
+static sf_rigid predict(const sf_live *live, double *spread) {
+    double since = 1e-9 * (double)(live->picture->time_ns - live->pose_ns);
+    double before = 1e-9 * (double)(live->pose_ns - live->pose_before_ns);
+    sf_rigid pose = live->pose;
+    *spread = UNSTEADY * fmax(since / 0.1, 0.5);
+    if (live->poses < 2 || !(before > 0) || !(since < 3 * before + 0.1)) return pose;
+    double twist[6];
+    sf_rigid_twist(&live->pose_before, &live->pose, twist);
+    for (int k = 0; k < 6; k++) twist[k] *= since / before;
+    sf_rigid_move(&pose, twist);
+    return pose;
+}
+
+static int is_good(const sf_track *track) {
+    return track->agreement >= AGREES && track->seen >= SEEN && is_finite(&track->pose) &&
+           isfinite(track->covariance[0]);
+}
+
+/* What no hand does. */
+static int jumps(const sf_live *live, const sf_rigid *from, const sf_rigid *to) {
+    double twist[6], here[3], there[3], moved = 0;
+    sf_rigid a, b;
+    sf_rigid_twist(from, to, twist);
+    sf_rigid_invert(from, &a), sf_rigid_invert(to, &b);
+    memcpy(here, a.t, sizeof here), memcpy(there, b.t, sizeof there);
+    for (int k = 0; k < 3; k++) moved += pow(here[k] - there[k], 2);
+    double turned = sqrt(sf_dot3(twist + 3, twist + 3));
+    return turned > JUMP_TURN || (live->distance > 0 && sqrt(moved) > JUMP_MOVE * live->distance);
+}
+
+static sf_status track_from(sf_live *live, const sf_rigid *guess, const sf_track_prior *prior, int far,
+                            sf_track *track) {
+    sf_render_options options;
+    sf_fitter_render_options(live->fitter, &options);
+    options.sh_degree = live->fitter->sh_degree;
+    return sf_track_picture(live->tracker, live->fitter->model, &options, guess, prior, far, track);
+}
+
+static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int *good) {
+    double spread;
+    sf_track_prior steady = {.pose = predict(live, &spread)};
+    const sf_track_prior *prior = fix->from ? &fix->prior : live->poses > 1 ? &steady : NULL;
+    const sf_rigid *guess = fix->from ? &fix->prior.pose : &steady.pose;
+    double apart = spread * fmax(live->distance, 1e-9);
+    for (int k = 0; k < 6; k++) steady.information[7 * k] = 1 / pow(k < 3 ? apart : spread, 2);
+    sf_status status = track_from(live, guess, prior, 0, track);
+    *good = !status && is_good(track) && (fix->from || !jumps(live, guess, &track->pose));
+    return status;
+}
+
+/* From the keyframes that look most like the picture. */
+static sf_status find_again(sf_live *live, sf_track *track, int *good) {
+    float thumb[SF_THUMB];
+    sf_live_thumb(live->picture, thumb);
+    for (int rank = 0; rank < CANDIDATES && !*good; rank++) {
+        const sf_keyframe *like = sf_live_like(live, thumb, rank);
+        if (!like) return SF_OK;
+        sf_status status = track_from(live, &like->pose, NULL, 1, track);
+        if (status) return status;
+        *good = is_good(track) && !jumps(live, &like->pose, &track->pose);
+    }
+    return SF_OK;
+}
+
+/* Before anything is drawn, what cameras look at is where their axes meet, or far off, compared with how far
+ * they are apart. */
+static void guess_distance(sf_live *live) {
+    const sf_camera *cameras[SF_LIVE_FIRST] = {0};
+    double focus[3], span = 0;
+    size_t n = live->first_count;
+    if (live->distance > 0 || n == SF_LIVE_FIRST) return;
+    live->first_cameras[n++] = live->frame.camera;
+    live->first_count = n;
+    for (size_t i = 0; i < n; i++) {
+        double a[3], b[3], apart = 0;
+        cameras[i] = &live->first_cameras[i];
+        sf_camera_center(cameras[0], a);
+        sf_camera_center(cameras[i], b);
+        for (int k = 0; k < 3; k++) apart += pow(a[k] - b[k], 2);
+        span = fmax(span, sqrt(apart));
+    }
+    sf_focus_point(cameras, n, focus);
+    double far = FAR * span, distance = sf_look_distance(cameras[0], focus, far);
+    int in_front = isfinite(distance) && distance > span && distance < far;
+    if (in_front && n >= FIRST_POSES) live->distance = distance;
+    if (n == SF_LIVE_FIRST && !(live->distance > 0)) live->distance = far;
+    if (n == SF_LIVE_FIRST && !(span > 0)) live->first_count = 0, live->distance = 0;
+}
+
+static void note_pose(sf_live *live, const sf_rigid *pose, sf_pose_from from) {
+    sf_camera *c = &live->frame.camera;
+    int again = live->state == SF_LIVE_LOST || live->misses > 2;
+    live->pose_before = live->pose, live->pose_before_ns = live->pose_ns;
+    live->pose = *pose, live->pose_ns = live->picture->time_ns;
+    live->poses = again ? 1 : live->poses < 2 ? live->poses + 1 : 2;
+    live->misses = 0;
+    memcpy(c->R_cw, pose->R, sizeof pose->R);
+    memcpy(c->t_cw, pose->t, sizeof pose->t);
+    live->frame.from = from;
+    if (!live->fitter) guess_distance(live);
+    live->tracked++;
+    sf_tick(&live->poses_found, sf_clock());
+    if (live->fitter) live->state = SF_LIVE_TRACKING;
+}
+
+static void note_miss(sf_live *live) {
+    live->misses++;
+    live->frame.from = SF_POSE_NONE;
+    if (!live->fitter || live->state == SF_LIVE_LOST || live->misses < 3) return;
+    live->state = SF_LIVE_LOST;
+    live->lost++;
+    live->poses = 0;
+}
+
+static sf_status look(sf_live *live, const sf_fix *fix) {
+    sf_track track = {0};
+    int good = 0;
+    sf_status status = SF_OK;
+    if (live->fitter) {
+        if (fix->from || live->poses) status = track_on(live, fix, &track, &good);
+        if (!status && !good && !fix->from && live->misses) status = find_again(live, &track, &good);
+        if (status) return status;
+        live->frame.agreement = track.agreement;
+    }
+    if (good) {
+        live->distance = track.depth;
+        note_pose(live, &track.pose, SF_POSE_TRACK);
+    } else if (fix->from) {
+        note_pose(live, &fix->prior.pose, fix->from);
+    } else {
+        note_miss(live);
+    }
+    return SF_OK;
+}
+
+sf_status sf_live_locate(sf_live *live) {
+    const sf_picture *p = live->picture;
+    sf_fix fix;
+    live->frame = (sf_live_frame){.number = live->looked_at + 1,
+                                  .time_ns = p->time_ns,
+                                  .camera = p->camera,
+                                  .has_truth = p->has_truth && !live->options.own_poses,
+                                  .truth = p->truth,
+                                  .rgb = {p->rgb[0], p->rgb[1], p->rgb[2]}};
+    sf_status status = find_fix(live, &fix);
+    if (!status) status = sf_tracker_take(live->tracker, &p->camera, p->rgb, (size_t)p->camera.width);
+    if (!status) status = look(live, &fix);
+    live->looked_at++;
+    return status;
+}
+
+void sf_live_forget_pose(sf_live *live) {
+    live->state = SF_LIVE_WAITING;
+    live->poses = live->misses = 0;
+    live->distance = 0;
+    live->first_count = 0;
+}
