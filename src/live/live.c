@@ -196,10 +196,16 @@ sf_status sf_live_step(sf_live *live) {
     int looked = 0, fits = live->fitter && !live->paused;
     if (atomic_load(&live->cancelled)) return SF_ERR_CANCELLED;
     if (is_over(live)) return SF_ERR_END;
-    sf_status status = SF_OK;
-    if (frame_is_due(live, fits))
-        status = take_frame(live, live->first_frame > 0 ? IDLE_MS : FIRST_MS, &looked);
-    if (status || looked || !fits) return status;
+    int due = frame_is_due(live, fits);
+    if (due) {
+        sf_status status = take_frame(live, live->first_frame > 0 ? IDLE_MS : FIRST_MS, &looked);
+        int must = live->options.steps_per_frame > 0 && !live->source_ended;
+        if (status || looked || must) return status;
+    }
+    if (!fits) {
+        if (!due) sf_sleep(1e-3 * IDLE_MS); /* paused, and no frame comes any more */
+        return SF_OK;
+    }
     live->steps_due--;
     return step_fit(live);
 }

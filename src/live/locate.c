@@ -190,7 +190,7 @@ static void guess_distance(sf_live *live) {
     }
     sf_focus_point(cameras, n, focus);
     double far = FAR * span, distance = sf_look_distance(cameras[0], focus, far);
-    int in_front = isfinite(distance) && distance > span && distance < far;
+    int in_front = isfinite(distance) && distance > 0.3 * span && distance < far;
     if (in_front && n >= FIRST_POSES) live->distance = distance;
     if (n == SF_LIVE_FIRST && !(live->distance > 0)) live->distance = far;
     if (n == SF_LIVE_FIRST && !(span > 0)) live->first_count = 0, live->distance = 0;

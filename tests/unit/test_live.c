@@ -1,0 +1,197 @@
+/* test_live.c - a fit of the scene in front of a simulated camera. */
+#include "../testing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <splatfit/live.h>
+#include <splatfit/source.h>
+
+#define SOURCE "sim:studio?width=96&height=72&fps=0&frames=40"
+
+typedef struct run {
+    sf_context *ctx, *source_ctx;
+    sf_source *source;
+    sf_live *live;
+} run;
+
+static run open_run(int threads, const sf_live_options *options) {
+    run r = {.ctx = test_context_threads(threads), .source_ctx = test_context_threads(1)};
+    assert_ok(r.source_ctx, sf_source_open(r.source_ctx, SOURCE, &r.source));
+    assert_ok(r.ctx, sf_live_create(r.ctx, r.source, options, &r.live));
+    return r;
+}
+
+static void close_run(run *r) {
+    sf_live_destroy(&r->live);
+    sf_source_close(&r->source);
+    sf_context_destroy(&r->source_ctx);
+    sf_context_destroy(&r->ctx);
+}
+
+static sf_live_options options_for(int steps_per_frame) {
+    sf_live_options o = sf_live_options_default();
+    o.own_poses = 1;
+    o.steps_per_frame = steps_per_frame;
+    o.hold_out = 4;
+    o.fit.max_gaussians = 4000;
+    return o;
+}
+
+static sf_status run_to_end(run *r) {
+    sf_status status;
+    do status = sf_live_step(r->live);
+    while (!status);
+    return status;
+}
+
+static void fits_what_passes_by(void **state) {
+    (void)state;
+    sf_live_options options = options_for(6);
+    run r = open_run(2, &options);
+    sf_live_progress p;
+    sf_live_frame frame;
+    sf_model *model = NULL;
+    assert_int_equal(sf_live_snapshot(r.live, &model), SF_ERR_EMPTY);
+    sf_live_get_progress(r.live, &p);
+    assert_int_equal(p.state, SF_LIVE_WAITING);
+    assert_int_equal(run_to_end(&r), SF_ERR_END);
+    sf_live_get_progress(r.live, &p);
+    sf_live_get_frame(r.live, &frame);
+    print_message("%zu keyframes, %zu Gaussians, held out %.2f dB\n", p.keyframes, p.fit.gaussians,
+                  p.held_out_psnr_corrected);
+    assert_int_equal(p.looked_at, 40);
+    assert_int_equal(p.tracked, 40);
+    assert_int_equal(frame.number, 40);
+    assert_int_equal(p.lost, 0);
+    assert_int_equal(p.frames.given, 40);
+    assert_true(p.keyframes >= 10 && p.held_out >= 2 && p.has_fit);
+    assert_true(p.fit.step > 100 && p.fit.gaussians > 500);
+    assert_true(p.held_out_psnr_corrected > 15);
+    assert_ok(r.ctx, sf_live_snapshot(r.live, &model));
+    assert_int_equal(sf_model_count(model), p.fit.gaussians);
+    sf_model_destroy(&model);
+    close_run(&r);
+}
+
+/* Of a source that is not in real time. */
+static void runs_can_be_repeated(void **state) {
+    (void)state;
+    sf_live_options options = options_for(3);
+    sf_model *models[2];
+    run runs[2];
+    for (int i = 0; i < 2; i++) {
+        runs[i] = open_run(i ? 3 : 1, &options);
+        assert_int_equal(run_to_end(&runs[i]), SF_ERR_END);
+        assert_ok(runs[i].ctx, sf_live_snapshot(runs[i].live, &models[i]));
+    }
+    size_t n = sf_model_count(models[0]);
+    assert_int_equal(n, sf_model_count(models[1]));
+    float *means[2];
+    for (int i = 0; i < 2; i++) {
+        means[i] = malloc(n * 3 * sizeof **means);
+        assert_non_null(means[i]);
+        sf_gaussians to = {.means = means[i]};
+        assert_int_equal(sf_model_get(models[i], 0, n, &to), SF_OK);
+    }
+    assert_memory_equal(means[0], means[1], n * 3 * sizeof **means);
+    for (int i = 0; i < 2; i++) {
+        free(means[i]);
+        sf_model_destroy(&models[i]);
+        close_run(&runs[i]);
+    }
+}
+
+static void is_paused_and_reset(void **state) {
+    (void)state;
+    sf_live_options options = options_for(2);
+    run r = open_run(2, &options);
+    sf_live_progress before, p;
+    do {
+        assert_ok(r.ctx, sf_live_step(r.live));
+        sf_live_get_progress(r.live, &p);
+    } while (!p.has_fit || p.fit.step < 5);
+    before = p;
+    print_message("%llu frames before the fit\n", (unsigned long long)p.looked_at);
+    sf_live_pause(r.live, 1);
+    while (p.looked_at < before.looked_at + 5) {
+        assert_ok(r.ctx, sf_live_step(r.live));
+        sf_live_get_progress(r.live, &p);
+    }
+    assert_int_equal(p.fit.step, before.fit.step);
+    assert_int_equal(p.keyframes, before.keyframes);
+    assert_true(p.paused && p.tracked > before.tracked);
+    sf_live_pause(r.live, 0);
+    sf_live_reset(r.live);
+    sf_live_get_progress(r.live, &p);
+    assert_true(!p.has_fit && p.keyframes == 0 && p.state == SF_LIVE_WAITING);
+    assert_int_equal(run_to_end(&r), SF_ERR_END);
+    sf_live_get_progress(r.live, &p);
+    assert_true(p.has_fit && p.keyframes > 3);
+    close_run(&r);
+}
+
+static void keeps_no_more_keyframes_than_allowed(void **state) {
+    (void)state;
+    sf_live_options options = options_for(1);
+    options.keyframes_most = 12;
+    options.first_gap = 0.01;
+    run r = open_run(2, &options);
+    sf_scene_info info;
+    sf_live_progress p;
+    assert_int_equal(run_to_end(&r), SF_ERR_END);
+    sf_live_get_progress(r.live, &p);
+    sf_scene_get_info(sf_live_scene(r.live), &info);
+    assert_int_equal(p.keyframes, 12);
+    assert_int_equal(info.views, 12);
+    close_run(&r);
+}
+
+static void is_cancelled(void **state) {
+    (void)state;
+    sf_live_options options = options_for(1);
+    run r = open_run(1, &options);
+    assert_ok(r.ctx, sf_live_step(r.live));
+    sf_live_cancel(r.live);
+    assert_int_equal(sf_live_step(r.live), SF_ERR_CANCELLED);
+    close_run(&r);
+}
+
+static void refuses_options_by_name(void **state) {
+    (void)state;
+    static const struct {
+        size_t offset;
+        double value;
+        int kind; /* 0 int, 1 double, 2 int64_t */
+        const char *name;
+    } cases[] = {{offsetof(sf_live_options, track_rate), 0, 1, "track_rate"},
+                 {offsetof(sf_live_options, downscale), 17, 0, "downscale"},
+                 {offsetof(sf_live_options, keyframes_most), 7, 2, "keyframes_most"},
+                 {offsetof(sf_live_options, hold_out), 1, 0, "hold_out"},
+                 {offsetof(sf_live_options, first_gap), 2, 1, "first_gap"},
+                 {offsetof(sf_live_options, steps_per_frame), -1, 0, "steps_per_frame"},
+                 {offsetof(sf_live_options, own_poses), 0, 0, "poses"}};
+    run r = {.ctx = test_context_threads(1), .source_ctx = test_context_threads(1)};
+    assert_ok(r.source_ctx, sf_source_open(r.source_ctx, SOURCE, &r.source));
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        sf_live_options o = options_for(1);
+        char *at = (char *)&o + cases[i].offset;
+        if (cases[i].kind == 0) *(int *)at = (int)cases[i].value;
+        if (cases[i].kind == 1) *(double *)at = cases[i].value;
+        if (cases[i].kind == 2) *(int64_t *)at = (int64_t)cases[i].value;
+        assert_int_equal(sf_live_create(r.ctx, r.source, &o, &r.live), SF_ERR_ARGUMENT);
+        assert_null(r.live);
+        assert_memory_equal(sf_last_error(r.ctx), cases[i].name, strlen(cases[i].name));
+    }
+    close_run(&r);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(fits_what_passes_by), cmocka_unit_test(runs_can_be_repeated),
+        cmocka_unit_test(is_paused_and_reset), cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
+        cmocka_unit_test(is_cancelled),        cmocka_unit_test(refuses_options_by_name),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
