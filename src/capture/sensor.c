@@ -33,9 +33,9 @@ typedef struct smearing {
 static void flow_of(const smearing *s, double x, double y, double z, double flow[2]) {
     const sf_camera *c = s->camera;
     const double *w = s->motion->turn, *v = s->motion->move;
-    double p = (x - c->cx) / c->fx, q = (y - c->cy) / c->fy; /* of (p, q, 1) z */
-    double dx = w[1] - w[2] * q + v[0] / z, dy = w[2] * p - w[0] + v[1] / z,
-           dz = w[0] * q - w[1] * p + v[2] / z;
+    double p = (x - c->cx) / c->fx, q = (y - c->cy) / c->fy, near = 1 / z; /* of (p, q, 1) z */
+    double dx = w[1] - w[2] * q + v[0] * near, dy = w[2] * p - w[0] + v[1] * near,
+           dz = w[0] * q - w[1] * p + v[2] * near;
     flow[0] = c->fx * (dx - p * dz);
     flow[1] = c->fy * (dy - q * dz);
 }
@@ -43,8 +43,8 @@ static void flow_of(const smearing *s, double x, double y, double z, double flow
 /* Adds the picture at x, y, in px from the middle of pixel 0, between its pixels. */
 static void add_at(const smearing *s, double x, double y, float sum[3]) {
     int width = s->camera->width, height = s->camera->height;
-    x = fmin(fmax(x, 0), width - 1);
-    y = fmin(fmax(y, 0), height - 1);
+    x = x < 0 ? 0 : x > width - 1 ? width - 1 : x;
+    y = y < 0 ? 0 : y > height - 1 ? height - 1 : y;
     int i = (int)x, j = (int)y;
     float u = (float)(x - i), v = (float)(y - j);
     const float *a = s->rgb + 3 * ((size_t)j * (size_t)width + (size_t)i);
@@ -67,11 +67,12 @@ static void smear_row(void *arg, size_t row, int thread) {
         double length = sqrt(flow[0] * flow[0] + flow[1] * flow[1]);
         float sum[3] = {0, 0, 0};
         int n = length < 0.3 ? 1 : length + 2 < s->most ? (int)length + 2 : s->most;
+        double share = 1.0 / n;
         for (int k = 0; k < n; k++) {
-            double along = (k + 0.5) / n - 0.5;
+            double along = (k + 0.5) * share - 0.5;
             add_at(s, x + along * flow[0], (double)row + along * flow[1], sum);
         }
-        for (int k = 0; k < 3; k++) s->out[3 * at + (size_t)k] = sum[k] / (float)n;
+        for (int k = 0; k < 3; k++) s->out[3 * at + (size_t)k] = sum[k] * (float)share;
     }
 }
 

@@ -7,6 +7,7 @@
 
 #include "../base/clock.h"
 #include "../base/rng.h"
+#include "baked.h"
 #include "pace.h"
 
 static const double pi = 3.141592653589793;
@@ -18,6 +19,7 @@ typedef struct sim_source {
     sf_sim sim;
     sf_pace pace;
     sf_sensor_curve curve;
+    sf_baked *baked;                 /* NULL: drawn exactly */
     float *linear, *smeared, *depth; /* [height][width][3]; those that the sensor needs */
     uint8_t *frames[SF_SOURCE_MAX_LEASES];
     int taken[SF_SOURCE_MAX_LEASES];
@@ -67,7 +69,10 @@ static moment moment_of(const sim_source *s, uint64_t number) {
 enum { FULL_TIME_MS = 10 };
 
 static void draw(const sim_source *s, const sf_camera *camera, float *linear, float *depth) {
-    sf_studio_draw(&s->sim.studio, s->ctx->pool, camera, linear, depth);
+    if (s->baked)
+        sf_baked_draw(s->baked, camera, linear, depth);
+    else
+        sf_studio_draw(&s->sim.studio, s->ctx->pool, camera, linear, depth);
 }
 
 /* The light that a picture of the whole shows at a moment, as a sensor that saturates has it. */
@@ -194,6 +199,7 @@ static void take_picture(sim_source *s, const moment *m, uint8_t *data, sf_frame
 
 static void sim_close(void *self) {
     sim_source *s = self;
+    sf_baked_destroy(&s->baked);
     for (int i = 0; i < SF_SOURCE_MAX_LEASES; i++) sf_free(s->ctx, s->frames[i]);
     sf_free(s->ctx, s->linear);
     sf_free(s->ctx, s->smeared);
@@ -286,6 +292,22 @@ static sf_status take_memory(sim_source *s) {
     return s->depth && s->smeared ? SF_OK : SF_ERR_MEMORY;
 }
 
+/* Textures as fine as the path needs them. */
+static sf_status bake(sim_source *s) {
+    enum { EYES = 60 };
+    sf_vec3 eyes[EYES];
+    sf_camera camera;
+    for (int i = 0; i < EYES; i++) {
+        double center[3];
+        sf_sim_studio_camera(&s->sim, (double)s->sim.frames * i / EYES, &camera);
+        sf_camera_center(&camera, center);
+        eyes[i] = vec3(center[0], center[1], center[2]);
+    }
+    size_t pixels = (size_t)s->sim.width * (size_t)s->sim.height;
+    if (pixels < METER_WIDTH * METER_HEIGHT) pixels = METER_WIDTH * METER_HEIGHT;
+    return sf_baked_create(s->ctx, &s->sim.studio, eyes, EYES, camera.fx, pixels, &s->baked);
+}
+
 sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
     static const sf_source_ops ops = {sim_close, sim_describe, sim_next, sim_release};
     sim_source *s = sf_calloc(ctx, 1, sizeof *s);
@@ -294,6 +316,7 @@ sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
     sf_status status = sf_sim_init(ctx, name, &s->sim);
     s->pace = (sf_pace){.fps = s->sim.fps, .frames = s->sim.loop ? 0 : s->sim.frames};
     if (status == SF_OK) status = take_memory(s);
+    if (status == SF_OK && !s->sim.exact) status = bake(s);
     if (status != SF_OK) {
         sim_close(s);
         return status;
