@@ -59,7 +59,7 @@ static void furnish(sf_sim *sim) {
 static void clean(sf_sim *sim) {
     const sf_span never = {-1, -1};
     sim->exact = 1;
-    sim->blur = sim->auto_exposure = sim->mover = 0;
+    sim->sensor = sim->blur = sim->auto_exposure = sim->mover = 0;
     sim->noise = sim->jitter_s = 0;
     sim->black = sim->smear = sim->unplug = never;
     sim->jump_s = -1;
@@ -134,6 +134,7 @@ sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
     sim->jitter_s = options[JITTER].value * 1e-3;
     sim->jump_s = options[JUMP].value;
     sim->mover = options[MOVER].value != 0;
+    sim->sensor = board || sim->blur || sim->auto_exposure || sim->noise > 0;
     if (options[CLEAN].value != 0) clean(sim);
     furnish(sim);
     return SF_OK;

@@ -32,6 +32,7 @@ typedef struct sf_sim {
     double fov;      /* degrees, across the width */
     double phase[6]; /* of the hand's sway, from the seed */
     int exact;       /* drawn by the ray caster, not from baked surfaces */
+    int sensor;      /* frames tell their exposure */
     int blur, auto_exposure;
     double noise, jitter_s;
     sf_span black, smear, unplug;

@@ -173,9 +173,6 @@ static const float *light_of(sim_source *s, const sf_camera *camera, const momen
     return s->smeared;
 }
 
-/* Whether there is a sensor at all, whose exposure is known. */
-static int has_sensor(const sf_sim *sim) { return sim->blur || sim->auto_exposure || sim->noise > 0; }
-
 static void take_picture(sim_source *s, const moment *m, uint8_t *data, sf_frame *frame) {
     double bright = brightness(s, m), time = fmin(bright, 1), gain = fmax(bright, 1);
     double exposure_s = time * FULL_TIME_MS * 1e-3;
@@ -191,8 +188,8 @@ static void take_picture(sim_source *s, const moment *m, uint8_t *data, sf_frame
                      .noise = s->sim.noise,
                      .seed = s->sim.seed * 0x2545f4914f6cdd1du + m->number};
     sf_sensor_expose(s->ctx->pool, &e, data);
-    frame->exposure_s = has_sensor(&s->sim) ? exposure_s : 0;
-    frame->gain = has_sensor(&s->sim) ? gain : 0;
+    frame->exposure_s = s->sim.sensor ? exposure_s : 0;
+    frame->gain = s->sim.sensor ? gain : 0;
 }
 
 /* 5. The source */
