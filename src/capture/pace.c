@@ -12,7 +12,7 @@ int64_t sf_pace_after(double fps, uint64_t number) {
 
 static int64_t due(const sf_pace *p, uint64_t number) { return p->start_ns + sf_pace_after(p->fps, number); }
 
-static void sleep_until(int64_t time_ns) {
+void sf_pace_sleep_until(int64_t time_ns) {
     struct timespec t = {(time_t)(time_ns / 1000000000), (long)(time_ns % 1000000000)};
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) {
     }
@@ -32,7 +32,7 @@ static sf_status wait_for_next(sf_pace *p, sf_context *ctx, const char *name, in
     if (!p->start_ns) p->start_ns = now;
     int64_t time_ns = due(p, p->next);
     if (time_ns <= now) return SF_OK;
-    sleep_until(time_ns < deadline ? time_ns : deadline);
+    sf_pace_sleep_until(time_ns < deadline ? time_ns : deadline);
     if (time_ns <= deadline) return SF_OK;
     return sf_fail(ctx, SF_ERR_TIMEOUT, "%s: no frame within %d ms", name, timeout_ms);
 }

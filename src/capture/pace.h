@@ -17,6 +17,9 @@ typedef struct sf_pace {
 /* Nanoseconds from frame 0 to frame `number`. */
 int64_t sf_pace_after(double fps, uint64_t number);
 
+/* Sleeps until a time on the monotonic clock. */
+void sf_pace_sleep_until(int64_t time_ns);
+
 /* Chooses the next frame, or the newest that is due, waiting for it at most timeout_ms: its number and when
  * it was due, in real time on the monotonic clock, otherwise from 0 at 30 a second. What was lost or passed
  * over is added to `counts`. SF_ERR_TIMEOUT, SF_ERR_END: with a message that begins with `name`. */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lettering.h"
+#include "sheet.h"
 
 /* A display colour 0xRRGGBB as linear light; squaring is close enough to the sRGB curve here. */
 static sf_vec3 ink(uint32_t rgb) {
@@ -322,6 +323,13 @@ static sf_vec3 parquet(const sf_spot *s) {
     return boards(u, v, size / 4, ink(0xdcae74), ink(0x9a6433), own);
 }
 
+/* Paper and toner. */
+static sf_vec3 board(const sf_spot *s) {
+    double mm = sf_sheet_a3.width / (2 * s->hu);
+    int black = s->face == 4 && sf_sheet_black(&sf_sheet_a3, s->u * mm, -s->v * mm);
+    return black ? ink(0x1c1c1e) : ink(0xeeeeea);
+}
+
 sf_vec3 sf_paint_albedo(sf_paint paint, const sf_spot *spot) {
     switch (paint) {
     case SF_PAINT_TILES:
@@ -356,6 +364,8 @@ sf_vec3 sf_paint_albedo(sf_paint paint, const sf_spot *spot) {
         return block(spot);
     case SF_PAINT_BOOK:
         return book(spot);
+    case SF_PAINT_BOARD:
+        return board(spot);
     }
     return vec3(0, 0, 0);
 }

@@ -22,7 +22,8 @@ typedef enum sf_paint {
     SF_PAINT_TARTAN,
     SF_PAINT_DIE,
     SF_PAINT_BLOCK, /* a toy block: a framed letter on each face */
-    SF_PAINT_BOOK
+    SF_PAINT_BOOK,
+    SF_PAINT_BOARD /* a printed board of AprilTags on its upper face (sheet.h), as wide as that */
 } sf_paint;
 
 /* A place on a surface. */

@@ -77,16 +77,16 @@ static sf_status add_frames(sf_scene *scene, const char *name, int factor, const
 
 /* A point as structure from motion would give it: seen in a training view, with the colour there and off by
  * about a pixel. */
-static void sparse_point(const sf_studio *studio, const sf_view *view, sf_rng *rng, float xyz[3],
-                         uint8_t rgb[3]) {
+static void sparse_point(const sf_sim *sim, const sf_view *view, sf_rng *rng, float xyz[3], uint8_t rgb[3]) {
     size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
     double x = sf_rng_uniform(rng) * (double)width, y = sf_rng_uniform(rng) * (double)height;
-    sf_hit hit;
-    sf_studio_look(studio, &view->camera, x, y, &hit);
-    double pixel = hit.distance / view->camera.fx;
-    xyz[0] = (float)(hit.point.x + pixel * sf_rng_normal(rng));
-    xyz[1] = (float)(hit.point.y + pixel * sf_rng_normal(rng));
-    xyz[2] = (float)(hit.point.z + pixel * sf_rng_normal(rng));
+    sf_vec3 point;
+    double distance;
+    sf_sim_look(sim, &view->camera, x, y, &point, &distance);
+    double pixel = distance / view->camera.fx;
+    xyz[0] = (float)(point.x + pixel * sf_rng_normal(rng));
+    xyz[1] = (float)(point.y + pixel * sf_rng_normal(rng));
+    xyz[2] = (float)(point.z + pixel * sf_rng_normal(rng));
     size_t at = (size_t)y * width + (size_t)x;
     for (size_t i = 0; i < 3; i++) rgb[i] = view->rgb[i * width * height + at];
 }
@@ -100,7 +100,7 @@ static sf_status cast_points(sf_scene *scene, const sf_sim *sim, float *xyz, uin
     sf_rng_seed(&rng, sim->seed);
     for (size_t i = 0; i < SPARSE_POINTS; i++) {
         sf_view *view = sf_scene_retain_id(scene, ids[i % views]);
-        sparse_point(&sim->studio, view, &rng, xyz + 3 * i, rgb + 3 * i);
+        sparse_point(sim, view, &rng, xyz + 3 * i, rgb + 3 * i);
         sf_view_release(view);
     }
     sf_free(scene->ctx, ids);
@@ -153,12 +153,17 @@ static sf_status fill_scene(sf_scene *scene, const char *name, const sf_sim *sim
 static sf_status load_simulated(sf_context *ctx, const char *name, const sf_load_options *options,
                                 sf_scene **scene) {
     sf_sim sim;
-    sf_status status = sf_sim_init(ctx, name, &sim);
+    char *project;
+    sf_status status = sf_sim_project_name(ctx, name, &project);
+    if (status != SF_OK) return status;
+    status = sf_sim_init(ctx, project, &sim);
     if (status == SF_OK) status = check_options(ctx, name, &sim, options);
     if (status == SF_OK) status = sf_scene_create(ctx, scene);
-    if (status != SF_OK) return status;
-    status = fill_scene(*scene, name, &sim, options);
-    if (status != SF_OK) sf_scene_destroy(scene);
+    if (status == SF_OK) {
+        status = fill_scene(*scene, project, &sim, options);
+        if (status != SF_OK) sf_scene_destroy(scene);
+    }
+    sf_free(ctx, project);
     return status;
 }
 

@@ -1,33 +1,126 @@
-/* sim.c - a simulated camera that is carried around a simulated scene. */
+/* sim.c - a simulated camera that is carried around a simulated scene: its name, and its path. */
 #include "sim.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "../base/pool.h"
+#include "../base/linear.h"
 #include "../base/rng.h"
-#include "pace.h"
 
 static const double pi = 3.141592653589793;
 
 /* 1. The name */
 
+static const char plain[] = "sim:studio", with_board[] = "sim:studio-board";
+
+/* Which scene a name begins with: 0, 1 with the board, -1 none. */
+static int which_scene(const char *name) {
+    size_t length = strcspn(name, "?");
+    if (length == strlen(plain) && memcmp(name, plain, length) == 0) return 0;
+    return length == strlen(with_board) && memcmp(name, with_board, length) == 0 ? 1 : -1;
+}
+
+enum { SPAN_TEXT = 40 };
+
+/* Reads "A:B", seconds; "" is never. */
+static sf_status read_span(sf_context *ctx, const char *name, const char *option, const char *text,
+                           sf_span *span) {
+    char *colon, *end;
+    *span = (sf_span){-1, -1};
+    if (!*text) return SF_OK;
+    if (strspn(text, "0123456789.:") == strlen(text)) {
+        span->from = strtod(text, &colon);
+        span->to = *colon == ':' ? strtod(colon + 1, &end) : -1;
+        if (*colon == ':' && colon > text && end > colon + 1 && !*end && span->to > span->from) return SF_OK;
+    }
+    return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%s\" is not A:B, two times in seconds, the second later",
+                   name, option, text);
+}
+
+static sf_status read_exposure(sf_context *ctx, const char *name, const char *text, int *automatic) {
+    *automatic = strcmp(text, "auto") == 0;
+    if (*automatic || strcmp(text, "fixed") == 0) return SF_OK;
+    return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: exposure: \"%s\" is neither auto nor fixed", name, text);
+}
+
+static void furnish(sf_sim *sim) {
+    sf_rng rng;
+    sf_rng_seed(&rng, sim->seed);
+    for (int i = 0; i < 6; i++) sim->phase[i] = 2 * pi * sf_rng_uniform(&rng);
+    sf_walk_init(&sim->walk, sim->seed);
+    if (sim->has_board)
+        sf_studio_init_board(&sim->studio, &sim->board);
+    else
+        sf_studio_init(&sim->studio);
+}
+
+/* Takes away what a sensor adds, and all faults. */
+static void clean(sf_sim *sim) {
+    const sf_span never = {-1, -1};
+    sim->exact = 1;
+    sim->sensor = sim->blur = sim->auto_exposure = sim->mover = 0;
+    sim->noise = sim->jitter_s = 0;
+    sim->black = sim->smear = sim->unplug = never;
+    sim->jump_s = -1;
+}
+
 sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
-    enum { WIDTH, HEIGHT, FRAMES, SEED, FOV, FPS, LOOP, OPTIONS };
+    enum {
+        WIDTH,
+        HEIGHT,
+        FRAMES,
+        SEED,
+        FOV,
+        FPS,
+        LOOP,
+        EXACT,
+        CLEAN,
+        NOISE,
+        BLUR,
+        EXPOSURE,
+        JITTER,
+        BLACK,
+        SMEAR,
+        UNPLUG,
+        JUMP,
+        MOVER,
+        OPTIONS
+    };
+    int board = which_scene(name);
+    char exposure[8], black[SPAN_TEXT] = "", smear[SPAN_TEXT] = "", unplug[SPAN_TEXT] = "";
+    if (board < 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: %s, %s", name, plain,
+                       with_board);
+    snprintf(exposure, sizeof exposure, "%s", board ? "auto" : "fixed");
     sf_source_option options[OPTIONS] = {
         [WIDTH] = {.name = "width", .value = 320, .least = 16, .most = 4096, .whole = 1},
         [HEIGHT] = {.name = "height", .value = 240, .least = 16, .most = 4096, .whole = 1},
-        [FRAMES] = {.name = "frames", .value = 60, .least = 1, .most = 10000, .whole = 1},
+        [FRAMES] = {.name = "frames", .value = board ? 1800 : 60, .least = 1, .most = 10000, .whole = 1},
         [SEED] = {.name = "seed", .value = 1, .most = 0x1p53, .whole = 1},
         [FOV] = {.name = "fov", .value = 50, .least = 10, .most = 120},
-        [FPS] = {.name = "fps", .most = 1000},
+        [FPS] = {.name = "fps", .value = board ? 30 : 0, .most = 1000},
         [LOOP] = {.name = "loop", .most = 1, .whole = 1},
+        [EXACT] = {.name = "exact", .value = !board, .most = 1, .whole = 1},
+        [CLEAN] = {.name = "clean", .most = 1, .whole = 1},
+        [NOISE] = {.name = "noise", .value = board, .most = 10},
+        [BLUR] = {.name = "blur", .value = board, .most = 1, .whole = 1},
+        [EXPOSURE] = {.name = "exposure", .text = exposure, .text_size = sizeof exposure},
+        [JITTER] = {.name = "jitter", .value = board ? 20 : 0, .most = 1000},
+        [BLACK] = {.name = "black", .text = black, .text_size = sizeof black},
+        [SMEAR] = {.name = "smear", .text = smear, .text_size = sizeof smear},
+        [UNPLUG] = {.name = "unplug", .text = unplug, .text_size = sizeof unplug},
+        [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
+        [MOVER] = {.name = "mover", .most = 1, .whole = 1},
     };
-    size_t length = strcspn(name, "?");
-    if (length != strlen("sim:studio") || memcmp(name, "sim:studio", length) != 0)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: sim:studio", name);
     sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
+    memset(sim, 0, sizeof *sim);
+    if (status == SF_OK) status = read_exposure(ctx, name, exposure, &sim->auto_exposure);
+    if (status == SF_OK) status = read_span(ctx, name, "black", black, &sim->black);
+    if (status == SF_OK) status = read_span(ctx, name, "smear", smear, &sim->smear);
+    if (status == SF_OK) status = read_span(ctx, name, "unplug", unplug, &sim->unplug);
     if (status != SF_OK) return status;
+    sim->has_board = board;
     sim->width = (int32_t)options[WIDTH].value;
     sim->height = (int32_t)options[HEIGHT].value;
     sim->frames = (uint64_t)options[FRAMES].value;
@@ -35,10 +128,28 @@ sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
     sim->fov = options[FOV].value;
     sim->fps = options[FPS].value;
     sim->loop = options[LOOP].value != 0;
-    sf_rng rng;
-    sf_rng_seed(&rng, sim->seed);
-    for (int i = 0; i < 6; i++) sim->phase[i] = 2 * pi * sf_rng_uniform(&rng);
-    sf_studio_init(&sim->studio);
+    sim->exact = options[EXACT].value != 0;
+    sim->noise = options[NOISE].value;
+    sim->blur = options[BLUR].value != 0;
+    sim->jitter_s = options[JITTER].value * 1e-3;
+    sim->jump_s = options[JUMP].value;
+    sim->mover = options[MOVER].value != 0;
+    sim->sensor = board || sim->blur || sim->auto_exposure || sim->noise > 0;
+    if (options[CLEAN].value != 0) clean(sim);
+    furnish(sim);
+    return SF_OK;
+}
+
+sf_status sf_sim_project_name(sf_context *ctx, const char *name, char **project) {
+    /* The last of two options of one name counts. */
+    static const char before[] = "?frames=120&fps=0", after[] = "&clean=1";
+    size_t size = strlen(name) + sizeof before + sizeof after, scene = strcspn(name, "?");
+    if (!(*project = sf_alloc(ctx, size, 1))) return SF_ERR_MEMORY;
+    if (which_scene(name) == 1)
+        snprintf(*project, size, "%.*s%s%s%s%s", (int)scene, name, before, name[scene] ? "&" : "",
+                 name + scene + (name[scene] != 0), after);
+    else
+        snprintf(*project, size, "%s", name);
     return SF_OK;
 }
 
@@ -49,134 +160,79 @@ static double sway(const sf_sim *sim, int which, double turn) {
     return sin((3 + which) * turn + sim->phase[which]);
 }
 
-/* Looks from `from` to `at` with the horizon turned by `roll` radians. */
-static void aim(sf_camera *camera, sf_vec3 from, sf_vec3 at, double roll) {
-    sf_vec3 forward = vunit(vsub(at, from)), right = vunit(vcross(forward, vec3(0, 0, 1)));
-    sf_vec3 down = vcross(forward, right);
-    sf_vec3 rows[3] = {vat(vscale(right, cos(roll)), sin(roll), down),
-                       vat(vscale(down, cos(roll)), -sin(roll), right), forward};
-    for (int i = 0; i < 3; i++) {
-        camera->R_cw[3 * i] = rows[i].x;
-        camera->R_cw[3 * i + 1] = rows[i].y;
-        camera->R_cw[3 * i + 2] = rows[i].z;
-        camera->t_cw[i] = -vdot(rows[i], from);
-    }
-}
-
-void sf_sim_camera(const sf_sim *sim, uint64_t frame, sf_camera *camera) {
+static void circle_pose(const sf_sim *sim, double turn, sf_camera *camera) {
     const double degree = pi / 180;
-    double turn = 2 * pi * (double)frame / (double)sim->frames;
     double azimuth = 100 * degree * sin(turn) + 0.02 * sway(sim, 0, turn);
     double elevation = (25 - 12 * cos(turn)) * degree + 0.02 * sway(sim, 1, turn);
     double radius = 4.3 + 0.08 * sway(sim, 2, turn);
     sf_vec3 middle = {0.03 * sway(sim, 3, turn), 0.03 * sway(sim, 4, turn), 0.78};
     sf_vec3 offset = {sin(azimuth) * cos(elevation), -cos(azimuth) * cos(elevation), sin(elevation)};
-    double focal = sim->width / 2.0 / tan(sim->fov / 2 * degree);
+    sf_camera_aim(camera, vat(middle, radius, offset), middle, 0.015 * sway(sim, 5, turn));
+}
+
+double sf_sim_period(const sf_sim *sim) {
+    if (sim->fps > 0) return 1 / sim->fps;
+    return sim->has_board ? (double)SF_WALK_SECONDS / (double)sim->frames : 1.0 / 30;
+}
+
+void sf_sim_studio_camera(const sf_sim *sim, double frame, sf_camera *camera) {
+    double focal = sim->width / 2.0 / tan(sim->fov / 2 * (pi / 180));
     *camera = (sf_camera){.width = sim->width,
                           .height = sim->height,
                           .fx = focal,
                           .fy = focal,
                           .cx = sim->width / 2.0,
                           .cy = sim->height / 2.0};
-    aim(camera, vat(middle, radius, offset), middle, 0.015 * sway(sim, 5, turn));
+    if (sim->has_board)
+        sf_walk_pose(&sim->walk, SF_WALK_SECONDS * frame / (double)sim->frames, camera);
+    else
+        circle_pose(sim, 2 * pi * frame / (double)sim->frames, camera);
 }
 
-/* 3. The sensor */
-
-static uint8_t srgb8(float linear) {
-    double v = fmin(fmax((double)linear, 0), 1);
-    v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-    return (uint8_t)(255 * v + 0.5);
+void sf_sim_camera(const sf_sim *sim, uint64_t frame, sf_camera *camera) {
+    sf_camera studio;
+    sf_sim_studio_camera(sim, (double)frame, &studio);
+    sf_sim_to_world(sim, &studio, camera);
 }
 
-typedef struct exposure {
-    const float *linear;
-    uint8_t *data;
-    size_t stride;
-} exposure;
+/* 3. The world: with a board it is p_b, where p_studio = origin + R_wb p_b / unit_m. */
 
-static void expose_row(void *arg, size_t row, int thread) {
-    const exposure *e = arg;
-    (void)thread;
-    for (size_t i = row * e->stride; i < (row + 1) * e->stride; i++) e->data[i] = srgb8(e->linear[i]);
+void sf_sim_to_world(const sf_sim *sim, const sf_camera *studio, sf_camera *world) {
+    *world = *studio;
+    if (!sim->has_board) return;
+    const sf_board_place *b = &sim->board;
+    const double origin[3] = {b->origin.x, b->origin.y, b->origin.z};
+    double t[3];
+    sf_mat3_mul(studio->R_cw, b->R_wb, world->R_cw);
+    sf_mat3_vec(studio->R_cw, origin, t);
+    for (int i = 0; i < 3; i++) world->t_cw[i] = b->unit_m * (t[i] + studio->t_cw[i]);
 }
 
-/* 4. The source */
-
-typedef struct sim_source {
-    sf_context *ctx;
-    sf_sim sim;
-    sf_pace pace;
-    float *linear; /* [height][width][3] */
-    uint8_t *frames[SF_SOURCE_MAX_LEASES];
-    int taken[SF_SOURCE_MAX_LEASES];
-} sim_source;
-
-static void sim_close(void *self) {
-    sim_source *s = self;
-    for (int i = 0; i < SF_SOURCE_MAX_LEASES; i++) sf_free(s->ctx, s->frames[i]);
-    sf_free(s->ctx, s->linear);
-    sf_free(s->ctx, s);
+void sf_sim_to_studio(const sf_sim *sim, const sf_camera *world, sf_camera *studio) {
+    *studio = *world;
+    if (!sim->has_board) return;
+    const sf_board_place *b = &sim->board;
+    const double origin[3] = {b->origin.x, b->origin.y, b->origin.z};
+    double t[3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) studio->R_cw[3 * i + j] = sf_dot3(&world->R_cw[3 * i], &b->R_wb[3 * j]);
+    sf_mat3_vec(studio->R_cw, origin, t);
+    for (int i = 0; i < 3; i++) studio->t_cw[i] = world->t_cw[i] / b->unit_m - t[i];
 }
 
-static void sim_describe(const void *self, sf_source_info *info) {
-    const sim_source *s = self;
-    info->width = s->sim.width;
-    info->height = s->sim.height;
-    info->format = SF_PIXEL_RGB24;
-    info->frames_per_second = s->sim.fps;
-    info->frames = s->pace.frames;
-    info->has_poses = 1;
-    info->live = s->sim.fps > 0;
-    snprintf(info->name, sizeof info->name, "simulated studio, %dx%d", (int)s->sim.width, (int)s->sim.height);
-}
-
-static sf_status sim_next(void *self, int timeout_ms, int newest, sf_frame *frame, sf_source_counts *counts) {
-    sim_source *s = self;
-    uint64_t number;
-    int64_t time_ns;
-    sf_status status =
-        sf_pace_next(&s->pace, s->ctx, "sim:studio", timeout_ms, newest, counts, &number, &time_ns);
-    if (status != SF_OK) return status;
-    int slot = s->taken[0] ? 1 : 0;
-    frame->plane[0] = s->frames[slot];
-    frame->stride[0] = 3 * (size_t)s->sim.width;
-    frame->width = s->sim.width;
-    frame->height = s->sim.height;
-    frame->format = SF_PIXEL_RGB24;
-    frame->sequence = number;
-    frame->time_ns = time_ns;
-    frame->has_camera = 1;
-    frame->lease = &s->taken[slot];
-    sf_sim_camera(&s->sim, number % s->sim.frames, &frame->camera);
-    sf_studio_draw(&s->sim.studio, s->ctx->pool, &frame->camera, s->linear, NULL);
-    exposure e = {s->linear, s->frames[slot], frame->stride[0]};
-    sf_pool_run(s->ctx->pool, (size_t)s->sim.height, expose_row, &e);
-    s->taken[slot] = 1;
-    return SF_OK;
-}
-
-static void sim_release(void *self, sf_frame *frame) {
-    (void)self;
-    *(int *)frame->lease = 0;
-}
-
-sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {sim_close, sim_describe, sim_next, sim_release};
-    sim_source *s = sf_calloc(ctx, 1, sizeof *s);
-    if (!s) return SF_ERR_MEMORY;
-    s->ctx = ctx;
-    sf_status status = sf_sim_init(ctx, name, &s->sim);
-    s->pace = (sf_pace){.fps = s->sim.fps, .frames = s->sim.loop ? 0 : s->sim.frames};
-    size_t size = status == SF_OK ? 3 * (size_t)s->sim.width * (size_t)s->sim.height : 0;
-    for (int i = 0; i < SF_SOURCE_MAX_LEASES && status == SF_OK; i++)
-        if (!(s->frames[i] = sf_alloc(ctx, size, 1))) status = SF_ERR_MEMORY;
-    if (status == SF_OK && !(s->linear = sf_alloc(ctx, size, sizeof *s->linear))) status = SF_ERR_MEMORY;
-    if (status != SF_OK) {
-        sim_close(s);
-        return status;
-    }
-    source->ops = &ops;
-    source->self = s;
-    return SF_OK;
+void sf_sim_look(const sf_sim *sim, const sf_camera *camera, double x_px, double y_px, sf_vec3 *point,
+                 double *distance) {
+    sf_camera studio;
+    sf_hit hit;
+    sf_sim_to_studio(sim, camera, &studio);
+    sf_studio_look(&sim->studio, &studio, x_px, y_px, &hit);
+    *point = hit.point;
+    *distance = hit.distance;
+    if (!sim->has_board) return;
+    const sf_board_place *b = &sim->board;
+    sf_vec3 off = vscale(vsub(hit.point, b->origin), b->unit_m);
+    const double *R = b->R_wb;
+    *point = vec3(R[0] * off.x + R[3] * off.y + R[6] * off.z, R[1] * off.x + R[4] * off.y + R[7] * off.z,
+                  R[2] * off.x + R[5] * off.y + R[8] * off.z);
+    *distance = b->unit_m * hit.distance;
 }

@@ -1,11 +1,9 @@
 /* studio.c - the simulated scene: a furnished room, seen by an exact ray caster. */
 #include "studio.h"
 
-#include <string.h>
-
 enum { SAMPLES = 4, ROOM = -1 }; /* SAMPLES x SAMPLES rays a pixel */
 
-static const sf_vec3 room_center = {0, 0, 2.3}, room_half = {5.2, 5.2, 2.3};
+const sf_vec3 sf_studio_room_center = {0, 0, 2.3}, sf_studio_room_half = {5.2, 5.2, 2.3};
 static const sf_paint room_paint[6] = {SF_PAINT_WALLPAPER, SF_PAINT_SHELVES, SF_PAINT_BRICKS,
                                        SF_PAINT_BRICKS,    SF_PAINT_CEILING, SF_PAINT_TILES};
 
@@ -17,73 +15,19 @@ typedef struct lamp {
 
 static const lamp lamps[2] = {{{-2.3, -2.6, 4.6}, {1.30, 1.16, 0.95}, 0.75},
                               {{3.0, 0.6, 4.6}, {0.42, 0.50, 0.62}, 1.0}};
+const sf_vec3 sf_studio_lamp_glow = {5, 4.8, 4.4};
 static const sf_vec3 sky_light = {0.30, 0.32, 0.36}, floor_light = {0.22, 0.18, 0.14};
 
 typedef struct ray {
     sf_vec3 origin, direction; /* the direction is of length 1 */
 } ray;
 
-/* 1. The scene */
-
-static sf_object *place(sf_studio *studio, sf_shape shape, sf_paint paint, sf_vec3 center, sf_vec3 half) {
-    sf_object *o = &studio->objects[studio->count++];
-    *o = (sf_object){.shape = shape, .paint = paint, .center = center, .half = half, .cos_yaw = 1};
-    o->salt = (uint32_t)studio->count;
-    o->bound = shape == SF_SHAPE_SPHERE ? half.x : vlength(half);
-    return o;
-}
-
-static void ball(sf_studio *studio, sf_paint paint, sf_vec3 center, double radius, double mirror) {
-    place(studio, SF_SHAPE_SPHERE, paint, center, vec3(radius, radius, radius))->mirror = mirror;
-}
-
-static void box(sf_studio *studio, sf_paint paint, sf_vec3 center, sf_vec3 half, double yaw) {
-    sf_object *o = place(studio, SF_SHAPE_BOX, paint, center, half);
-    o->cos_yaw = cos(yaw);
-    o->sin_yaw = sin(yaw);
-}
-
-void sf_studio_init(sf_studio *studio) {
-    memset(studio, 0, sizeof *studio);
-    const double top = 0.24; /* of the platform */
-    box(studio, SF_PAINT_PARQUET, vec3(0, 0, top / 2), vec3(1.9, 1.9, top / 2), 0.25);
-
-    ball(studio, SF_PAINT_GLAZE, vec3(0.12, 0.15, top + 0.52), 0.52, 0.06);
-    ball(studio, SF_PAINT_GLOBE, vec3(-1.02, 0.72, top + 0.5), 0.5, 0);
-    ball(studio, SF_PAINT_DOTS, vec3(1.2, 0.42, top + 0.34), 0.34, 0);
-    ball(studio, SF_PAINT_STRIPES, vec3(-0.3, -1.3, top + 0.25), 0.25, 0);
-    ball(studio, SF_PAINT_STEEL, vec3(-0.05, -0.72, top + 0.2), 0.2, 0.6);
-
-    const double b = 0.23; /* toy blocks */
-    box(studio, SF_PAINT_BLOCK, vec3(0.62, -0.95, top + b), vec3(b, b, b), 0.35);
-    box(studio, SF_PAINT_BLOCK, vec3(1.17, -0.68, top + b), vec3(b, b, b), 0.6);
-    box(studio, SF_PAINT_BLOCK, vec3(0.88, -0.8, top + 3 * b), vec3(b, b, b), 0.1);
-    box(studio, SF_PAINT_BLOCK, vec3(-1.45, -0.05, top + b), vec3(b, b, b), -0.5);
-
-    box(studio, SF_PAINT_CRATE, vec3(-0.95, -0.78, top + 0.38), vec3(0.38, 0.38, 0.38), 0.45);
-    box(studio, SF_PAINT_DIE, vec3(-1.0, -0.72, top + 0.76 + 0.13), vec3(0.13, 0.13, 0.13), 0.95);
-    box(studio, SF_PAINT_TARTAN, vec3(-0.1, 1.25, top + 0.32), vec3(0.32, 0.32, 0.32), -0.3);
-
-    box(studio, SF_PAINT_BOOK, vec3(0.95, 1.2, top + 0.075), vec3(0.42, 0.3, 0.075), 0.35);
-    box(studio, SF_PAINT_BOOK, vec3(0.97, 1.22, top + 0.215), vec3(0.38, 0.27, 0.065), 0.05);
-    box(studio, SF_PAINT_BOOK, vec3(0.94, 1.2, top + 0.33), vec3(0.36, 0.25, 0.05), 0.6);
-    ball(studio, SF_PAINT_STRIPES, vec3(0.95, 1.2, top + 0.38 + 0.15), 0.15, 0);
-}
-
-static sf_vec3 turned(const sf_object *o, sf_vec3 a) {
-    return vec3(o->cos_yaw * a.x + o->sin_yaw * a.y, o->cos_yaw * a.y - o->sin_yaw * a.x, a.z);
-}
-
-static sf_vec3 turned_back(const sf_object *o, sf_vec3 a) {
-    return vec3(o->cos_yaw * a.x - o->sin_yaw * a.y, o->cos_yaw * a.y + o->sin_yaw * a.x, a.z);
-}
-
 static sf_vec3 axis(int face) {
     double sign = face & 1 ? -1 : 1;
     return vec3(face / 2 == 0 ? sign : 0, face / 2 == 1 ? sign : 0, face / 2 == 2 ? sign : 0);
 }
 
-/* 2. What a ray meets */
+/* 1. What a ray meets */
 
 /* Distances at which a ray enters and leaves each pair of a box's planes. */
 typedef struct slab {
@@ -113,7 +57,8 @@ static int meet_sphere(const sf_object *o, const ray *r, sf_hit *hit) {
 }
 
 static int meet_box(const sf_object *o, const ray *r, sf_hit *hit) {
-    sf_vec3 p = turned(o, vsub(r->origin, o->center)), d = off_axis(turned(o, r->direction));
+    sf_vec3 p = sf_object_turned(o, vsub(r->origin, o->center)),
+            d = off_axis(sf_object_turned(o, r->direction));
     slab x = slab_of(p.x, d.x, o->half.x), y = slab_of(p.y, d.y, o->half.y), z = slab_of(p.z, d.z, o->half.z);
     double in = greater(greater(x.in, y.in), z.in), out = lesser(lesser(x.out, y.out), z.out);
     if (in >= out || in <= 1e-9 || in >= hit->distance) return 0;
@@ -124,9 +69,9 @@ static int meet_box(const sf_object *o, const ray *r, sf_hit *hit) {
 
 /* Where the ray leaves the room. */
 static void meet_room(const ray *r, sf_hit *hit) {
-    sf_vec3 p = vsub(r->origin, room_center), d = off_axis(r->direction);
-    double x = slab_of(p.x, d.x, room_half.x).out, y = slab_of(p.y, d.y, room_half.y).out;
-    double z = slab_of(p.z, d.z, room_half.z).out;
+    sf_vec3 p = vsub(r->origin, sf_studio_room_center), d = off_axis(r->direction);
+    double x = slab_of(p.x, d.x, sf_studio_room_half.x).out, y = slab_of(p.y, d.y, sf_studio_room_half.y).out;
+    double z = slab_of(p.z, d.z, sf_studio_room_half.z).out;
     hit->object = ROOM;
     hit->distance = lesser(lesser(x, y), z);
     hit->face = hit->distance == x ? d.x < 0 : hit->distance == y ? 2 + (d.y < 0) : 4 + (d.z < 0);
@@ -167,13 +112,13 @@ static void cast(const sf_studio *studio, const candidates *near, const ray *r, 
     if (o->shape == SF_SHAPE_SPHERE)
         hit->normal = vscale(vsub(hit->point, o->center), 1 / o->half.x);
     else
-        hit->normal = turned_back(o, axis(hit->face));
+        hit->normal = sf_object_turned_back(o, axis(hit->face));
 }
 
-/* 3. What is painted there */
+/* 2. What is painted there */
 
 /* Right and up on a box's face as seen from outside. */
-static void face_position(int face, sf_vec3 p, sf_spot *spot) {
+void sf_studio_face_position(int face, sf_vec3 p, sf_spot *spot) {
     switch (face) {
     case 0:
         spot->u = p.y, spot->v = p.z;
@@ -197,24 +142,25 @@ static void face_position(int face, sf_vec3 p, sf_spot *spot) {
 }
 
 static sf_vec3 room_albedo(const sf_hit *hit) {
-    sf_spot spot = {.local = vsub(hit->point, room_center), .face = hit->face};
-    face_position(hit->face ^ 1, spot.local, &spot); /* walls are seen from inside */
+    sf_spot spot = {.local = vsub(hit->point, sf_studio_room_center), .face = hit->face};
+    sf_studio_face_position(hit->face ^ 1, spot.local, &spot); /* walls are seen from inside */
     return sf_paint_albedo(room_paint[hit->face], &spot);
 }
 
-static sf_vec3 albedo(const sf_studio *studio, const sf_hit *hit) {
+sf_vec3 sf_studio_albedo(const sf_studio *studio, const sf_hit *hit) {
     if (hit->object == ROOM) return room_albedo(hit);
     const sf_object *o = &studio->objects[hit->object];
-    sf_spot spot = {.local = turned(o, vsub(hit->point, o->center)), .face = hit->face, .salt = o->salt};
+    sf_spot spot = {
+        .local = sf_object_turned(o, vsub(hit->point, o->center)), .face = hit->face, .salt = o->salt};
     if (o->shape == SF_SHAPE_BOX) {
-        face_position(hit->face, spot.local, &spot);
+        sf_studio_face_position(hit->face, spot.local, &spot);
         spot.hu = hit->face < 2 ? o->half.y : o->half.x;
         spot.hv = hit->face < 4 ? o->half.z : o->half.y;
     }
     return sf_paint_albedo(o->paint, &spot);
 }
 
-/* 4. How it is lit: all of it a smooth function of the place, so that every view sees the same */
+/* 3. How it is lit: all of it a smooth function of the place, so that every view sees the same */
 
 static double outside_box(sf_vec3 p, sf_vec3 half) {
     sf_vec3 q = vec3(fabs(p.x) - half.x, fabs(p.y) - half.y, fabs(p.z) - half.z);
@@ -225,7 +171,8 @@ static double outside_box(sf_vec3 p, sf_vec3 half) {
 /* Signed distance to an object's surface, negative inside. */
 static double clearance(const sf_object *o, sf_vec3 point) {
     sf_vec3 p = vsub(point, o->center);
-    return o->shape == SF_SHAPE_SPHERE ? vlength(p) - o->half.x : outside_box(turned(o, p), o->half);
+    return o->shape == SF_SHAPE_SPHERE ? vlength(p) - o->half.x
+                                       : outside_box(sf_object_turned(o, p), o->half);
 }
 
 /* The part of a lamp that an object leaves visible. The cone from the point to the lamp is `spread` t wide at
@@ -277,7 +224,8 @@ static double openness(const sf_studio *studio, const sf_hit *hit) {
     sf_vec3 above[3];
     for (int k = 0; k < 3; k++) {
         above[k] = vat(hit->point, heights[k], hit->normal);
-        room[k] = lesser(heights[k], -outside_box(vsub(above[k], room_center), room_half));
+        room[k] =
+            lesser(heights[k], -outside_box(vsub(above[k], sf_studio_room_center), sf_studio_room_half));
     }
     for (int i = 0; i < studio->count; i++) {
         const sf_object *o = &studio->objects[i];
@@ -289,21 +237,21 @@ static double openness(const sf_studio *studio, const sf_hit *hit) {
     return 1 - 0.9 * closed;
 }
 
-static sf_vec3 light_at(const sf_studio *studio, const sf_hit *hit) {
+sf_vec3 sf_studio_light(const sf_studio *studio, const sf_hit *hit) {
     sf_vec3 around = vmix(floor_light, sky_light, 0.5 + 0.5 * hit->normal.z);
     sf_vec3 light = vscale(around, openness(studio, hit));
     for (int i = 0; i < 2; i++) light = vadd(light, lamp_light(studio, &lamps[i], hit));
     return light;
 }
 
-static int on_lamp(const sf_hit *hit) {
+int sf_studio_on_lamp(const sf_hit *hit) {
     if (hit->object != ROOM || hit->face != 4) return 0;
     for (int i = 0; i < 2; i++)
         if (vlength(vsub(hit->point, lamps[i].center)) < lamps[i].radius) return 1;
     return 0;
 }
 
-/* 5. What a pixel shows */
+/* 4. What a pixel shows */
 
 /* Light changes little within a pixel: it is worked out once for each surface that the pixel shows, while the
  * paint is looked up for every ray. */
@@ -323,13 +271,13 @@ static sf_vec3 cached_light(pixel *px, const sf_hit *hit, int reflected) {
     for (int i = 0; i < px->count; i++)
         if (px->lights[i].surface == surface) return px->lights[i].light;
     lit *l = &px->lights[px->count++];
-    *l = (lit){surface, light_at(px->studio, hit)};
+    *l = (lit){surface, sf_studio_light(px->studio, hit)};
     return l->light;
 }
 
 static sf_vec3 scattered(pixel *px, const sf_hit *hit, int reflected) {
-    if (on_lamp(hit)) return vec3(5, 4.8, 4.4);
-    return vmul(albedo(px->studio, hit), cached_light(px, hit, reflected));
+    if (sf_studio_on_lamp(hit)) return sf_studio_lamp_glow;
+    return vmul(sf_studio_albedo(px->studio, hit), cached_light(px, hit, reflected));
 }
 
 static sf_vec3 seen(pixel *px, const ray *r, const sf_hit *hit) {
@@ -368,7 +316,7 @@ void sf_studio_look(const sf_studio *studio, const sf_camera *camera, double x_p
 }
 
 sf_vec3 sf_studio_diffuse(const sf_studio *studio, const sf_hit *hit) {
-    return vmul(albedo(studio, hit), light_at(studio, hit));
+    return vmul(sf_studio_albedo(studio, hit), sf_studio_light(studio, hit));
 }
 
 typedef struct drawing {

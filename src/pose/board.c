@@ -8,17 +8,8 @@
 
 #include <jansson.h>
 
+#include "../capture/sheet.h"
 #include "tags.h"
-
-enum { COLUMNS = 4, ROWS = 5 };
-
-/* Gaps between tags, and the margin about a tag, are two of its cells wide: one must be white. */
-static const struct {
-    const char *name;
-    double width, height, tag; /* mm */
-} sheets[] = {{"a4-36h11", 210, 297, 36}, {"letter-36h11", 215.9, 279.4, 36}, {"a3-36h11", 297, 420, 52}};
-
-enum { SHEETS = sizeof sheets / sizeof *sheets };
 
 static const double LEAST_SIZE = 0.001, MOST_SIZE = 10; /* m */
 static const uint64_t MAX_FILE_BYTES = 1 << 20;
@@ -43,24 +34,26 @@ sf_board_tag sf_board_place(int32_t id, double x, double y, double side, double 
 
 /* By name. */
 
-static void make_sheet(size_t which, own_board *b) {
-    double side = sheets[which].tag * 1e-3, pitch = 1.25 * side;
+static void make_sheet(const sf_sheet *sheet, own_board *b) {
     sf_board *board = &b->board;
-    snprintf(board->name, sizeof board->name, "%s", sheets[which].name);
+    snprintf(board->name, sizeof board->name, "%s", sheet->name);
     snprintf(board->family, sizeof board->family, "tag36h11");
-    board->tag_size = side;
-    board->width = sheets[which].width * 1e-3;
-    board->height = sheets[which].height * 1e-3;
-    board->count = COLUMNS * ROWS;
-    for (int i = 0; i < COLUMNS * ROWS; i++)
-        b->tags[i] = sf_board_place(i, (i % COLUMNS - (COLUMNS - 1) / 2.0) * pitch,
-                                    (i / COLUMNS - (ROWS - 1) / 2.0) * pitch, side, 0);
+    board->tag_size = sheet->tag * 1e-3;
+    board->width = sheet->width * 1e-3;
+    board->height = sheet->height * 1e-3;
+    board->count = SF_SHEET_TAGS;
+    for (int i = 0; i < SF_SHEET_TAGS; i++) {
+        double x, y;
+        sf_sheet_tag(sheet, i, &x, &y);
+        b->tags[i] = sf_board_place(i, x * 1e-3, y * 1e-3, board->tag_size, 0);
+    }
 }
 
 static sf_status find_sheet(sf_context *ctx, const char *name, own_board *b) {
-    for (size_t i = 0; i < SHEETS; i++)
-        if (!strcmp(sheets[i].name, name)) {
-            make_sheet(i, b);
+    const sf_sheet *const sheets[] = {&sf_sheet_a4, &sf_sheet_letter, &sf_sheet_a3};
+    for (size_t i = 0; i < sizeof sheets / sizeof *sheets; i++)
+        if (!strcmp(sheets[i]->name, name)) {
+            make_sheet(sheets[i], b);
             return SF_OK;
         }
     return sf_fail(ctx, SF_ERR_ARGUMENT,
