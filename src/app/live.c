@@ -30,6 +30,11 @@ static const arg_option own_options[] = {
     {0},
 };
 
+/* What lies on the simulated table. */
+#define SIMULATED       "sim:studio-board"
+#define SIMULATED_BOARD "a3-36h11"
+#define SIMULATED_TAG_M 0.08
+
 /* A pose that was found, for the trajectory; and how far off it is, where the frame told its own. */
 typedef struct step {
     double time;               /* s */
@@ -101,13 +106,15 @@ static int read_options(live_run *r) {
 
 static int read_poses(live_run *r) {
     const char *from = args_value(r->a, "poses"), *board = args_value(r->a, "board");
+    double tag_m = r->tag_size / 1000;
     if (from && !strcmp(from, "frames"))
         r->options.own_poses = 1;
     else if (from && strcmp(from, "board") != 0)
         return usage("--poses", from, "is none of board, frames");
     if (r->options.own_poses && !board) return 0;
-    if (sf_board_open(r->ctx, board ? board : "a4-36h11", r->tag_size / 1000, &r->board))
-        return app_fail(r->a, r->ctx);
+    if (!board && !strncmp(r->a->positional[0], SIMULATED, strlen(SIMULATED)))
+        board = SIMULATED_BOARD, tag_m = SIMULATED_TAG_M;
+    if (sf_board_open(r->ctx, board ? board : "a4-36h11", tag_m, &r->board)) return app_fail(r->a, r->ctx);
     r->options.board = r->board;
     return 0;
 }

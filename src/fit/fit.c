@@ -481,6 +481,13 @@ sf_status sf_fitter_get_camera(const sf_fitter *f, uint32_t id, sf_camera *camer
     return SF_OK;
 }
 
+sf_status sf_fitter_hold_pose(sf_fitter *f, uint32_t id) {
+    sf_view_state *state = sf_view_state_of(&f->views, id);
+    if (!state) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "id: no training view %u was taken up", id);
+    state->held = 1;
+    return SF_OK;
+}
+
 static void refine_saved(void *views, uint32_t id, sf_camera *camera) { sf_refine_camera(views, id, camera); }
 
 sf_status sf_fitter_save_cameras(const sf_fitter *f, const char *path) {

@@ -182,6 +182,8 @@ static void common_part(const sf_view_states *views, double common[6]) {
 void sf_hold_mean(sf_view_states *views) {
     double common[6], back[9], R[9], o[3];
     if (views->count < 2) return;
+    for (size_t i = 0; i < views->count; i++)
+        if (views->states[i].held) return;
     common_part(views, common);
     for (int k = 0; k < 3; k++) common[k] = -common[k];
     exponential(common, back);

@@ -155,6 +155,7 @@ static sf_status take_keyframe(sf_live *live) {
     sf_live_thumb(live->picture, k.thumb);
     status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
+    k.hold = live->fixed && !k.held_out;
     live->keyframes[live->keyframe_count++] = k;
     live->keyframes_made++;
     live->wanted = 0;
@@ -179,6 +180,15 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
     sf_status status = take_keyframe(live);
     *taken = !status;
     return status;
+}
+
+void sf_live_hold_poses(sf_live *live) {
+    for (size_t i = live->keyframe_count; i--;) {
+        sf_keyframe *k = &live->keyframes[i];
+        if (k->hold && sf_view_state_of(&live->fitter->views, k->id) &&
+            !sf_fitter_hold_pose(live->fitter, k->id))
+            k->hold = 0;
+    }
 }
 
 /* 3. The start */

@@ -26,6 +26,7 @@ sf_live_options sf_live_options_default(void) {
     o.fit.exposure = 1;
     o.fit.refine_poses = 1;
     o.fit.refine_start = 0;
+    o.fit.lr_pose = 5e-4;
     o.fit.recent = SF_LIVE_RECENT;
     o.fit.first = SF_FIRST_SWEEP;
     o.fit.init_random = 1000;
@@ -176,6 +177,7 @@ static sf_status step_fit(sf_live *live) {
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_evaluate(live);
     if (!status) status = sf_fitter_step(live->fitter);
+    if (!status) sf_live_hold_poses(live);
     return status;
 }
 

@@ -22,8 +22,8 @@ enum {
 
 /* A keyframe's picture is in the scene; here is what it is found again by. */
 typedef struct sf_keyframe {
-    uint32_t id; /* of the view */
-    int held_out;
+    uint32_t id;                 /* of the view */
+    int held_out, hold;          /* its pose is to be held, once the fit knows of it */
     sf_rigid pose;               /* as it was found */
     double center[3];            /* of the camera */
     float thumb[SF_THUMB];       /* grey, mean 0, norm 1 */
@@ -60,6 +60,7 @@ struct sf_live {
     /* The frame that is looked at. */
     const sf_picture *picture;
     sf_live_frame frame;
+    int fixed;      /* its pose is known well from outside the model */
     uint8_t *bytes; /* [height][width][3], and grey */
     size_t byte_capacity;
     double sharpness, usual_sharpness;
@@ -104,6 +105,8 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken);
 const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank);
 /* Of the picture that is looked at. */
 void sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
+/* Tells the fit which poses to hold. */
+void sf_live_hold_poses(sf_live *live);
 /* Begins the fit when there are keyframes from enough places. */
 sf_status sf_live_begin(sf_live *live);
 /* Looks at a keyframe that is held out, or the first one, now and then. */

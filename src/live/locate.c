@@ -19,6 +19,8 @@ enum {
 /* Without the model: a board's pose. */
 #define AMBIGUOUS 0.7
 #define BOARD_RMS 1.5 /* px */
+/* A pose from outside that is known so well (rad) is held. */
+#define FIXED 0.004
 /* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet. */
 #define BOARD_DOUBT 4.0
 /* What a hand does to a steady motion in a tenth of a second: turns by this (rad), moves by this part of the
@@ -221,10 +223,21 @@ static void note_miss(sf_live *live) {
     live->poses = 0;
 }
 
+/* Whether a pose from outside leaves the model nothing to say. */
+static int is_fixed(const sf_fix *fix) {
+    double L[36], covariance[36];
+    if (!fix->from) return 0;
+    memcpy(L, fix->prior.information, sizeof L);
+    if (!sf_cholesky(6, L)) return 0;
+    sf_cholesky_invert(6, L, covariance);
+    return covariance[21] + covariance[28] + covariance[35] < FIXED * FIXED;
+}
+
 static sf_status look(sf_live *live, const sf_fix *fix) {
     sf_track track = {0};
     int good = 0;
     sf_status status = SF_OK;
+    live->fixed = is_fixed(fix);
     if (live->fitter) {
         if (fix->from || live->poses) status = track_on(live, fix, &track, &good);
         if (!status && !good && !fix->from && live->misses) status = find_again(live, &track, &good);

@@ -26,7 +26,7 @@ enum {
 #define WIDTHS    2.4   /* of them, in medians of the differences */
 #define FIRST     0.1   /* of them, before any is known */
 #define CORRELATED                                                                                           \
-    4.0 /* pixels that tell as much as one: noise, blur and what is wrong of the model spread */
+    200.0 /* pixels that tell as much as one: what is wrong of the model is wrong in all of them */
 #define STILL     2e-5 /* a step that turns by less, or moves by less of the depth, ends the rounds */
 #define REDRAW    1.0  /* px that points have moved by on average, for the model to be drawn again */
 #define GAIN_HOLD 1e-4 /* what keeps the gain near 1 and the bias near 0, in pixels of all */
