@@ -8,6 +8,7 @@
 #include "file.h"
 #include "fitter.h"
 #include "model.h"
+#include "path.h"
 #include "prune.h"
 #include "remap.h"
 #include "render.h"
