@@ -9,6 +9,7 @@
 #include "fitter.h"
 #include "live.h"
 #include "model.h"
+#include "path.h"
 #include "prune.h"
 #include "remap.h"
 #include "render.h"

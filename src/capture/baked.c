@@ -150,7 +150,8 @@ static sf_status bake(sf_baked *baked, int object, int face, double texel) {
     double hu = face < 2 ? half.y : half.x, hv = face < 4 ? half.z : half.y; /* world units */
     int is_ball = o && o->shape == SF_SHAPE_SPHERE, is_board = o && o->paint == SF_PAINT_BOARD;
     if (is_board) texel /= 2, b.samples = 3;
-    *t = (sf_texture){.texel = texel, .left = -hu, .bottom = -hv, .width = 2 * hu, .height = 2 * hv};
+    *t = (sf_texture){
+        .per_square = 1 / (texel * texel), .left = -hu, .bottom = -hv, .width = 2 * hu, .height = 2 * hv};
     if (is_ball) t->left = t->bottom = -1, t->width = t->height = 2;
     double step = light_step(&b);
     b.columns = (int)ceil(2 * hu / step), b.rows = (int)ceil(2 * hv / step);
@@ -237,7 +238,6 @@ static void leave_room(const eye *e, sf_vec3 d, met *m) {
     sf_vec3 p = e->in_room, h = sf_studio_room_half;
     double x = ((d.x > 0 ? h.x : -h.x) - p.x) / d.x, y = ((d.y > 0 ? h.y : -h.y) - p.y) / d.y;
     double z = ((d.z > 0 ? h.z : -h.z) - p.z) / d.z;
-    m->object = ROOM;
     if (x < y && x < z)
         m->t = x, m->face = d.x < 0;
     else if (y < z)
@@ -291,15 +291,17 @@ static sf_vec3 off_axis(sf_vec3 d) {
 
 static void trace(const sf_studio *studio, const eye *e, const candidates *near, sf_vec3 d, met *m) {
     d = off_axis(d);
-    leave_room(e, d, m);
+    m->object = ROOM;
+    m->t = INFINITY;
     for (int i = 0; i < near->count && near->least[i] < m->t; i++) {
         int object = near->objects[i];
         const sf_object *o = &studio->objects[object];
         if (o->shape == SF_SHAPE_SPHERE)
             meet_ball(o, object, e->in[object], d, m);
         else
-            meet_box(o, object, e->in[object], off_axis(sf_object_turned(o, d)), m);
+            meet_box(o, object, e->in[object], sf_object_turned(o, d), m);
     }
+    if (m->object == ROOM) leave_room(e, d, m); /* which holds all objects */
     m->direction = m->object == ROOM ? d : sf_object_turned(&studio->objects[m->object], d);
     m->local = vat(m->object == ROOM ? e->in_room : e->in[m->object], m->t, m->direction);
 }
@@ -319,7 +321,7 @@ static void show_ball(const sf_baked *b, const met *m, double size, float weight
     double u, v;
     int face = face_of_ball(m->local, &u, &v);
     const sf_texture *t = &b->textures[surface_of(m->object, face)];
-    sf_texture_add(t, sf_texture_level(t, size), u, v, &sum);
+    sf_texture_add(t, sf_texture_level(t, size * size), u, v, &sum);
     sf_texture_mix(&sum, 1, weight, rgb);
 }
 
@@ -335,7 +337,7 @@ static void flat_position(const met *m, sf_vec3 local, sf_spot *spot) {
 
 /* Along the longer side of the pixel's trace as many samples as it is longer than the other one. */
 static void show_flat(const drawing *d, const met *m, float weight, float rgb[3]) {
-    enum { MOST = 4 };
+    enum { MOST = 3 };
     const sf_object *o = m->object == ROOM ? NULL : &d->baked->studio->objects[m->object];
     const sf_texture *t = &d->baked->textures[surface_of(m->object, m->face)];
     int axis = m->face / 2;
@@ -347,8 +349,8 @@ static void show_flat(const drawing *d, const met *m, float weight, float rgb[3]
         double size = a;
         a = l, l = size;
     }
-    int n = l > 9 * a ? MOST : l > 4 * a ? 3 : l > 1.7 * a ? 2 : 1;
-    int level = sf_texture_level(t, sqrt(greater(a, l / (MOST * MOST))));
+    int n = l > 6 * a ? MOST : l > 2.2 * a ? 2 : 1;
+    int level = sf_texture_level(t, greater(a, l / (MOST * MOST)));
     sf_texture_sum sum = {0, 0};
     sf_spot first, last;
     flat_position(m, vat(m->local, -0.5, along), &first);
@@ -384,7 +386,7 @@ static void show_mirrored(const drawing *d, const met *m, double size, float wei
     sf_texture_sum mirrored = {0, 0};
     sf_spot spot;
     flat_position(&second, second.local, &spot);
-    sf_texture_add(t, sf_texture_level(t, size), spot.u, spot.v, &mirrored);
+    sf_texture_add(t, sf_texture_level(t, size * size), spot.u, spot.v, &mirrored);
     sf_texture_mix(&mirrored, 1, weight * (float)fresnel, rgb);
 }
 
@@ -440,16 +442,16 @@ static int at_edge(const drawing *d, int x, int y) {
            (y > 0 && at[-width] != at[0]) || (y + 1 < height && at[width] != at[0]);
 }
 
-/* Pixels that show two surfaces: 2 x 2 rays. */
+/* Pixels that show two surfaces: two rays more, at opposite corners. */
 static void smooth_pixel(const drawing *d, const candidates *near, int x, int y) {
     if (!at_edge(d, x, y)) return;
     float *sum = d->rgb + 3 * ((size_t)y * (size_t)d->camera->width + (size_t)x);
-    sum[0] = sum[1] = sum[2] = 0;
-    for (int k = 0; k < 4; k++) {
+    double side = (x + y) & 1 ? 0.3 : -0.3; /* the other two corners in the next pixel */
+    for (int k = 0; k < 3; k++) sum[k] *= 1.0f / 3;
+    for (int k = -1; k <= 1; k += 2) {
         met m;
-        trace(d->baked->studio, &d->eye, near, look(d, x + 0.25 + 0.5 * (k & 1), y + 0.25 + 0.5 * (k >> 1)),
-              &m);
-        show(d, &m, 0.25f, sum);
+        trace(d->baked->studio, &d->eye, near, look(d, x + 0.5 + 0.3 * k, y + 0.5 + side * k), &m);
+        show(d, &m, 1.0f / 3, sum);
     }
 }
 

@@ -3,6 +3,7 @@
 #define SF_CAPTURE_TEXTURE_H
 
 #include <stddef.h>
+#include <string.h>
 
 #include "../base/context.h"
 #include "vec3.h"
@@ -16,7 +17,7 @@ enum { SF_TEXTURE_LEVELS = 13 };
 typedef struct sf_texture {
     double left, bottom, width, height; /* the rectangle in u, v */
     double scale_u, scale_v;            /* 1 / width, 1 / height */
-    double texel;                       /* world units */
+    double per_square;                  /* 1 / the square of a texel's width in world units */
     int levels;
     struct {
         int width, height; /* texels: half of the level before, rounded up */
@@ -33,11 +34,14 @@ void sf_texture_put(sf_texture *texture, int x, int y, sf_vec3 light);
 /* Fills the smaller levels: means of 2 x 2. */
 void sf_texture_reduce(sf_texture *texture);
 
-/* The level whose texels are at most `size` world units, or the finest. */
-static inline int sf_texture_level(const sf_texture *t, double size) {
-    int level = 0;
-    for (double next = 2 * t->texel; next <= size && level + 1 < t->levels; next *= 2) level++;
-    return level;
+/* The level whose texels are at most `size` world units wide, or the finest: floor(log2(size / texel)), read
+ * from the bits of the square. */
+static inline int sf_texture_level(const sf_texture *t, double size_squared) {
+    double ratio = size_squared * t->per_square;
+    uint64_t bits;
+    memcpy(&bits, &ratio, sizeof bits);
+    int level = ((int)(bits >> 52) - 1023) / 2;
+    return level < 0 ? 0 : level < t->levels ? level : t->levels - 1;
 }
 
 /* A sum of up to SF_TEXTURE_SAMPLES samples, two colours a word: 16 bits and 12 of weights in 32. */

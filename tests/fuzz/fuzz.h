@@ -31,6 +31,7 @@
     F(picture, fuzz_repair_png)                                                                              \
     F(pipe, NULL)                                                                                            \
     F(ply, NULL)                                                                                             \
+    F(poses, NULL)                                                                                           \
     F(replay, NULL)                                                                                          \
     F(source, NULL)                                                                                          \
     F(splat, NULL)                                                                                           \

@@ -161,9 +161,11 @@ static void test_board_is_found(void **state) {
     sf_detector *detector;
     sf_status status = sf_detector_create(ctx, board, 1, &detector);
     if (status == SF_OK) {
-        look_for_board(ctx, detector, board, quick() ? BOARD "?fps=0&frames=4" : BOARD "?fps=0&frames=24",
+        look_for_board(ctx, detector, board,
+                       quick() ? BOARD "?fps=0&frames=4&width=240&height=180"
+                               : BOARD "?fps=0&frames=20&width=240&height=180",
                        quick() ? 1 : 5);
-        look_for_board(ctx, detector, board, BOARD "?fps=0&frames=4&clean=1", 1);
+        look_for_board(ctx, detector, board, BOARD "?fps=0&frames=3&clean=1", 1);
         sf_detector_destroy(&detector);
     }
     sf_board_close(&board);
