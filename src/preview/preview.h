@@ -17,7 +17,7 @@ typedef struct sf_preview_options {
     const char *listen; /* "ADDRESS:PORT" with an address in figures, or a port alone: "127.0.0.1:8090",
                            "0.0.0.0:8090", "[::1]:0", "8090" (of 127.0.0.1). Port 0: one that is free. NULL:
                            "127.0.0.1:8090" */
-    const char *token;  /* what every client must bring, 1..64 of A-Z a-z 0-9 - _; NULL: nothing on a loopback
+    const char *token;  /* what every client must bring, 8..64 of A-Z a-z 0-9 - _; NULL: nothing on a loopback
                            address, else 128 random bits */
     const char *title;  /* of the page, for example the project's name; NULL: none */
 } sf_preview_options;

@@ -64,6 +64,7 @@ need_optional() {
     need libcamera-dev pkg-config --exists libcamera
     need libapriltag-dev pkg-config --exists apriltag
     need libzstd-dev pkg-config --exists libzstd
+    need libcivetweb-dev compiles '#include <civetweb.h>'
 }
 
 # The tools for a Debian sysroot and programs of another machine.
