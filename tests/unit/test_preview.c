@@ -565,11 +565,10 @@ static void test_commands(void **state) {
         code_of(ask_with(f.p, "POST", "/command", "Content-Type: text/plain\r\nContent-Length: 18\r\n",
                          "{\"command\":\"save\"}")),
         415);
-    assert_int_equal(code_of(ask_with(f.p, "POST", "/command",
-                                      "Content-Type: application/json\r\nContent-Length: 257\r\n", "")),
-                     413);
-    assert_int_equal(code_of(ask_with(f.p, "POST", "/command", "Content-Type: application/json\r\n", "")),
-                     413);
+    char much[258];
+    memset(much, ' ', 257);
+    much[257] = 0;
+    assert_int_equal(code_of(post(f.p, "", much)), 413);
     assert_int_equal(code_of(ask_with(f.p, "GET", "/command", "", "")), 405);
     assert_false(sf_preview_take_command(f.p, &command));
     close_one(&f);
@@ -586,7 +585,7 @@ static void test_garbage(void **state) {
         "GET\r\n\r\n",
         "GET / HTTP/9.9\r\n\r\n",
         "GET /\xff\xfe\x01 HTTP/1.1\r\nHost: localhost\r\n\r\n",
-        "GET /%00%zz?%%% HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        "GET /x%00%zz?%%% HTTP/1.1\r\nHost: localhost\r\n\r\n",
         "\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
         "POST /command HTTP/1.1\r\nHost: localhost\r\nContent-Length: -5\r\n\r\n",
         "POST /command HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\nTransfer-Encoding: "
