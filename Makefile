@@ -94,6 +94,8 @@ GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
 STAB_SRC  := $(call tests_in,stability)
 SCENE_SRC := $(call tests_in,scenes)
+# The page in a real browser.
+PAGE_SRC  := $(call tests_in,preview)
 # The program from outside, by a script.
 SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
 
@@ -142,6 +144,7 @@ CHECK   := $(CHECK_SRC:%.c=$(O)/%)
 STAB    := $(STAB_SRC:%.c=$(O)/%)
 STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
+PAGES   := $(PAGE_SRC:%.c=$(O)/%)
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
 SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
 
@@ -294,14 +297,17 @@ $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
-$(O)/tests/unit/test_preview: $(PREVIEW_OBJ)
-$(addprefix $(O)/tests/unit/test_,hostile preview): PREVIEW_LIBS = $(CIVETWEB)
-$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+SERVE := $(O)/tests/preview/serve
+$(O)/tests/unit/test_preview $(PAGES) $(SERVE): $(PREVIEW_OBJ)
+$(PAGES) $(SERVE): $(O)/tests/preview/browser.o
+$(addprefix $(O)/tests/unit/test_,hostile preview) $(PAGES) $(SERVE): PREVIEW_LIBS = $(CIVETWEB)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(PAGES) $(SERVE): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
 
-TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES))
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(PAGES) $(SERVE)) \
+                    $(O)/tests/preview/browser.o
 -include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
@@ -323,9 +329,9 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
 .PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
-build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
+build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
-	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(SCRIPTS)
+	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
 $(O)/tests/crash/shim.so: tests/crash/shim.c $(O)/flags
 	$(say) LD $@
 	@mkdir -p $(@D)

@@ -28,10 +28,10 @@ function orthonormal(R) {
 }
 
 class Orbit {
-  // `changed` is called when the view has moved; moved(true) first where a person did it.
+  // `changed` is called when the view has moved; byHand says whether a person did it.
   constructor(canvas, changed) {
     Object.assign(this, { canvas, changed, fingers: new Map(), center: [0, 0, 0], radius: 1, up: null, byHand: false });
-    this.set({ R: [1, 0, 0, 0, 1, 0, 0, 0, 1], t: [0, 0, 3], f: 1.2, aspect: 4 / 3, shift: [0, 0] });
+    this.view = { R: [1, 0, 0, 0, 1, 0, 0, 0, 1], t: [0, 0, 3], f: 1.2, aspect: 4 / 3, shift: [0, 0] };
     canvas.addEventListener('pointerdown', e => this.down(e));
     canvas.addEventListener('pointermove', e => this.move(e));
     for (const name of ['pointerup', 'pointercancel', 'lostpointercapture']) canvas.addEventListener(name, e => this.fingers.delete(e.pointerId));

@@ -179,10 +179,12 @@ const pictures = { camera: null, render: null };
 function drawPicture(name) {
   const canvas = $(name), picture = pictures[name], c = canvas.getContext('2d');
   $(`${name}-panel`).hidden = false;
-  if ([canvas.width, canvas.height].join() !== [picture.width, picture.height].join()) {
-    [canvas.width, canvas.height] = [picture.width, picture.height];
-    canvas.style.aspectRatio = `${picture.width} / ${picture.height}`;
-  }
+  canvas.style.aspectRatio = `${picture.width} / ${picture.height}`;
+  // A small picture is drawn larger, so that the lines over it are fine.
+  const screen = canvas.clientWidth * Math.min(devicePixelRatio, 2), scale = Math.max(1, Math.min(4, Math.ceil(screen / picture.width)));
+  if (canvas.width !== picture.width * scale || canvas.height !== picture.height * scale)
+    [canvas.width, canvas.height] = [picture.width * scale, picture.height * scale];
+  c.setTransform(scale, 0, 0, scale, 0, 0);
   c.drawImage(picture, 0, 0);
   const facts = [`${picture.width} x ${picture.height}`];
   if (name === 'camera') {
@@ -247,7 +249,7 @@ const chart = new QualityChart($('chart'), $('quality-facts'));
 const view = new SplatView($('view'), redraw);
 const orbit = new Orbit($('view'), () => {
   redraw();
-  if (orbit && orbit.byHand) keepView();
+  if (orbit.byHand) keepView();
 });
 
 function draw() {
