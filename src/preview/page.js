@@ -114,8 +114,8 @@ async function fetchModel(m) {
 
 function showModel(bytes, m) {
   view.set(bytes, m.antialiased);
-  note(view.count ? '' : 'the model is empty');
-  $('model-facts').textContent = `${view.count.toLocaleString('en')} Gaussians`;
+  note(bytes.length ? '' : 'the model is empty');
+  $('model-facts').textContent = `${(bytes.length / SPLAT_BYTES).toLocaleString('en')} Gaussians`;
   if (view.count) orbit.frame(view.means);
   if (view.count && !placed) placed = firstView();
   $('to-model').disabled = !view.count;
@@ -133,7 +133,7 @@ const FIGURES = [
   ['held_out_psnr', 'PSNR, held out', v => `${v.toFixed(2)} dB`], ['psnr_tracked', 'PSNR, tracked', v => `${v.toFixed(2)} dB`],
   ['memory_mb', 'memory', v => `${whole(v)} MB`],
 ];
-const SOURCES = { board: 'pose from the board', track: 'pose from tracking', file: 'pose from a file', known: 'pose known', none: 'no pose' };
+const SOURCES = { board: 'pose: board', track: 'pose: tracked', file: 'pose: file', known: 'pose: known', none: 'no pose' };
 const GOOD = /fitting|track|done|saved|finish/i, WARN = /wait|pause|throttl|slow|settl/i, BAD = /lost|fail|error|stop/i;
 const number = v => typeof v === 'number' && Number.isFinite(v);
 const pose = () => {
@@ -186,7 +186,7 @@ function drawPicture(name) {
     [canvas.width, canvas.height] = [picture.width * scale, picture.height * scale];
   c.setTransform(scale, 0, 0, scale, 0, 0);
   c.drawImage(picture, 0, 0);
-  const facts = [`${picture.width} x ${picture.height}`];
+  const facts = [`${picture.width}\u00d7${picture.height}`];
   if (name === 'camera') {
     const pixel = picture.width / (canvas.clientWidth || picture.width); // of the picture, a px of the screen
     if (Array.isArray(status.corners)) drawCorners(c, status.corners, pixel);

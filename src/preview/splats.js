@@ -119,7 +119,7 @@ class SplatView {
     this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, powerPreference: 'high-performance' });
     Object.assign(this, { canvas, changed, count: 0, drawn: 0, model: 0, serial: 0, sorted: 0, row: '' });
     canvas.addEventListener('webglcontextlost', e => { e.preventDefault(); this.drawn = 0; });
-    canvas.addEventListener('webglcontextrestored', () => { this.setUp(); if (this.bytes) this.set(this.bytes, this.antialiased); });
+    canvas.addEventListener('webglcontextrestored', () => { this.setUp(); this.texels = null; if (this.bytes) this.set(this.bytes, this.antialiased); });
     if (!this.gl) return;
     this.setUp();
     const source = URL.createObjectURL(new Blob([`(${sorter})()`], { type: 'text/javascript' }));
@@ -153,8 +153,13 @@ class SplatView {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
-  // Whole records. The old model is drawn until the new one is sorted.
+  // Whole records. The old model is drawn until the new one is sorted; what comes meanwhile waits, the newest alone, or
+  // a slow machine would never come to draw one.
   set(bytes, antialiased) {
+    if (this.texels) {
+      this.next = [bytes, antialiased];
+      return;
+    }
     const gl = this.gl, count = Math.floor(bytes.length / SPLAT_BYTES);
     const rows = Math.max(1, Math.ceil(count / ROW_SPLATS)), texels = new Uint8Array(rows * ROW_SPLATS * SPLAT_BYTES);
     if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new Error(`${count} Gaussians are more than this browser can draw`);
@@ -177,6 +182,11 @@ class SplatView {
       gl.bufferData(gl.ARRAY_BUFFER, order, gl.DYNAMIC_DRAW);
       this.drawn = order.length;
     }
+    if (this.next && !this.texels) {
+      const next = this.next;
+      this.next = null;
+      this.set(...next);
+    }
     this.changed();
   }
 
@@ -185,13 +195,10 @@ class SplatView {
 
   sort(camera) {
     const row = [camera.R[6], camera.R[7], camera.R[8], camera.t[2], camera.near], text = row.join();
-    if (text === this.row || !this.settledEnough()) return;
+    if (text === this.row || this.sorted !== this.serial) return; // one at a time
     this.row = text;
     this.worker.postMessage({ row, serial: ++this.serial, model: this.model });
   }
-
-  // One sort at a time: the next begins when the last is done.
-  settledEnough() { return this.sorted === this.serial; }
 
   // camera: R, t, focal [2], middle [2] (px of the canvas), near, background [3].
   draw(camera) {

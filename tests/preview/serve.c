@@ -1,7 +1,8 @@
 /* serve.c - shows a model on the page, with figures and a camera that move: to look at the page by hand.
  *
- * serve MODEL [LISTEN [SECONDS]]. Cameras go around the model; PSNR is made up. With the environment's SHOTS,
- * a folder, pictures of the page on screens of all kinds go there instead.
+ * serve MODEL [LISTEN [SECONDS]]. The camera goes around, or through the views of the environment's SCENE;
+ * figures and tags are made up. With the environment's SHOTS, a folder, pictures of the page on screens of
+ * all kinds go there instead.
  */
 #include "browser.h"
 
@@ -31,27 +32,37 @@ static void check(const show *s, sf_status status, const char *what) {
     exit(1);
 }
 
-/* The camera of a view of the simulated studio; what is not there goes around. */
-static sf_camera camera_now(const show *s) {
-    sf_view_info view;
-    size_t views = s->scene ? sf_scene_count(s->scene) : 0;
-    if (!views || sf_scene_view(s->scene, (size_t)s->moment % views, &view))
-        return test_camera_around(s->moment % 64, 64, W, H);
-    return view.camera;
+/* A view of the scene; without one, a camera that goes around. 0: that. */
+static int view_now(const show *s, sf_view_info *view) {
+    sf_scene_info info = {0};
+    if (s->scene) sf_scene_get_info(s->scene, &info);
+    if (info.views && !sf_scene_get_view(s->scene, (size_t)s->moment % info.views, view)) return 1;
+    view->camera = test_camera_around(s->moment % 64, 64, W, H);
+    return 0;
 }
 
-static void render(show *s, const sf_camera *camera, sf_preview_part part) {
-    size_t values = 3 * (size_t)camera->width * (size_t)camera->height;
-    float *rgb = malloc(values * sizeof *rgb);
+static void set_picture(const show *s, sf_preview_part part, const sf_camera *c, const float *rgb) {
+    size_t values = 3 * (size_t)c->width * (size_t)c->height;
     uint8_t *bytes = malloc(values);
-    const sf_image_out out = {.rgb = rgb};
-    if (rgb && bytes) {
-        check(s, sf_render(s->renderer, s->model, camera, NULL, &out), "render");
-        for (size_t i = 0; i < values; i++) bytes[i] = (uint8_t)(255 * fminf(fmaxf(rgb[i], 0), 1) + 0.5f);
-        check(s, sf_preview_set_picture(s->p, part, camera->width, camera->height, bytes), "picture");
-    }
-    free(rgb);
+    if (!bytes) return;
+    for (size_t i = 0; i < values; i++) bytes[i] = (uint8_t)(255 * fminf(fmaxf(rgb[i], 0), 1) + 0.5f);
+    check(s, sf_preview_set_picture(s->p, part, c->width, c->height, bytes), "picture");
     free(bytes);
+}
+
+/* What the camera saw, or the model from there where no scene was given. */
+static void show_picture(show *s, sf_preview_part part) {
+    sf_view_info view;
+    int taken = view_now(s, &view);
+    float *rgb = malloc(3 * sizeof *rgb * (size_t)view.camera.width * (size_t)view.camera.height);
+    const sf_image_out out = {.rgb = rgb};
+    if (!rgb) return;
+    if (taken && part == SF_PREVIEW_CAMERA)
+        check(s, sf_scene_get_pixels(s->scene, view.id, rgb, NULL), "pixels");
+    else
+        check(s, sf_render(s->renderer, s->model, &view.camera, NULL, &out), "render");
+    set_picture(s, part, &view.camera, rgb);
+    free(rgb);
 }
 
 static json_t *numbers(const double *values, int n) {
@@ -105,12 +116,13 @@ static void obey(show *s) {
 }
 
 static void advance(show *s) {
-    sf_camera camera = camera_now(s);
+    sf_view_info view;
+    view_now(s, &view);
     obey(s);
-    set_status(s, &camera, sf_clock() - s->began);
-    if (sf_preview_wants(s->p, SF_PREVIEW_CAMERA)) render(s, &camera, SF_PREVIEW_CAMERA);
-    if (sf_preview_wants(s->p, SF_PREVIEW_RENDER)) render(s, &camera, SF_PREVIEW_RENDER);
-    if (!s->paused && s->moment % 5 == 0 && sf_preview_wants(s->p, SF_PREVIEW_MODEL))
+    set_status(s, &view.camera, sf_clock() - s->began);
+    if (sf_preview_wants(s->p, SF_PREVIEW_CAMERA)) show_picture(s, SF_PREVIEW_CAMERA);
+    if (sf_preview_wants(s->p, SF_PREVIEW_RENDER)) show_picture(s, SF_PREVIEW_RENDER);
+    if (!s->paused && !getenv("SHOTS") && s->moment % 25 == 0 && sf_preview_wants(s->p, SF_PREVIEW_MODEL))
         check(s, sf_preview_set_model(s->p, s->model), "model");
     s->moment += !s->paused;
 }
@@ -136,6 +148,7 @@ static void take_pictures(show *s, const char *folder) {
         browser_resize(&b, screens[i].width, screens[i].height, screens[i].ratio, screens[i].phone);
         browser_open(&b, sf_preview_url(s->p));
         for (int n = 0; n < 12; n++, test_pause_ms(300)) advance(s);
+        browser_await(&b, "document.querySelector('#view').dataset.settled > 0");
         test_pause_ms(700);
         browser_picture(&b, NULL, path);
         printf("%s\n", path);

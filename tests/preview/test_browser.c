@@ -118,7 +118,7 @@ static const char *address_of(const fixture *f, const sf_camera *c, double focal
 
 static const char settled[] = "document.querySelector('#view').dataset.settled > 0";
 
-static void await_drawing(fixture *f) {
+static void await_drawing(void) {
     browser_await(&shared, settled);
     test_pause_ms(300);
     browser_await(&shared, settled);
@@ -134,7 +134,7 @@ static void test_model_is_drawn(void **state) {
         assert_ok(f.ctx, sf_preview_set_model(f.p, model));
         browser_open(&shared, "about:blank");
         browser_open(&shared, address_of(&f, &camera, 0.9));
-        await_drawing(&f);
+        await_drawing();
         camera.width = (int)browser_number(&shared, "document.querySelector('#view').clientWidth");
         camera.height = (int)browser_number(&shared, "document.querySelector('#view').clientHeight");
         camera.fx = camera.fy = 0.9 * (camera.width < camera.height ? camera.width : camera.height);
@@ -216,7 +216,7 @@ static void set_picture(fixture *f, sf_preview_part part, uint8_t grey) {
 }
 
 /* A channel of a pixel of a canvas. */
-static double pixel(fixture *f, const char *canvas, int x, int y, int channel) {
+static double pixel(const char *canvas, int x, int y, int channel) {
     char text[256];
     snprintf(text, sizeof text,
              "(c => c.getContext('2d').getImageData(%d * c.width / 160, %d * c.width / 160, 1, 1).data[%d])"
@@ -236,17 +236,15 @@ static void test_pictures_and_overlay(void **state) {
     set_picture(&f, SF_PREVIEW_CAMERA, 90);
     set_picture(&f, SF_PREVIEW_RENDER, 120);
     browser_open(&shared, sf_preview_url(f.p));
-    browser_await(
-        &shared,
-        "document.querySelector('#camera').width == 160 && document.querySelector('#render').width == 160");
+    browser_await(&shared, "pictures.camera && pictures.render");
     assert_true(sf_preview_wants(f.p, SF_PREVIEW_CAMERA));
-    assert_float_equal(pixel(&f, "camera", 5, 110, 0), 90, 3);
-    assert_float_equal(pixel(&f, "render", 5, 110, 1), 120, 3);
+    assert_float_equal(pixel("camera", 5, 110, 0), 90, 3);
+    assert_float_equal(pixel("render", 5, 110, 1), 120, 3);
     /* The tag's outline is yellow; the x axis, from the middle to the right, red; y down, green. */
-    assert_true(pixel(&f, "camera", 35, 20, 0) > pixel(&f, "camera", 35, 20, 2) + 50);
-    assert_true(pixel(&f, "camera", 95, 60, 0) > pixel(&f, "camera", 95, 60, 1) + 50);
-    assert_true(pixel(&f, "camera", 80, 75, 1) > pixel(&f, "camera", 80, 75, 0) + 50);
-    assert_float_equal(pixel(&f, "render", 95, 60, 0), 120, 3);
+    assert_true(pixel("camera", 35, 20, 0) > pixel("camera", 35, 20, 2) + 50);
+    assert_true(pixel("camera", 95, 60, 0) > pixel("camera", 95, 60, 1) + 50);
+    assert_true(pixel("camera", 80, 75, 1) > pixel("camera", 80, 75, 0) + 50);
+    assert_float_equal(pixel("render", 95, 60, 0), 120, 3);
     set_picture(&f, SF_PREVIEW_CAMERA, 200);
     browser_await(
         &shared,
@@ -268,7 +266,7 @@ static void test_hands(void **state) {
     snprintf(text, sizeof text, "{%s}", pose);
     set_status(&f, text);
     browser_open(&shared, sf_preview_url(f.p));
-    await_drawing(&f);
+    await_drawing();
     /* It begins where the camera is. */
     snprintf(before, sizeof before, "%s", browser_text(&shared, "orbit.toText()"));
     assert_int_equal(strncmp(before, "1,0,0,0,1,0,0,0,1,0,0,4,1.166667,1.333333,", 42), 0);
