@@ -139,7 +139,9 @@ const number = v => typeof v === 'number' && Number.isFinite(v);
 const pose = () => {
   const p = status.pose, keys = ['fx', 'fy', 'cx', 'cy', 'width', 'height'];
   const whole = p && Array.isArray(p.R_cw) && p.R_cw.length === 9 && Array.isArray(p.t_cw) && p.t_cw.length === 3;
-  return whole && [...p.R_cw, ...p.t_cw, ...keys.map(k => p[k])].every(number) ? p : null;
+  const sound = whole && [...p.R_cw, ...p.t_cw, ...keys.map(k => p[k])].every(number) && p.fx > 0 && p.fy > 0 && p.width > 0 && p.height > 0;
+  const turned = sound && dot(cross(rowOf(p.R_cw, 0), rowOf(p.R_cw, 1)), rowOf(p.R_cw, 2)); // 1 of a rotation
+  return sound && Math.abs(turned - 1) < 0.01 ? p : null;
 };
 
 function showState(text, kind) {

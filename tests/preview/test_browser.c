@@ -236,7 +236,7 @@ static void test_pictures_and_overlay(void **state) {
     set_picture(&f, SF_PREVIEW_CAMERA, 90);
     set_picture(&f, SF_PREVIEW_RENDER, 120);
     browser_open(&shared, sf_preview_url(f.p));
-    browser_await(&shared, "pictures.camera && pictures.render");
+    browser_await(&shared, "!!(pictures.camera && pictures.render)");
     assert_true(sf_preview_wants(f.p, SF_PREVIEW_CAMERA));
     assert_float_equal(pixel("camera", 5, 110, 0), 90, 3);
     assert_float_equal(pixel("render", 5, 110, 1), 120, 3);
