@@ -18,6 +18,7 @@
 # make charts-quick  whether that works: build/charts-quick; seconds
 # make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
+# make serve         the program that shows a model on the page, to look at it by hand
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts, the mutants' texts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
@@ -328,7 +329,7 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak serve board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
@@ -375,6 +376,10 @@ test-vm:
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES) $(PROGRAM)
 	$(call show_tests,SCENES=1) $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
+
+# To look at the page by hand: build/.../serve MODEL.
+serve: $(SERVE)
+	@echo $(SERVE)
 
 # Hostile input: each target for FUZZ_SECONDS; TESTS names some.
 fuzz-program: $(FUZZER)
@@ -439,7 +444,7 @@ deps:
 
 CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
 deps-ci: deps
-	@tests/deps/deps.sh ci vm arm64 armhf
+	@tests/deps/deps.sh ci vm browser arm64 armhf
 	@set -e; for t in $(CI_TOOLCHAINS); do $(MAKE) --no-print-directory TOOLCHAIN=$$t deps; done
 	@$(MAKE) --no-print-directory STATIC=1 deps
 

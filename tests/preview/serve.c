@@ -71,10 +71,10 @@ static json_t *numbers(const double *values, int n) {
     return array;
 }
 
-/* Three tags on the picture. */
-static json_t *corners_of(const sf_camera *c) {
+/* Three tags on the picture, where there is no scene that has none. */
+static json_t *corners_of(const show *s, const sf_camera *c) {
     json_t *corners = json_array();
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < (s->scene ? 0 : 3); i++)
         for (int k = 0; k < 4; k++) {
             const double at[2] = {c->width * (0.12 + 0.1 * i + (k == 1 || k == 2 ? 0.07 : 0)),
                                   c->height * (0.72 + 0.03 * i + (k > 1 ? 0.09 : 0))};
@@ -91,13 +91,13 @@ static void set_status(show *s, const sf_camera *c, double seconds) {
     json_t *status = json_pack(
         "{sfsssssIsisfsfsfsisisfsfsfsbsbsosssosb}", "seconds", seconds, "state",
         s->paused ? "paused" : "fitting", "message",
-        "Figures and tags of this show are made up; the model and its pictures are not.", "gaussians",
+        "The figures of this show are made up; the model and its pictures are not.", "gaussians",
         (json_int_t)sf_model_count(s->model), "steps", (int)(seconds * 13), "steps_per_second", 13.2,
         "frames_per_second", 29.97, "tracked_per_second", 11.4, "dropped", (int)(seconds / 7), "keyframes",
         12 + (int)(seconds / 4), "held_out_psnr", 18 + 11 * settled + 0.2 * sin(seconds), "psnr_tracked",
         19 + 11 * settled + 0.8 * sin(2.3 * seconds), "memory_mb", 184.0, "exposure_locked", s->locked,
-        "throttled", seconds > 60, "pose", pose, "pose_from", "board", "corners", corners_of(c), "buttons",
-        1);
+        "throttled", seconds > 60, "pose", pose, "pose_from", s->scene ? "known" : "board", "corners",
+        corners_of(s, c), "buttons", 1);
     char *text = json_dumps(status, 0);
     check(s, sf_preview_set_status(s->p, text), "status");
     free(text);
@@ -163,7 +163,8 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: serve MODEL [LISTEN [SECONDS]]\n");
         return 2;
     }
-    sf_preview_options o = {.listen = argc > 2 ? argv[2] : NULL, .title = argv[1]};
+    sf_preview_options o = {.listen = argc > 2 ? argv[2] : NULL,
+                            .title = getenv("SCENE") ? getenv("SCENE") : argv[1]};
     if (sf_context_create(&s.ctx, NULL)) return 1;
     check(&s, sf_model_load(s.ctx, argv[1], &s.model), "model");
     check(&s, sf_renderer_create(s.ctx, &s.renderer), "renderer");
