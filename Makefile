@@ -18,6 +18,7 @@
 # make charts-quick  whether that works: build/charts-quick; seconds
 # make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
+# make serve         the program that shows a model on the page, to look at it by hand
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts, the mutants' texts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
@@ -63,6 +64,9 @@ ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECM
 $(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
 endif
 FOUND        := $(foreach m,$(OPTIONAL),$(shell $(PKG_CONFIG) --exists $(m) 2>/dev/null && echo $(m)))
+# Of the program alone, and nothing but a header and a library tells of it.
+CIVETWEB     := $(if $(OPTIONAL),$(shell echo 'int main(void) { return !mg_version(); }' | $(CC) $(TARGET_CFLAGS) $(CFLAGS) \
+                  $(TARGET_LDFLAGS) $(LDFLAGS) -include civetweb.h -x c -o /dev/null - -lcivetweb 2>/dev/null && echo -lcivetweb))
 # libcamera's interface is C++.
 FOUND        := $(filter-out $(if $(shell command -v $(CXX)),,libcamera),$(FOUND))
 
@@ -76,11 +80,12 @@ O      := build/$(CONFIG)
 HEADERS := $(wildcard include/splatfit/*.h)
 MACHINE := $(firstword $(subst -, ,$(shell $(CC) $(TARGET_CFLAGS) -dumpmachine)))
 FAMILY  := $(if $(filter x86_64 i%86,$(MACHINE)),x86,$(if $(filter aarch64% arm%,$(MACHINE)),arm))
-LIB_SRC := $(filter-out src/app/% src/bench/% src/chart/%,$(wildcard src/*/*.c)) \
+LIB_SRC := $(filter-out src/app/% src/bench/% src/chart/% src/preview/%,$(wildcard src/*/*.c)) \
            $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
 APP_SRC := $(wildcard src/app/*.c)
 BENCH_SRC := $(wildcard src/bench/*.c)
 CHART_SRC := $(wildcard src/chart/*.c)
+PREVIEW_SRC := $(wildcard src/preview/*.c)
 CXX_SRC := $(if $(filter libcamera,$(FOUND)),src/capture/libcamera.cc)
 REF_SRC := $(wildcard tests/reference/*.c tests/golden/golden.c)
 
@@ -90,6 +95,8 @@ GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
 STAB_SRC  := $(call tests_in,stability)
 SCENE_SRC := $(call tests_in,scenes)
+# The page in a real browser.
+PAGE_SRC  := $(call tests_in,preview)
 # The program from outside, by a script.
 SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
 
@@ -116,13 +123,14 @@ FLAGS_cull := -DSF_BLEND_CULL_ONLY=1
 LIB_OBJ  := $(LIB_SRC:%.c=$(O)/%.o) $(CXX_SRC:%.cc=$(O)/%.o) $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
 APP_OBJ  := $(APP_SRC:%.c=$(O)/%.o)
 CHART_OBJ := $(CHART_SRC:%.c=$(O)/%.o)
+PREVIEW_OBJ := $(PREVIEW_SRC:%.c=$(O)/%.o) $(if $(CIVETWEB),$(O)/src/preview/page_bytes.o)
 BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
                $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 TEST_OBJ := $(addprefix $(O)/tests/,testing.o disturb.o)
 # The targets of hostile input, and what of the program they call.
 FUZZ_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
-            $(filter-out $(O)/src/app/main.o,$(APP_OBJ)) $(BENCH_OBJ)
+            $(filter-out $(O)/src/app/main.o,$(APP_OBJ)) $(BENCH_OBJ) $(PREVIEW_OBJ)
 # What the programs of tests/check share.
 CHECK_OBJ := $(O)/tests/check/check.o
 # The experiments and their frame.
@@ -137,6 +145,7 @@ CHECK   := $(CHECK_SRC:%.c=$(O)/%)
 STAB    := $(STAB_SRC:%.c=$(O)/%)
 STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
+PAGES   := $(PAGE_SRC:%.c=$(O)/%)
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
 SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
 
@@ -161,7 +170,8 @@ endif
 MODULES      := libturbojpeg spng jansson zlib
 MODULES      += $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
-                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD)
+                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) \
+                $(if $(CIVETWEB),-DSF_HAVE_CIVETWEB)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 MODULE_FLAGS :=
 SPNG         :=
@@ -216,7 +226,7 @@ endif
 
 # Each holds what it is named for; it changes only when that does, and then all that depends on it is remade.
 $(O)/flags: TEXT = $(CC) $(CXX) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
-$(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(BENCH_OBJ) $(REF_SRC)
+$(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_SRC)
 $(O)/flags $(O)/sources: FORCE
 	@mkdir -p $(@D)
 	@printf '%s\n' '$(subst ','\'',$(TEXT))' | cmp -s - $@ || printf '%s\n' '$(subst ','\'',$(TEXT))' >$@
@@ -268,9 +278,18 @@ $(O)/libspng.a: $(O)/flags | have-deps
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $(O)/spng.o
 
-$(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(O)/sources $(SPNG)
+# The page and all that it names as one document, in an array.
+PAGE := $(addprefix src/preview/,page.sh page.html page.css $(notdir $(wildcard src/preview/*.js)))
+$(O)/src/preview/page_bytes.c: $(PAGE)
+	$(say) PAGE $@
+	@mkdir -p $(@D)
+	$(Q)src/preview/page.sh src/preview/page.html >$@.new && mv $@.new $@
+$(O)/src/preview/page_bytes.o: $(O)/src/preview/page_bytes.c $(O)/flags
+	$(Q)$(CC) $(ALL_CFLAGS) -Isrc -c -o $@ $<
+
+$(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(O)/sources $(SPNG)
 	$(say) LD $@
-	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(LIBS)
+	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(CIVETWEB) $(LIBS)
 
 # A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
@@ -279,13 +298,18 @@ $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
-$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+SERVE := $(O)/tests/preview/serve
+$(O)/tests/unit/test_preview $(PAGES) $(SERVE): $(PREVIEW_OBJ)
+$(PAGES) $(SERVE): $(O)/tests/preview/browser.o
+$(addprefix $(O)/tests/unit/test_,hostile preview) $(PAGES) $(SERVE): PREVIEW_LIBS = $(CIVETWEB)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(PAGES) $(SERVE): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
-	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
+	    $(filter %.o,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
 
-TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES))
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(PAGES) $(SERVE)) \
+                    $(O)/tests/preview/browser.o
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
 FEED := $(O)/tests/capture/feed
@@ -297,7 +321,7 @@ $(FEED): $(FEED).o
 FUZZER := $(O)/tests/fuzz/libfuzzer
 $(FUZZER): $(FUZZER).o $(FUZZ_OBJ) $(LIB)
 	$(say) LD $@
-	$(Q)$(CC) $(ALL_LDFLAGS) -fsanitize=fuzzer -o $@ $(filter %.o,$^) $(LIB) $(LIBS)
+	$(Q)$(CC) $(ALL_LDFLAGS) -fsanitize=fuzzer -o $@ $(filter %.o,$^) $(LIB) $(CIVETWEB) $(LIBS)
 
 # ---- testing -----------------------------------------------------------------------------------------------
 
@@ -305,10 +329,10 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
-build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak serve board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
-	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(SCRIPTS)
+	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
 $(O)/tests/crash/shim.so: tests/crash/shim.c $(O)/flags
 	$(say) LD $@
 	@mkdir -p $(@D)
@@ -352,6 +376,10 @@ test-vm:
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES) $(PROGRAM)
 	$(call show_tests,SCENES=1) $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
+
+# To look at the page by hand: build/.../serve MODEL.
+serve: $(SERVE)
+	@echo $(SERVE)
 
 # Hostile input: each target for FUZZ_SECONDS; TESTS names some.
 fuzz-program: $(FUZZER)
@@ -416,7 +444,7 @@ deps:
 
 CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
 deps-ci: deps
-	@tests/deps/deps.sh ci vm arm64 armhf
+	@tests/deps/deps.sh ci vm browser arm64 armhf
 	@set -e; for t in $(CI_TOOLCHAINS); do $(MAKE) --no-print-directory TOOLCHAIN=$$t deps; done
 	@$(MAKE) --no-print-directory STATIC=1 deps
 

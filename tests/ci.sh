@@ -57,7 +57,7 @@ step lint "${make[@]}" lint
 step gcc "${make[@]}" test
 step levels "${make[@]}" check
 # A step that tests keeps little more than one CPU busy: two go side by side.
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture" test >$logs/thread.out &
+step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview" test >$logs/thread.out &
 # All tests as clang builds them run there; without sanitizers it only has to compile them.
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 step clang "${make[@]}" CC=clang build-tests

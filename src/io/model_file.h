@@ -25,6 +25,10 @@ sf_status sf_spz_put(sf_writer *w, const sf_model *model, int sh_degree,
 sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
                        const sf_model_file_options *options);
 
+/* The bytes of a .splat, SF_SPLAT_BYTES a Gaussian, into memory; what values it cannot hold is not asked. */
+enum { SF_SPLAT_BYTES = 32 };
+sf_status sf_splat_encode(const sf_model *model, uint8_t *data);
+
 /* The bands to keep of a file or model that has `sh_degree`. */
 int sf_kept_degree(int sh_degree, const sf_model_file_options *options);
 

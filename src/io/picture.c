@@ -340,12 +340,18 @@ static uint8_t to_8_bits(float value) {
     return value < 1 ? (uint8_t)(value * 255 + 0.5f) : 255;
 }
 
+static sf_status check_size(sf_context *ctx, int width, int height) {
+    if (width > 0 && height > 0 && width <= SF_PICTURE_MAX_SIDE && height <= SF_PICTURE_MAX_SIDE &&
+        (uint64_t)width * (uint64_t)height <= SF_PICTURE_MAX_PIXELS)
+        return SF_OK;
+    return sf_fail(ctx, SF_ERR_ARGUMENT, "size: %d x %d is not a picture's", width, height);
+}
+
 /* As 8 bits a channel; NULL after a failure. */
 static sf_status take_8_bits(sf_context *ctx, int width, int height, const float *rgb, uint8_t **pixels) {
     *pixels = NULL;
-    if (width < 1 || height < 1 || width > SF_PICTURE_MAX_SIDE || height > SF_PICTURE_MAX_SIDE ||
-        (uint64_t)width * (uint64_t)height > SF_PICTURE_MAX_PIXELS)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "size: %d x %d is not a picture's", width, height);
+    sf_status status = check_size(ctx, width, height);
+    if (status) return status;
     size_t values = (size_t)width * (size_t)height * 3;
     *pixels = sf_alloc(ctx, values, 1);
     if (!*pixels) return SF_ERR_MEMORY;
@@ -408,20 +414,34 @@ static sf_status jpeg_file(sf_context *ctx, int width, int height, const uint8_t
     return status;
 }
 
-sf_status sf_encode_jpeg(sf_context *ctx, int width, int height, const float *rgb, int quality,
-                         uint8_t **file, size_t *size) {
+static sf_status check_jpeg(sf_context *ctx, int width, int height, int quality) {
     enum { MAX_JPEG_SIDE = 65500 }; /* libjpeg's */
-    uint8_t *pixels;
-    *file = NULL;
     if (quality < 1 || quality > 100)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "quality: %d is not in 1..100", quality);
     if (width > MAX_JPEG_SIDE || height > MAX_JPEG_SIDE)
         return sf_fail(ctx, SF_ERR_UNSUPPORTED, "size: %d x %d is more than %d a side of a JPEG", width,
                        height, MAX_JPEG_SIDE);
-    sf_status status = take_8_bits(ctx, width, height, rgb, &pixels);
-    if (status == SF_OK) status = jpeg_file(ctx, width, height, pixels, quality, file, size);
+    return SF_OK;
+}
+
+sf_status sf_encode_jpeg(sf_context *ctx, int width, int height, const float *rgb, int quality,
+                         uint8_t **file, size_t *size) {
+    uint8_t *pixels;
+    *file = NULL;
+    sf_status status = check_jpeg(ctx, width, height, quality);
+    if (!status) status = take_8_bits(ctx, width, height, rgb, &pixels);
+    if (status) return status;
+    status = jpeg_file(ctx, width, height, pixels, quality, file, size);
     sf_free(ctx, pixels);
     return status;
+}
+
+sf_status sf_encode_jpeg_8(sf_context *ctx, int width, int height, const uint8_t *rgb, int quality,
+                           uint8_t **file, size_t *size) {
+    *file = NULL;
+    sf_status status = check_jpeg(ctx, width, height, quality);
+    if (!status) status = check_size(ctx, width, height);
+    return status ? status : jpeg_file(ctx, width, height, rgb, quality, file, size);
 }
 
 void sf_encoded_free(sf_context *ctx, uint8_t **file) {

@@ -30,6 +30,10 @@ void sf_picture_free(sf_context *ctx, sf_picture *picture);
  * and a file of many passes over the picture is longer. What cannot is not worth its pixels' memory. */
 int sf_jpeg_can_hold(const uint8_t *data, size_t size, int width, int height);
 
+/* As sf_encode_jpeg (file.h), of 8-bit values, [height][width][3]. */
+sf_status sf_encode_jpeg_8(sf_context *ctx, int width, int height, const uint8_t *rgb, int quality,
+                           uint8_t **file, size_t *size);
+
 /* The size alone, as a rule from the first part of the file. Fails as sf_picture_load does. */
 sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height);
 

@@ -13,7 +13,7 @@
 #include "model_file.h"
 #include "quantise.h"
 
-enum { ROW = 32, SCALES_AT = 12, COLORS_AT = 24, ALPHA_AT = 27, QUAT_AT = 28 };
+enum { ROW = SF_SPLAT_BYTES, SCALES_AT = 12, COLORS_AT = 24, ALPHA_AT = 27, QUAT_AT = 28 };
 
 /* ---- In ---- */
 
@@ -105,29 +105,43 @@ static void encode(sf_gaussian *g, uint8_t row[ROW]) {
     for (int k = 0; k < 4; k++) row[QUAT_AT + k] = sf_byte_of(128 + 128 * (double)unit[k], NULL);
 }
 
-static sf_status put_all(sf_writer *w, const sf_model *model, const weighed *list) {
+/* What becomes of a record. */
+typedef void (*row_fn)(void *user, const uint8_t row[ROW]);
+
+static sf_status encode_all(const sf_model *model, row_fn put, void *user) {
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);
     uint8_t row[ROW];
-    for (size_t i = 0; i < sf_model_count(model); i++) {
-        sf_status status = sf_model_get(model, list[i].index, 1, &fields);
-        if (status) return status;
+    weighed *list = sf_alloc(model->ctx, sf_model_count(model) + 1, sizeof *list);
+    if (!list) return SF_ERR_MEMORY;
+    sf_status status = weigh(model, list);
+    for (size_t i = 0; i < sf_model_count(model) && !status; i++) {
+        status = sf_model_get(model, list[i].index, 1, &fields);
+        if (status) break;
         encode(&g, row);
-        sf_writer_put(w, row, ROW);
+        put(user, row);
     }
-    return SF_OK;
+    sf_free(model->ctx, list);
+    return status;
+}
+
+static void put_file(void *user, const uint8_t row[ROW]) { sf_writer_put(user, row, ROW); }
+
+static void put_memory(void *user, const uint8_t row[ROW]) {
+    uint8_t **to = user;
+    memcpy(*to, row, ROW);
+    *to += ROW;
 }
 
 sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
                        const sf_model_file_options *options) {
     (void)options;
-    weighed *list = sf_alloc(w->ctx, sf_model_count(model) + 1, sizeof *list);
-    if (!list) return SF_ERR_MEMORY;
     if (sh_degree > 0)
         sf_log(w->ctx, SF_LOG_INFO, "%s: bands 1 to %d of the SH are left out: a .splat has none", w->path,
                sh_degree);
-    sf_status status = weigh(model, list);
-    if (!status) status = put_all(w, model, list);
-    sf_free(w->ctx, list);
-    return status;
+    return encode_all(model, put_file, w);
+}
+
+sf_status sf_splat_encode(const sf_model *model, uint8_t *data) {
+    return encode_all(model, put_memory, &data);
 }

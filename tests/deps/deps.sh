@@ -1,6 +1,6 @@
 #!/bin/sh
-# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, ci, vm, amd64, arm64,
-# armhf.
+# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, ci, vm, browser, amd64,
+# arm64, armhf.
 #
 # As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
 # With --look it never installs. What is there is found by use, not by package name, so that libraries may
@@ -64,6 +64,7 @@ need_optional() {
     need libcamera-dev pkg-config --exists libcamera
     need libapriltag-dev pkg-config --exists apriltag
     need libzstd-dev pkg-config --exists libzstd
+    need libcivetweb-dev compiles '#include <civetweb.h>'
 }
 
 # The tools for a Debian sysroot and programs of another machine.
@@ -93,6 +94,12 @@ need_vm() {
     need_source
 }
 
+# To see the page of src/preview as its users do.
+need_browser() {
+    need chromium program chromium
+    need fonts-dejavu-core test -d /usr/share/fonts/truetype/dejavu
+}
+
 for name in "$@"; do
     case $name in
     build) need_build ;;
@@ -104,7 +111,8 @@ for name in "$@"; do
     optional) need_optional ;;
     ci) need_ci ;;
     vm) need_vm ;;
-    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, ci, vm, amd64, arm64, armhf" >&2 && exit 2 ;;
+    browser) need_browser ;;
+    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, ci, vm, browser, amd64, arm64, armhf" >&2 && exit 2 ;;
     esac
 done
 

@@ -2,7 +2,7 @@
 # includes.sh - every module of src/ and arch/ includes only what lies before it.
 #
 #   base <- kernels <- scene <- {io, render};  io <- capture;  {io, capture, render} <- {pose, fit} <- live
-#   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base and scene;
+#   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base, scene and io;
 #   app sees bench, chart and preview;  arch sees kernels;  all see include/splatfit
 set -eu
 
@@ -27,7 +27,7 @@ done | awk '
         allow("pose", "base kernels scene io capture render")
         allow("fit", "base kernels scene io capture render")
         allow("live", "base kernels scene io capture render pose fit")
-        allow("preview", "base scene")
+        allow("preview", "base scene io")
         allow("chart", "base")
         allow("bench", "base kernels scene render fit arch chart")
         allow("app", "preview bench chart")
