@@ -70,7 +70,7 @@ FOUND        := $(filter-out $(if $(shell command -v $(CXX)),,libcamera),$(FOUND
 
 comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
-CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)
+CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)$(if $(filter 1,$(COVERAGE)),-coverage)
 O      := build/$(CONFIG)
 
 HEADERS := $(wildcard include/splatfit/*.h)
@@ -137,8 +137,9 @@ CHECK   := $(CHECK_SRC:%.c=$(O)/%)
 STAB    := $(STAB_SRC:%.c=$(O)/%)
 STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
-# A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
-SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
+# A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers and no counts
+# of lines to be written in the end.
+SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC))$(filter 1,$(COVERAGE)),,$(O)/tests/crash/shim.so)
 
 # ---- flags -------------------------------------------------------------------------------------------------
 
@@ -156,6 +157,12 @@ ifneq ($(SAN),)
 SANITIZE     := -fsanitize=$(SAN)$(if $(findstring undefined,$(SAN)),$(comma)float-cast-overflow) -fno-sanitize-recover=all
 BASE_CFLAGS  += $(SANITIZE) -fno-omit-frame-pointer
 BASE_LDFLAGS += $(SANITIZE)
+endif
+
+# Counts of lines that several threads count may miss some, but not all.
+ifeq ($(COVERAGE),1)
+BASE_CFLAGS  += --coverage -O1
+BASE_LDFLAGS += --coverage
 endif
 
 MODULES      := libturbojpeg spng jansson zlib
@@ -203,10 +210,10 @@ endif
 
 .PHONY: all lib
 all: lib $(PROGRAM)
-lib: $(LIB) $(if $(SAN),,$(SO))
+lib: $(LIB) $(if $(SAN)$(filter 1,$(COVERAGE)),,$(SO))
 
 # build/splatfit is the last native program made, and so are the libraries beside it.
-ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC)),native)
+ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC))$(filter 1,$(COVERAGE)),native)
 LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
 .PHONY: $(LATEST)
 all: $(LATEST)
@@ -238,7 +245,7 @@ define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) $$(if $$(SAN),-O$$(if $$(filter %/project.c,$$<),0,1),-O3) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
+	$(Q)$(CC) $(ALL_CFLAGS) $$(if $$(SAN),-O$$(if $$(filter %/project.c,$$<),0,1),-O$$(if $$(filter 1,$$(COVERAGE)),1,3)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 
