@@ -19,6 +19,7 @@
 # make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
+# make endurance     10,000 cycles of all that is made and destroyed, then an hour's fit: memory does not grow; CYCLES=100 SECONDS=60 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts, the mutants' texts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -54,7 +55,7 @@ endif
 
 find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance,$(MAKECMDGOALS))
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
@@ -90,6 +91,7 @@ GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
 STAB_SRC  := $(call tests_in,stability)
 SCENE_SRC := $(call tests_in,scenes)
+LONG_SRC  := $(call tests_in,endurance)
 # The program from outside, by a script.
 SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
 
@@ -137,6 +139,7 @@ CHECK   := $(CHECK_SRC:%.c=$(O)/%)
 STAB    := $(STAB_SRC:%.c=$(O)/%)
 STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
+LONG    := $(LONG_SRC:%.c=$(O)/%)
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers and no counts
 # of lines to be written in the end.
 SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC))$(filter 1,$(COVERAGE)),,$(O)/tests/crash/shim.so)
@@ -286,12 +289,12 @@ $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
-$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
-TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES))
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG))
 -include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
@@ -312,7 +315,7 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(SCRIPTS)
@@ -374,6 +377,12 @@ stability: $(STABILITY) $(PROGRAM)
 SECONDS := 1800
 soak: $(PROGRAM) $(FEED)
 	@RUN='$(RUN)' tests/capture/soak.sh '$(PROGRAM)' '$(FEED)' $(SECONDS)
+
+# The hour is a fit's, of SPLATFIT_DATA's fox or the embedded scene.
+CYCLES := 10000
+endurance: SECONDS := 3600
+endurance: $(LONG) $(PROGRAM)
+	$(call show_tests,CYCLES=$(CYCLES) FIT_SECONDS=$(SECONDS) TIMEOUT=$$(($(SECONDS) + 3600))) $(LONG) tests/endurance/fit.sh
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
