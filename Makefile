@@ -121,6 +121,8 @@ CHART_OBJ := $(CHART_SRC:%.c=$(O)/%.o)
 BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
                $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
+# What starts the program.
+PROGRAM_OBJ := $(O)/tests/program.o
 TEST_OBJ := $(addprefix $(O)/tests/,testing.o disturb.o)
 # The targets of hostile input, and what of the program they call.
 FUZZ_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
@@ -286,6 +288,7 @@ $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(LIB) $(O)/sources $(SPNG)
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
 $(CHECK): $(CHECK_OBJ)
 $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
+$(O)/tests/unit/test_cli $(O)/tests/unit/test_commands: $(PROGRAM_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
@@ -295,7 +298,7 @@ $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG): $(O)/%: %.c $(O
 	    $(filter %.o,$^) $(LIB) $(LIBS) $(TEST_LIBS)
 
 TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG))
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(REF_OBJ) $(TEST_OBJ) $(PROGRAM_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
 FEED := $(O)/tests/capture/feed
