@@ -10,6 +10,7 @@
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; memory that ends; minutes
 # make test-allocations  each job of the library without each of the blocks that it asks for; minutes
+# make coverage      lines of src and arch that the tests run, at least 90 %: build/coverage/index.html; gcc alone, half an hour
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -30,6 +31,7 @@
 # TOOLCHAIN=NAME     one of toolchains/*.mk      SAN=LIST           sanitizers, e.g. address,undefined
 # TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
+# COVERAGE=1         a build that counts lines, for make coverage
 # STATIC=1           a program that needs no shared library, tested by test-static
 
 TOOLCHAIN ?= native
@@ -55,7 +57,7 @@ endif
 
 find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance coverage,$(MAKECMDGOALS))
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
@@ -318,7 +320,7 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance coverage coverage-run board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(SCRIPTS)
@@ -380,6 +382,13 @@ stability: $(STABILITY) $(PROGRAM)
 SECONDS := 1800
 soak: $(PROGRAM) $(FEED)
 	@RUN='$(RUN)' tests/capture/soak.sh '$(PROGRAM)' '$(FEED)' $(SECONDS)
+
+# Built apart, as COVERAGE=1 has it.
+coverage:
+	@$(MAKE) --no-print-directory COVERAGE=1 coverage-run
+coverage-run: build-tests
+	@MAKE='$(MAKE)' GCOV='$(shell $(CC) -print-prog-name=gcov)' LEVELS='$(LEVELS)' PROGRAM='$(PROGRAM)' \
+	    tests/coverage/coverage.sh build/coverage $(O)
 
 # The hour is a fit's, of SPLATFIT_DATA's fox or the embedded scene.
 CYCLES := 10000
