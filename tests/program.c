@@ -204,7 +204,8 @@ static int find_program(void) {
     return 0;
 }
 
-int program_set_up(void) {
+int program_set_up(void **state) {
+    (void)state;
     if (find_program()) return -1;
     snprintf(captured_out, sizeof captured_out, "%s", test_path("stdout"));
     snprintf(captured_err, sizeof captured_err, "%s", test_path("stderr"));

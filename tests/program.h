@@ -38,7 +38,7 @@ typedef struct content {
 typedef struct bad_input {
     int code;
     const char *part;
-    const char *args[12];
+    const char *args[16];
 } bad_input;
 
 /* "<scratch folder>/work/<name>", as test_path. */
@@ -83,8 +83,8 @@ void assert_png(const char *name, unsigned width, unsigned height);
 void assert_refused(const char *const *args, int code, const char *part, int warned);
 void assert_all_refused(const bad_input *cases, size_t count);
 
-/* Finds the program and makes the folder work with "out" in it; what a group of tests begins with. Other than
+/* Finds the program and makes the folder work with "out" in it; the setup of a group of tests. Other than
  * 0: there is no program. */
-int program_set_up(void);
+int program_set_up(void **state);
 
 #endif

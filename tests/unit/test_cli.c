@@ -1188,8 +1188,7 @@ static void write_model(void) {
 }
 
 static int set_up(void **state) {
-    (void)state;
-    if (program_set_up()) return -1;
+    if (program_set_up(state)) return -1;
     plan p = good_plan();
     make_folder("empty");
     make_folder("empty.ply");
