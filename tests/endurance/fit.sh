@@ -8,7 +8,7 @@
 # SPLATFIT_PROGRAM  the program (build/splatfit)
 set -u
 
-program=${SPLATFIT_PROGRAM:-build/splatfit} seconds=${FIT_SECONDS:-3600} project=sim:studio
+program=${SPLATFIT_PROGRAM:-build/splatfit} seconds=${FIT_SECONDS:-3600} project='sim:studio?width=160&height=120'
 [ -z "${SPLATFIT_DATA:-}" ] || project=$SPLATFIT_DATA/fox-centred-270
 scratch=$(mktemp -d) || exit 1
 pid=

@@ -281,7 +281,7 @@ static void test_labels_seeds_and_scenes(void **state) {
  * between two letters. */
 static void test_many_curves_with_long_names(void **state) {
     (void)state;
-    enum { CURVES = 9, LETTERS = 100 };
+    enum { CURVES = 9, LETTERS = 80 };
     chart_input input = {.ctx = test_context()};
     log_plan plan = plain;
     char names[CURVES][2 * LETTERS + 8];
@@ -299,9 +299,7 @@ static void test_many_curves_with_long_names(void **state) {
     assert_int_equal(count_of(picture, "class=\"curve\""), CURVES);
     assert_int_equal(count_of(picture, "class=\"mark\""), 4 * CURVES);
     test_assert_contains(picture, "on several machines or numbers of threads", __FILE__, __LINE__);
-    const char *cut = strstr(picture, "\xc3\xb6...</text>");
-    assert_non_null(cut);
-    assert_true(count_of(picture, "\xc3\xb6") < LETTERS);
+    assert_int_equal(count_of(picture, "\xc3\xb6...</text>"), 1);
     free(picture);
     chart_free(&input);
     sf_context_destroy(&input.ctx);
