@@ -57,7 +57,7 @@ endif
 
 find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance coverage,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance coverage-run,$(MAKECMDGOALS))
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
@@ -385,6 +385,7 @@ soak: $(PROGRAM) $(FEED)
 
 # Built apart, as COVERAGE=1 has it.
 coverage:
+	$(if $(findstring clang,$(CC)),$(error make coverage: needs gcc, whose gcov reads the counts))
 	@$(MAKE) --no-print-directory COVERAGE=1 coverage-run
 coverage-run: build-tests
 	@MAKE='$(MAKE)' GCOV='$(shell $(CC) -print-prog-name=gcov)' LEVELS='$(LEVELS)' PROGRAM='$(PROGRAM)' \

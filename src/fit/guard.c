@@ -15,6 +15,7 @@
 
 enum {
     MEDIAN_OF = 9,    /* losses */
+    FIRST_VIEWS = 5,  /* that the first model is looked at in */
     MOST_RETURNS = 8, /* what they do not cure, lower rates do not */
     KEEP_EVERY = 100  /* steps, where no views of validation say which model is good */
 };
@@ -45,7 +46,7 @@ static double limit(const sf_fitter *f, double part) {
 
 /* Losses of the first model. */
 typedef struct first_losses {
-    double loss[MEDIAN_OF];
+    double loss[FIRST_VIEWS];
     size_t count;
 } first_losses;
 
@@ -65,7 +66,7 @@ static sf_status measure_start(sf_fitter *f) {
     f->level = 0;
     f->sh_degree = sf_scheduled_degree(f, sf_fraction(f));
     for (int k = 0; k < 3; k++) f->step_background[k] = (float)f->background[k];
-    sf_status status = sf_look_at_views(f, MEDIAN_OF, 0, look_at, &first, NULL);
+    sf_status status = sf_look_at_views(f, FIRST_VIEWS, 0, look_at, &first, NULL);
     if (!status && first.count) f->start_loss = sf_median(first.loss, first.count);
     return status;
 }
