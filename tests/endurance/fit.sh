@@ -69,7 +69,8 @@ set -- $(awk -v half="$((fitted / 2))" -v b=$bytes '
 check "$1 kB with $2 Gaussians after $((fitted / 2)) s; then at most $3 kB and $4 Gaussians, at last $5 kB and $6; $8 samples" \
     "$8" -gt 0 -a "$1" -gt 0 -a "$3" -le $(($1 + $7 + slack_kb))
 times=$(awk '$4 > 0 { print $4 }' "$scratch/samples" | sort -u | wc -l)
-check "$times checkpoints in $fitted s, one every $every s" "$times" -ge $((fitted / every - 1))
+# One waits for the end of its step, which takes long where the machine has other work.
+check "$times checkpoints in $fitted s, one every $every s" "$times" -gt 0 -a "$times" -ge $((fitted / every / 2))
 
 "$program" fit "$project" -o "$scratch/again.ply" --resume "$scratch/c.fit" --quiet 2>"$scratch/errors"
 apart=$(cmp "$scratch/m.ply" "$scratch/again.ply" 2>&1)
