@@ -10,6 +10,7 @@
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; memory that ends; minutes
 # make test-allocations  each job of the library without each of the blocks that it asks for; minutes
+# make coverage      lines of src and arch that the tests run, at least 90 %: build/coverage/index.html; gcc alone, half an hour
 # make test-scenes   whole fits, held to their quality; with SPLATFIT_DATA of real scenes too
 # make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -20,6 +21,7 @@
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
 # make serve         the program that shows a model on the page, to look at it by hand
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
+# make endurance     10,000 cycles of all that is made and destroyed, then an hour's fit: memory does not grow; CYCLES=100 SECONDS=60 for less
 # make lint          include order, headers, symbols, format, forbidden words, scripts, the mutants' texts
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
@@ -30,6 +32,7 @@
 # TOOLCHAIN=NAME     one of toolchains/*.mk      SAN=LIST           sanitizers, e.g. address,undefined
 # TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
+# COVERAGE=1         a build that counts lines, for make coverage
 # STATIC=1           a program that needs no shared library, tested by test-static
 
 TOOLCHAIN ?= native
@@ -55,7 +58,7 @@ endif
 
 find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance coverage-run,$(MAKECMDGOALS))
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
@@ -74,7 +77,7 @@ FOUND        := $(filter-out $(if $(shell command -v $(CXX)),,libcamera),$(FOUND
 
 comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
-CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)
+CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)$(if $(filter 1,$(COVERAGE)),-coverage)
 O      := build/$(CONFIG)
 
 HEADERS := $(wildcard include/splatfit/*.h)
@@ -97,6 +100,7 @@ STAB_SRC  := $(call tests_in,stability)
 SCENE_SRC := $(call tests_in,scenes)
 # The page in a real browser.
 PAGE_SRC  := $(call tests_in,preview)
+LONG_SRC  := $(call tests_in,endurance)
 # The program from outside, by a script.
 SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
 
@@ -127,6 +131,8 @@ PREVIEW_OBJ := $(PREVIEW_SRC:%.c=$(O)/%.o) $(if $(CIVETWEB),$(O)/src/preview/pag
 BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o \
                $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
+# What starts the program.
+PROGRAM_OBJ := $(O)/tests/program.o
 TEST_OBJ := $(addprefix $(O)/tests/,testing.o disturb.o)
 # The targets of hostile input, and what of the program they call.
 FUZZ_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
@@ -148,6 +154,10 @@ SCENES  := $(SCENE_SRC:%.c=$(O)/%)
 PAGES   := $(PAGE_SRC:%.c=$(O)/%)
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
 SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
+LONG    := $(LONG_SRC:%.c=$(O)/%)
+# A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers and no counts
+# of lines to be written in the end.
+SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC))$(filter 1,$(COVERAGE)),,$(O)/tests/crash/shim.so)
 
 # ---- flags -------------------------------------------------------------------------------------------------
 
@@ -165,6 +175,12 @@ ifneq ($(SAN),)
 SANITIZE     := -fsanitize=$(SAN)$(if $(findstring undefined,$(SAN)),$(comma)float-cast-overflow) -fno-sanitize-recover=all
 BASE_CFLAGS  += $(SANITIZE) -fno-omit-frame-pointer
 BASE_LDFLAGS += $(SANITIZE)
+endif
+
+# Counts of lines that several threads count may miss some, but not all.
+ifeq ($(COVERAGE),1)
+BASE_CFLAGS  += --coverage -O1
+BASE_LDFLAGS += --coverage
 endif
 
 MODULES      := libturbojpeg spng jansson zlib
@@ -213,10 +229,10 @@ endif
 
 .PHONY: all lib
 all: lib $(PROGRAM)
-lib: $(LIB) $(if $(SAN),,$(SO))
+lib: $(LIB) $(if $(SAN)$(filter 1,$(COVERAGE)),,$(SO))
 
 # build/splatfit is the last native program made, and so are the libraries beside it.
-ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC)),native)
+ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC))$(filter 1,$(COVERAGE)),native)
 LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
 .PHONY: $(LATEST)
 all: $(LATEST)
@@ -248,7 +264,7 @@ define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) $$(if $$(SAN),-O$$(if $$(filter %/project.c,$$<),0,1),-O3) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
+	$(Q)$(CC) $(ALL_CFLAGS) $$(if $$(SAN),-O$$(if $$(filter %/project.c,$$<),0,1),-O$$(if $$(filter 1,$$(COVERAGE)),1,3)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 
@@ -295,6 +311,7 @@ $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(O)/sources $(SPNG)
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
 $(CHECK): $(CHECK_OBJ)
 $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
+$(O)/tests/unit/test_cli $(O)/tests/unit/test_commands: $(PROGRAM_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
@@ -302,14 +319,14 @@ SERVE := $(O)/tests/preview/serve
 $(O)/tests/unit/test_preview $(PAGES) $(SERVE): $(PREVIEW_OBJ)
 $(PAGES) $(SERVE): $(O)/tests/preview/browser.o
 $(addprefix $(O)/tests/unit/test_,hostile preview) $(PAGES) $(SERVE): PREVIEW_LIBS = $(CIVETWEB)
-$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(PAGES) $(SERVE): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES) $(SERVE): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
 
-TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(PAGES) $(SERVE)) \
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES) $(SERVE)) \
                     $(O)/tests/preview/browser.o
--include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_OBJ) $(TEST_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
+-include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_OBJ) $(TEST_OBJ) $(PROGRAM_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
 
 FEED := $(O)/tests/capture/feed
@@ -329,7 +346,7 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak serve board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance coverage coverage-run serve board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
@@ -395,6 +412,20 @@ stability: $(STABILITY) $(PROGRAM)
 SECONDS := 1800
 soak: $(PROGRAM) $(FEED)
 	@RUN='$(RUN)' tests/capture/soak.sh '$(PROGRAM)' '$(FEED)' $(SECONDS)
+
+# Built apart, as COVERAGE=1 has it.
+coverage:
+	$(if $(findstring clang,$(CC)),$(error make coverage: needs gcc, whose gcov reads the counts))
+	@$(MAKE) --no-print-directory COVERAGE=1 coverage-run
+coverage-run: build-tests
+	@MAKE='$(MAKE)' GCOV='$(shell $(CC) -print-prog-name=gcov)' LEVELS='$(LEVELS)' PROGRAM='$(PROGRAM)' \
+	    tests/coverage/coverage.sh build/coverage $(O)
+
+# The hour is a fit's, of SPLATFIT_DATA's fox or the embedded scene.
+CYCLES := 10000
+endurance: SECONDS := 3600
+endurance: $(LONG) $(PROGRAM)
+	$(call show_tests,CYCLES=$(CYCLES) FIT_SECONDS=$(SECONDS) TIMEOUT=$$(($(SECONDS) + 3600))) $(LONG) tests/endurance/fit.sh
 
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh

@@ -94,7 +94,6 @@ uint64_t sf_memory_budget(uint64_t asked) {
 }
 
 uint64_t sf_memory_resident(void) { return kilobytes_of("/proc/self/status", "VmRSS:"); }
-uint64_t sf_memory_peak(void) { return kilobytes_of("/proc/self/status", "VmHWM:"); }
 
 sf_status sf_memory_check(sf_context *ctx, const char *path, const char *field, uint64_t bytes) {
     enum { LARGE = 1 << 28 }; /* what is left is looked up only for these */

@@ -9,9 +9,8 @@
 /* Bytes that this process may still take before the machine or its control group runs out; 0: not known. */
 uint64_t sf_memory_free(void);
 
-/* Bytes that the process has resident now, and the most that it ever had; 0: not known. */
+/* Bytes that the process has resident now; 0: not known. */
 uint64_t sf_memory_resident(void);
-uint64_t sf_memory_peak(void);
 
 /* What the process may take altogether: `asked`, where that is 0 what it has and four fifths of what is left;
  * 0: not known. */

@@ -63,6 +63,7 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(least_squares)                                                                                         \
     F(settle_for)                                                                                            \
     F(least_loss)                                                                                            \
+    F(start_loss)                                                                                            \
     F(rate_cut)
 
 #define COUNT_ONE(name) +1

@@ -69,7 +69,9 @@ static void gather_task(void *job_pointer, size_t task, int thread) {
     }
 }
 
-static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
+static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
+                         void *job_pointer) {
+    (void)weight_sum;
     gather_job *job = job_pointer;
     sf_workspace *ws = &f->workspace;
     job->views++;

@@ -78,6 +78,7 @@ struct sf_fitter {
 
     /* guard.c */
     double least_loss;   /* median of several steps, the least so far; 0: none yet */
+    double start_loss;   /* of the model that the fit began with, at full resolution; 0: not known */
     double rate_cut;     /* what all rates are multiplied by */
     int64_t guard_since; /* the step from which on losses are compared */
     int64_t diverged;    /* times that the fit went back */
@@ -228,9 +229,10 @@ sf_status sf_drop_not_finite(sf_fitter *fitter);
 /* look.c: draws `wanted` of the views that are trained on, spread over all of them, the same each time or,
  * with `others`, others each time; 0: all. At the level, degree and background of the moment, with the
  * cameras and exposures learned. `look` is called after each that is not masked altogether, as sf_draw_view
- * leaves it; a failure of it ends the looking. pixels: of the full resolution in one of the picture; *there
- * (may be NULL): how many views there are. */
-typedef sf_status (*sf_look_fn)(sf_fitter *fitter, sf_view_state *state, double pixels, void *user);
+ * leaves it, with the sum of the weights of its pixels; a failure of it ends the looking. pixels: of the full
+ * resolution in one of the picture; *there (may be NULL): how many views there are. */
+typedef sf_status (*sf_look_fn)(sf_fitter *fitter, sf_view_state *state, double pixels, double weight_sum,
+                                void *user);
 sf_status sf_look_at_views(sf_fitter *fitter, size_t wanted, int others, sf_look_fn look, void *user,
                            size_t *there);
 

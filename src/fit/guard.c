@@ -3,6 +3,9 @@
  * One bad picture raises the loss of its own steps alone: it takes the median of several. That of a fit that
  * learns falls, and rises by little where pictures get finer or Gaussians go; new pictures are no measure for
  * what old ones gave.
+ *
+ * Rates that are too high spoil the first median, too: it is compared with what the model that the fit begins
+ * with loses at full resolution, where the loss is largest.
  */
 #include "fitter.h"
 
@@ -12,12 +15,13 @@
 
 enum {
     MEDIAN_OF = 9,    /* losses */
+    FIRST_VIEWS = 5,  /* that the first model is looked at in */
     MOST_RETURNS = 8, /* what they do not cure, lower rates do not */
     KEEP_EVERY = 100  /* steps, where no views of validation say which model is good */
 };
 
-/* The median has diverged where it is beyond so many times the least so far, and above it by so much; it is
- * none to keep beyond that part of the way. */
+/* The median has diverged where it is beyond so many times the least so far, and above it by so much, or
+ * above what the first model lost by so much; it is none to keep beyond that part of the way. */
 #define RISE_RATIO 4.0
 #define RISE_LEAST 0.15
 #define SOUND_PART 0.5
@@ -32,18 +36,49 @@ static double median_loss(const sf_fitter *f) {
     return sf_median(last, MEDIAN_OF);
 }
 
-/* The loss at which the fit is taken to have diverged, times part; INFINITY before the first median. */
+/* The loss at which the fit is taken to have diverged, times part; INFINITY where there is nothing to compare
+ * with. */
 static double limit(const sf_fitter *f, double part) {
-    if (!(f->least_loss > 0)) return INFINITY;
-    return f->least_loss + part * fmax((RISE_RATIO - 1) * f->least_loss, RISE_LEAST);
+    double least = f->least_loss, most = INFINITY;
+    if (f->start_loss > 0) most = f->start_loss + part * RISE_LEAST;
+    return least > 0 ? fmin(most, least + part * fmax((RISE_RATIO - 1) * least, RISE_LEAST)) : most;
+}
+
+/* Losses of the first model. */
+typedef struct first_losses {
+    double loss[FIRST_VIEWS];
+    size_t count;
+} first_losses;
+
+static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum, void *user) {
+    (void)state, (void)pixels;
+    first_losses *first = user;
+    sf_loss_value loss;
+    sf_stage_loss(&f->workspace, f->options.lambda_dssim, weight_sum, 0, 0, &loss);
+    if (isfinite(loss.loss)) first->loss[first->count++] = loss.loss;
+    return SF_OK;
+}
+
+/* Steps with a background of their own each have no such measure. */
+static sf_status measure_start(sf_fitter *f) {
+    first_losses first = {.count = 0};
+    if (f->options.background == SF_BACKGROUND_RANDOM) return SF_OK;
+    f->level = 0;
+    f->sh_degree = sf_scheduled_degree(f, sf_fraction(f));
+    for (int k = 0; k < 3; k++) f->step_background[k] = (float)f->background[k];
+    sf_status status = sf_look_at_views(f, FIRST_VIEWS, 0, look_at, &first, NULL);
+    if (!status && first.count) f->start_loss = sf_median(first.loss, first.count);
+    return status;
 }
 
 void sf_guard_forget(sf_fitter *f) {
-    f->least_loss = 0;
+    f->least_loss = f->start_loss = 0;
     f->guard_since = f->step;
 }
 
 sf_status sf_guard(sf_fitter *f) {
+    sf_status status = f->step ? SF_OK : measure_start(f);
+    if (status) return status;
     double median = median_loss(f);
     if (median > limit(f, 1)) return sf_diverged(f, median);
     if (median > 0 && !(f->least_loss > 0 && f->least_loss <= median)) f->least_loss = median;
@@ -55,7 +90,8 @@ sf_status sf_guard(sf_fitter *f) {
 
 sf_status sf_diverged(sf_fitter *f, double loss) {
     f->guard_since = f->step;
-    if (!f->best || !(f->least_loss > 0) || f->diverged == MOST_RETURNS) return SF_OK;
+    double before = f->least_loss > 0 ? f->least_loss : f->start_loss;
+    if (!f->best || !(before > 0) || f->diverged == MOST_RETURNS) return SF_OK;
     sf_status status = sf_bring_back(f);
     if (status) return status;
     f->rate_cut *= RATE_CUT;
@@ -63,6 +99,6 @@ sf_status sf_diverged(sf_fitter *f, double loss) {
     sf_log(f->ctx, SF_LOG_WARNING,
            "step %lld: the fit diverged (loss %.3g, the least before %.3g): it goes on from an earlier "
            "model with %.3g of the learning rates",
-           (long long)f->step, loss, f->least_loss, f->rate_cut);
+           (long long)f->step, loss, before, f->rate_cut);
     return SF_OK;
 }

@@ -16,7 +16,7 @@ static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user)
     double pixels = ldexp(1, 2 * f->level);
     sf_status status = sf_draw_view(f, view, state, &weight_sum);
     f->level = level;
-    status = status ? (status == SF_ERR_EMPTY ? SF_OK : status) : look(f, state, pixels, user);
+    status = status ? (status == SF_ERR_EMPTY ? SF_OK : status) : look(f, state, pixels, weight_sum, user);
     sf_view_release(view);
     return status;
 }

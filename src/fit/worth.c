@@ -173,8 +173,9 @@ static void gather_task(void *job_pointer, size_t task, int thread) {
     for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < count; i++) weigh_in(job, i);
 }
 
-static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
-    (void)state;
+static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
+                         void *job_pointer) {
+    (void)state, (void)weight_sum;
     weigh_job *job = job_pointer;
     sf_status status = residual(job, pixels);
     if (!status) status = sf_stage_blend_worth(job->ws);
@@ -183,8 +184,9 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, void
     return status;
 }
 
-static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, void *job_pointer) {
-    (void)f, (void)state;
+static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
+                           void *job_pointer) {
+    (void)f, (void)state, (void)weight_sum;
     return residual(job_pointer, pixels);
 }
 

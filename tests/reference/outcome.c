@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "outcome.h"
 
@@ -102,6 +103,32 @@ double test_relative(double worst, const double *expected, size_t n) {
     double largest = 0;
     for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(expected[i]));
     return largest > 0 ? worst / largest : worst;
+}
+
+const char *test_outcome_apart(const test_outcome *a, const test_outcome *b) {
+    const struct {
+        const char *name;
+        const void *a, *b;
+        size_t size;
+    } parts[] = {
+        {"rgb", a->rgb, b->rgb, 3 * a->pixels * sizeof(float)},
+        {"transmittance", a->transmittance, b->transmittance, a->pixels * sizeof(float)},
+        {"depth", a->depth, b->depth, a->pixels * sizeof(float)},
+        {"the gradient of the pose", a->pose, b->pose, sizeof a->pose},
+        {"the gradient of the focal lengths", a->focal, b->focal, sizeof a->focal},
+        {"the gradient of the background", a->background, b->background, sizeof a->background},
+    };
+    float *from[TEST_REF_ARRAYS], *to[TEST_REF_ARRAYS];
+    test_ref_array shape[TEST_REF_ARRAYS];
+    if (a->pixels != b->pixels || a->count != b->count || a->sh_degree != b->sh_degree) return "their shape";
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
+        if (memcmp(parts[i].a, parts[i].b, parts[i].size) != 0) return parts[i].name;
+    test_gaussians_list(&a->gradient, from);
+    test_gaussians_list(&b->gradient, to);
+    test_ref_list(&(test_ref_gaussians){0}, a->sh_degree, shape);
+    for (int k = 0; k < TEST_REF_ARRAYS; k++)
+        if (memcmp(from[k], to[k], a->count * shape[k].width * sizeof(float)) != 0) return shape[k].name;
+    return NULL;
 }
 
 static int all_finite(const float *values, size_t n) {

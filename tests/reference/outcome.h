@@ -40,6 +40,9 @@ double test_worst_of_doubles(const double *got, const double *expected, size_t n
 /* `worst` in units of the largest of `expected`, unless that is 0. */
 double test_relative(double worst, const double *expected, size_t n);
 
+/* What two outcomes of scenes of one shape differ in by any bit, by its name; NULL: in nothing. */
+const char *test_outcome_apart(const test_outcome *a, const test_outcome *b);
+
 /* Whether all values of an outcome are finite. */
 int test_outcome_is_finite(const test_outcome *o);
 

@@ -123,18 +123,11 @@ static void put_cell(sf_writer *out, const char *tag, const char *text) {
     sf_writer_printf(out, "</%s>", tag);
 }
 
-static const char *verdict(const stab_run *run) {
-    return run->skipped[0]          ? "skipped"
-           : stab_run_holds(run)    ? "ok"
-           : stab_run_is_known(run) ? "known failure"
-                                    : "FAILS";
-}
-
 static void put_overview(sf_writer *out, const stab_run *runs, size_t count) {
     sf_writer_printf(out, "<table>\n<tr><th>row</th><th>result</th><th>s</th><th>failure</th></tr>\n");
     for (size_t i = 0; i < count; i++) {
         sf_writer_printf(out, "<tr><td><a href=\"#row-%s\">%s</a></td><td>%s</td><td>%.1f</td>",
-                         runs[i].row->id, runs[i].row->id, verdict(&runs[i]), runs[i].seconds);
+                         runs[i].row->id, runs[i].row->id, stab_run_verdict(&runs[i]), runs[i].seconds);
         put_cell(out, "td", runs[i].row->failure);
         sf_writer_printf(out, "</tr>\n");
     }

@@ -77,11 +77,7 @@ static json_t *run_json(const stab_run *run) {
         json_array_append_new(figures, figure_json(&run->figures[i]));
     for (size_t i = 0; i < run->chart_count; i++) json_array_append_new(charts, chart_json(&run->charts[i]));
     json_t *object = json_pack("{s:s, s:s, s:s, s:s, s:f, s:o, s:o}", "row", run->row->id, "failure",
-                               run->row->failure, "cure", run->row->cure, "result",
-                               run->skipped[0]          ? "skipped"
-                               : stab_run_holds(run)    ? "ok"
-                               : stab_run_is_known(run) ? "known failure"
-                                                        : "failed",
+                               run->row->failure, "cure", run->row->cure, "result", stab_run_verdict(run),
                                "seconds", run->seconds, "figures", figures, "charts", charts);
     if (run->skipped[0]) json_object_set_new(object, "reason", json_string(run->skipped));
     return object;

@@ -37,10 +37,10 @@ static double bytes_apart(const uint8_t *a, size_t a_size, const uint8_t *b, siz
 }
 
 static void by_threads(stab_run *run) {
-    static const int threads[] = {1, 2, 4};
+    static const int threads[] = {1, 2, 3, 4, 8};
     size_t size, other;
     uint8_t *first = bytes_of_fit(threads[0], 200, &size);
-    for (size_t i = 0; i < 3; i++) {
+    for (size_t i = 0; i < sizeof threads / sizeof *threads; i++) {
         uint8_t *again = bytes_of_fit(threads[i], 200, &other);
         stab_at_most(run, bytes_apart(first, size, again, other), 0, "bytes",
                      "200 steps again with %d threads: bytes of %zu that differ", threads[i], size);

@@ -126,6 +126,13 @@ int stab_run_is_known(const stab_run *run) {
     return run->skipped[0] || run->figure_count > 0;
 }
 
+const char *stab_run_verdict(const stab_run *run) {
+    return run->skipped[0]          ? "skipped"
+           : stab_run_holds(run)    ? "ok"
+           : stab_run_is_known(run) ? "known failure"
+                                    : "failed";
+}
+
 const char *stab_figure_verdict(const stab_figure *figure) {
     if (figure->sense == STAB_SHOWN) return "";
     return stab_figure_holds(figure) ? "ok" : figure->known[0] ? "known failure" : "FAILS";

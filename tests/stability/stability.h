@@ -150,6 +150,8 @@ int stab_figure_holds(const stab_figure *figure);
 int stab_run_holds(const stab_run *run);
 /* Whether what does not hold is known not to. */
 int stab_run_is_known(const stab_run *run);
+/* "skipped", "ok", "known failure", "failed". */
+const char *stab_run_verdict(const stab_run *run);
 /* "ok", "known failure", "FAILS"; "" of a figure without a bound. */
 const char *stab_figure_verdict(const stab_figure *figure);
 

@@ -277,6 +277,34 @@ static void test_labels_seeds_and_scenes(void **state) {
     sf_context_destroy(&input.ctx);
 }
 
+/* More curves than there are shapes of marks, each with its row; a name that is too long for its row is cut
+ * between two letters. */
+static void test_many_curves_with_long_names(void **state) {
+    (void)state;
+    enum { CURVES = 9, LETTERS = 80 };
+    chart_input input = {.ctx = test_context()};
+    log_plan plan = plain;
+    char names[CURVES][2 * LETTERS + 8];
+    for (int i = 0; i < CURVES; i++) {
+        char file[16];
+        snprintf(names[i], sizeof names[i], "%d", i);
+        for (int k = 0; k < LETTERS && i == 3; k++) strcat(names[i], "\xc3\xb6"); /* two bytes each */
+        snprintf(file, sizeof file, "n%d.json", i);
+        plan.label = names[i], plan.first_psnr = 20 + i;
+        json_t *log = make_log(&plan);
+        if (i == 5) json_object_set_new(json_object_get(log, "machine"), "threads", json_integer(4));
+        assert_ok(input.ctx, chart_read(&input, write_json(file, log)));
+    }
+    char *picture = drawn_scene(&input, draw_psnr);
+    assert_int_equal(count_of(picture, "class=\"curve\""), CURVES);
+    assert_int_equal(count_of(picture, "class=\"mark\""), 4 * CURVES);
+    test_assert_contains(picture, "on several machines or numbers of threads", __FILE__, __LINE__);
+    assert_int_equal(count_of(picture, "\xc3\xb6...</text>"), 1);
+    free(picture);
+    chart_free(&input);
+    sf_context_destroy(&input.ctx);
+}
+
 /* Runs evaluated at other times: interpolated over the logarithm of time, kept at the end, from when all have
  * begun. */
 static void test_mean_of_runs_at_other_times(void **state) {
@@ -787,6 +815,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_points_land_where_the_ticks_say),
         cmocka_unit_test(test_labels_seeds_and_scenes),
+        cmocka_unit_test(test_many_curves_with_long_names),
         cmocka_unit_test(test_mean_of_runs_at_other_times),
         cmocka_unit_test(test_times_to_a_quality),
         cmocka_unit_test(test_peers_on_their_scene_alone),

@@ -1,10 +1,6 @@
-/* test_cli.c - the program from outside: what it writes, what it says, how it ends.
- *
- * The program is SPLATFIT_PROGRAM, else build/splatfit, started through the command in RUN if that is set. It
- * runs in the scratch folder "work"; what a command is to write goes to "out" in there.
- */
+/* test_cli.c - the program from outside: what it writes, what it says, how it ends. */
 #define _XOPEN_SOURCE 700 /* realpath, SIGXFSZ */
-#include "testing.h"
+#include "program.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -21,197 +17,6 @@
 #include <time.h>
 #include <unistd.h>
 #include <zlib.h>
-
-/* A scene for fits that take a moment, and what keeps them small. */
-#define SCENE "sim:studio?width=64&height=48&frames=9"
-#define SMALL "--max-gaussians", "400", "--threads", "2"
-enum { SCENE_VIEWS = 9, SCENE_HELD_OUT = 2, SCENE_WIDTH = 64, SCENE_HEIGHT = 48 };
-
-enum { FAILED = 1, USAGE = 2 };
-
-/* Starting the program. */
-
-enum { MAX_COMMAND = 64, TIME_LIMIT = 120 /* s */ };
-
-/* How to start it, beside its arguments. */
-typedef struct launch {
-    rlim_t file_limit; /* bytes of the largest file that it may write; 0: no limit */
-    int to_full_disk;  /* standard output is /dev/full */
-} launch;
-
-typedef struct outcome {
-    int code, signal; /* exit code; the signal that ended it, 0: none */
-    char *out, *err;  /* what it wrote, with a 0 behind it */
-    size_t out_size;
-} outcome;
-
-static char program[4096], captured_out[512], captured_err[512];
-
-static const char *work(const char *name) {
-    char path[512];
-    snprintf(path, sizeof path, "work/%s", name);
-    return test_path(path);
-}
-
-static void redirect(const char *path, int flags, int to) {
-    int fd = open(path, flags, 0600);
-    if (fd < 0 || dup2(fd, to) < 0) _exit(99);
-    close(fd);
-}
-
-static void become_program(const char *const *args, const launch *how) {
-    char prefix[4096];
-    char *command[MAX_COMMAND] = {0};
-    int n = 0;
-    snprintf(prefix, sizeof prefix, "%s", getenv("RUN") ? getenv("RUN") : "");
-    for (char *word = strtok(prefix, " "); word && n < 20; word = strtok(NULL, " ")) command[n++] = word;
-    command[n++] = program;
-    for (; *args && n < MAX_COMMAND - 1; args++) memcpy(&command[n++], args, sizeof *args);
-    if (*args || chdir(test_path("work"))) _exit(99);
-    redirect("/dev/null", O_RDONLY, STDIN_FILENO);
-    redirect(how->to_full_disk ? "/dev/full" : captured_out, O_WRONLY | O_CREAT | O_TRUNC, STDOUT_FILENO);
-    redirect(captured_err, O_WRONLY | O_CREAT | O_TRUNC, STDERR_FILENO);
-    if (how->file_limit) {
-        struct rlimit limit = {how->file_limit, how->file_limit};
-        signal(SIGXFSZ, SIG_IGN); /* so that a write beyond it fails, as one on a full disk does */
-        if (setrlimit(RLIMIT_FSIZE, &limit)) _exit(99);
-    }
-    execvp(command[0], command);
-    _exit(99);
-}
-
-static pid_t start_program(const char *const *args, const launch *how) {
-    static const launch plain = {0};
-    test_write(captured_out, "", 0);
-    pid_t pid = fork();
-    assert_true(pid >= 0);
-    if (pid == 0) become_program(args, how ? how : &plain);
-    return pid;
-}
-
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
-/* Whether it has ended, and with which status. It is killed, and the test fails, after TIME_LIMIT. */
-static int has_ended(pid_t pid, double since, int *status) {
-    pid_t got = waitpid(pid, status, WNOHANG);
-    assert_true(got >= 0);
-    if (got == pid) return 1;
-    if (now() - since < TIME_LIMIT) return 0;
-    kill(pid, SIGKILL);
-    waitpid(pid, status, 0);
-    fail_msg("the program still ran after %d s", TIME_LIMIT);
-    return 1;
-}
-
-static outcome take_outcome(int status) {
-    outcome o = {.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
-                 .signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0};
-    size_t size;
-    o.out = (char *)test_read(captured_out, &o.out_size);
-    o.err = (char *)test_read(captured_err, &size);
-    return o;
-}
-
-static outcome wait_for(pid_t pid) {
-    double since = now();
-    int status = 0;
-    while (!has_ended(pid, since, &status)) test_pause_ms(5);
-    return take_outcome(status);
-}
-
-static void free_outcome(outcome *o) {
-    free(o->out);
-    free(o->err);
-}
-
-static outcome run_args(const char *const *args) { return wait_for(start_program(args, NULL)); }
-
-#define ARGS(...)   ((const char *const[]){__VA_ARGS__, NULL})
-#define run(...)    run_args(ARGS(__VA_ARGS__))
-#define run_ok(...) run_args_ok(ARGS(__VA_ARGS__))
-
-static void complain(const char *const *args, const outcome *o, const char *what) {
-    print_error("splatfit");
-    for (; *args; args++) print_error(" '%s'", *args);
-    print_error("\n%s; exit code %d, signal %d, standard error:\n%s\n", what, o->code, o->signal, o->err);
-    fail();
-}
-
-/* A run that must go well. */
-static outcome run_args_ok(const char *const *args) {
-    outcome o = run_args(args);
-    if (o.code) complain(args, &o, "did not go well");
-    return o;
-}
-
-/* For a run of which only the files matter. */
-static void run_quietly(const char *const *args) {
-    outcome o = run_args_ok(args);
-    free_outcome(&o);
-}
-
-/* Files and folders. */
-
-static void make_folder(const char *name) { assert_true(!mkdir(work(name), 0777) || errno == EEXIST); }
-
-static void write_text(const char *name, const char *text) { test_write(work(name), text, strlen(text)); }
-
-/* Empties the folder "out". */
-static void clear_out(void) {
-    make_folder("out");
-    DIR *d = opendir(work("out"));
-    assert_non_null(d);
-    for (struct dirent *e; (e = readdir(d));)
-        if (e->d_name[0] != '.' || strlen(e->d_name) > 2) unlinkat(dirfd(d), e->d_name, 0);
-    closedir(d);
-    assert_int_equal(test_count_entries(work("out")), 0);
-}
-
-typedef struct content {
-    char *data;
-    size_t size;
-} content;
-
-static content content_of(const char *name) {
-    content c;
-    c.data = (char *)test_read(work(name), &c.size);
-    return c;
-}
-
-static void assert_same_files(const char *a, const char *b) {
-    content x = content_of(a), y = content_of(b);
-    if (x.size != y.size || memcmp(x.data, y.data, x.size)) fail_msg("%s and %s differ", a, b);
-    free(x.data);
-    free(y.data);
-}
-
-/* Gaussians of a model file that must be whole. */
-static size_t count_in(const char *name) {
-    sf_context *ctx = test_context();
-    sf_model *model;
-    test_log_clear();
-    assert_ok(ctx, sf_model_load(ctx, work(name), &model));
-    assert_string_equal(test_log, ""); /* nothing left out */
-    size_t count = sf_model_count(model);
-    sf_model_destroy(&model);
-    sf_context_destroy(&ctx);
-    return count;
-}
-
-/* Width and height as a PNG's header has them. */
-static void assert_png(const char *name, unsigned width, unsigned height) {
-    content c = content_of(name);
-    const unsigned char *p = (const unsigned char *)c.data;
-    assert_true(c.size > 24);
-    assert_memory_equal(p, "\x89PNG\r\n\x1a\n", 8);
-    assert_int_equal(p[18] << 8 | p[19], width);
-    assert_int_equal(p[22] << 8 | p[23], height);
-    free(c.data);
-}
 
 /* A COLMAP project of the test's own. */
 
@@ -349,39 +154,8 @@ static void write_project(const char *project, const plan *p) {
 
 /* Bad input. */
 
-/* One line on standard error that names `part`, where warned after lines that are warnings; exit code `code`,
- * or any but 0 that is no signal's; nothing written. */
-static void assert_refused(const char *const *args, int code, const char *part, int warned) {
-    int files = test_count_entries(work("."));
-    outcome o = run_args(args);
-    if (code ? o.code != code : !(o.code > 0 && o.code < 128)) complain(args, &o, "wrong exit code");
-    if (!strstr(o.err, part)) {
-        print_error("expected to be named: \"%s\"\n", part);
-        complain(args, &o, "does not name it");
-    }
-    char *line = o.err, *end;
-    while ((end = strchr(line, '\n')) && end[1] && warned && !strncmp(line, "warning: ", 9)) line = end + 1;
-    if (!end || end[1]) complain(args, &o, "not one line");
-    if (strncmp(line, "splatfit", 8)) complain(args, &o, "the line does not begin with the program's name");
-    if (test_count_entries(work("out"))) complain(args, &o, "left a file in out");
-    if (test_count_entries(work(".")) != files) complain(args, &o, "left a file");
-    free_outcome(&o);
-}
-
-typedef struct bad_input {
-    int code;
-    const char *part;
-    const char *args[12];
-} bad_input;
-
-static void assert_all_refused(const bad_input *cases, size_t count) {
-    clear_out();
-    for (size_t i = 0; i < count; i++) assert_refused(cases[i].args, cases[i].code, cases[i].part, 0);
-}
-
-#define COUNT(array) (sizeof(array) / sizeof *(array))
-#define FIT          "fit", SCENE, "-o", "out/x.ply", "--steps", "1"
-#define PRUNE        "prune", "good.ply", SCENE, "-o", "out/x.ply"
+#define FIT   "fit", SCENE, "-o", "out/x.ply", "--steps", "1"
+#define PRUNE "prune", "good.ply", SCENE, "-o", "out/x.ply"
 
 static void test_wrong_usage(void **state) {
     (void)state;
@@ -1118,7 +892,7 @@ static void wait_for_text(pid_t pid, const char *text) {
     int status = 0, found = 0;
     while (!found) {
         size_t size;
-        char *out = (char *)test_read(captured_out, &size);
+        char *out = (char *)test_read(test_path("stdout"), &size);
         found = strstr(out, text) != NULL;
         free(out);
         if (!found && has_ended(pid, since, &status)) fail_msg("ended before it said \"%s\"", text);
@@ -1400,19 +1174,6 @@ static void test_convert_refuses(void **state) {
 
 /* What all tests share. */
 
-static int find_program(void) {
-    const char *name = getenv("SPLATFIT_PROGRAM");
-    char *path = realpath(name && *name ? name : "build/splatfit", NULL);
-    if (!path || strlen(path) >= sizeof program) {
-        print_error("%s: no such program; see SPLATFIT_PROGRAM\n", name ? name : "build/splatfit");
-        free(path);
-        return -1;
-    }
-    strcpy(program, path);
-    free(path);
-    return 0;
-}
-
 static void write_model(void) {
     sf_context *ctx = test_context();
     sf_model *model;
@@ -1427,13 +1188,8 @@ static void write_model(void) {
 }
 
 static int set_up(void **state) {
-    (void)state;
-    if (find_program()) return -1;
-    snprintf(captured_out, sizeof captured_out, "%s", test_path("stdout"));
-    snprintf(captured_err, sizeof captured_err, "%s", test_path("stderr"));
-    if (mkdir(test_path("work"), 0777)) return -1;
+    if (program_set_up(state)) return -1;
     plan p = good_plan();
-    make_folder("out");
     make_folder("empty");
     make_folder("empty.ply");
     write_text("file", "text\n");

@@ -322,7 +322,7 @@ static void test_from_nothing(void **state) {
 /* The same bytes, whatever the number of threads and however often; other ones by another seed. */
 static void test_same_bytes(void **state) {
     (void)state;
-    static const int threads[] = {1, 2, 4};
+    static const int threads[] = {1, 2, 3, 4, 8};
     sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 22 : 40);
     options.background = SF_BACKGROUND_RANDOM;
     content first = fitted_by(1, &options);

@@ -94,6 +94,60 @@ static double opacity_of(const sf_fitter *f, size_t i) {
     return 1 / (1 + exp(-(double)f->model->params.field[SF_FIELD_logit_opacity][i]));
 }
 
+/* Cloning and splitting. */
+
+/* The first of three balls grows; whatever its size is, as `split_scale` says. */
+static sf_fitter *grown(sf_context *ctx, sf_scene **scene, const ball *balls, double split_scale) {
+    sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
+    options.max_gaussians = 4;
+    options.grow_every = 1;
+    options.plan_steps = 1;
+    options.grow_most = 1e6;
+    options.split_scale = split_scale;
+    *scene = scene_of(ctx, balls, 3, -1, NULL, NULL);
+    sf_fitter *f = fitter_of(ctx, *scene, balls, 3, &options);
+    f->screen_sum[0] = f->screen_seen[0] = 1;
+    sf_grow_and_prune(f, 1);
+    assert_int_equal(f->model->count, 4);
+    return f;
+}
+
+static float log_scale_of(const sf_fitter *f, size_t i) {
+    return f->model->params.field[SF_FIELD_log_scale][sf_at(i, 3, 0)];
+}
+
+/* What is small becomes two of its size, a little apart, that together are as opaque; what is large two
+ * halves. */
+static void test_clone_and_split(void **state) {
+    (void)state;
+    static const ball balls[] = {
+        {{0, 0, 0.8f}, 0.2f, 0.9f, 0.4f}, {{0, 0, -0.8f}, 0.2f, 0.9f, 0.4f}, {{0, 0, 0}, 0.2f, 0.9f, 0.4f}};
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    sf_fitter *f = grown(ctx, &scene, balls, 1e6);
+    double moved = 0;
+    for (int k = 0; k < 3; k++) {
+        assert_true(means_of(f)[sf_at(0, 3, k)] == balls[0].mean[k]);
+        moved += pow((double)(means_of(f)[sf_at(3, 3, k)] - balls[0].mean[k]), 2);
+    }
+    assert_true(moved > 0 && sqrt(moved) < 1);
+    assert_true(log_scale_of(f, 0) == log_scale_of(f, 1) && log_scale_of(f, 3) == log_scale_of(f, 1));
+    assert_true(opacity_of(f, 3) == opacity_of(f, 0));
+    assert_true(fabs(pow(1 - opacity_of(f, 0), 2) - 0.1) < 1e-5);
+    assert_true(fabs(opacity_of(f, 1) - 0.9) < 1e-5);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    f = grown(ctx, &scene, balls, 0);
+    assert_true(log_scale_of(f, 0) < log_scale_of(f, 1) && log_scale_of(f, 3) == log_scale_of(f, 0));
+    for (int k = 0; k < 3; k++) {
+        double middle = 0.5 * (double)(means_of(f)[sf_at(0, 3, k)] + means_of(f)[sf_at(3, 3, k)]);
+        assert_true(fabs(middle - (double)balls[0].mean[k]) < 1e-6);
+    }
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 /* Error. */
 
 /* Three balls apart from each other, each seen by every view. */
@@ -455,6 +509,7 @@ static void test_no_giants(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_clone_and_split),
         cmocka_unit_test(test_no_giants),
         cmocka_unit_test(test_growth_is_not_seen),
         cmocka_unit_test(test_error_of_several_views),

@@ -100,6 +100,7 @@ static void test_what_diverged_goes_back(void **state) {
     sf_fitter_destroy(&f);
 }
 
+/* From the first step on, so that no median was ever good. */
 static void test_rates_that_are_too_high_are_lowered(void **state) {
     setup *s = *state;
     sf_fit_options o = s->options;
@@ -108,10 +109,50 @@ static void test_rates_that_are_too_high_are_lowered(void **state) {
     sf_fitter *f = start(s, &o);
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
     sf_fit_progress p = progress_of(f);
-    print_message("loss %.3f, diverged %d times\n", p.loss, (int)p.diverged);
-    assert_true(isfinite(p.loss));
+    print_message("loss %.3f, %.3f at the start, diverged %d times\n", p.loss, f->start_loss,
+                  (int)p.diverged);
+    assert_true(p.diverged > 0);
+    assert_true(f->rate_cut < 1);
+    assert_true(p.loss < 1.3 * f->start_loss); /* twice that, and more, where nothing goes back */
     assert_true(is_finite(f->model));
     sf_fitter_destroy(&f);
+}
+
+/* A first step that ends in nothing finite is taken back as well. */
+static void test_first_loss_that_is_not_finite(void **state) {
+    setup *s = *state;
+    sf_fitter *f = start(s, &s->options);
+    take_steps(s, f, 1);
+    for (size_t i = 0; i < f->model->count; i++) *sf_value(&f->model->params, SF_FIELD_sh0, i, 0) = 3e38f;
+    take_steps(s, f, 1);
+    assert_int_equal(progress_of(f).diverged, 1);
+    take_steps(s, f, 10);
+    assert_true(progress_of(f).loss < f->start_loss + 0.1);
+    sf_fitter_destroy(&f);
+}
+
+static void make_noise(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
+    (void)number;
+    size_t size = 3 * (size_t)camera->width * (size_t)camera->height;
+    for (size_t i = 0; i < size; i++) rgb[i] = (uint8_t)(256 * sf_rng_uniform(user));
+}
+
+/* Finer pictures of noise lose much more than coarse ones: no fit could do otherwise. */
+static void test_noise_is_no_divergence(void **state) {
+    setup *s = *state;
+    sf_rng rng;
+    sf_rng_seed(&rng, 5);
+    sf_scene *scene = test_changed_scene(s->ctx, SCENE, make_noise, &rng);
+    sf_fitter *f;
+    assert_ok(s->ctx, sf_fitter_create(s->ctx, scene, NULL, &s->options, &f));
+    take_steps(s, f, 10);
+    double coarse = progress_of(f).loss;
+    assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
+    print_message("coarse %.3f, fine %.3f, at the start %.3f\n", coarse, progress_of(f).loss, f->start_loss);
+    assert_true(progress_of(f).loss > 1.2 * coarse);
+    assert_int_equal(progress_of(f).diverged, 0);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
 }
 
 /* A loss that is not finite is noticed in its own step, and what went before comes back. */
@@ -185,6 +226,8 @@ int main(void) {
         cmocka_unit_test(test_a_sound_fit_is_left_alone),
         cmocka_unit_test(test_what_diverged_goes_back),
         cmocka_unit_test(test_rates_that_are_too_high_are_lowered),
+        cmocka_unit_test(test_first_loss_that_is_not_finite),
+        cmocka_unit_test(test_noise_is_no_divergence),
         cmocka_unit_test(test_loss_that_is_not_finite),
         cmocka_unit_test(test_checkpoint_after_going_back),
         cmocka_unit_test(test_poisoned_values),
