@@ -423,7 +423,7 @@ const command command_live = {
         "Fits the scene in front of a camera while it moves. SOURCE is v4l2:/dev/video0, libcamera:0, a "
         "folder:DIR, a pipe: or a simulated camera (splatfit capture --help). SIGINT and SIGTERM end it "
         "and write the model. Defaults of a live fit that differ from splatfit fit: exposure 1, "
-        "refine_poses 1, validate 0, size cap, max_gaussians 40000.",
+        "validate 0, size cap, max_gaussians 40000.",
     .tables = tables,
     .least = 1,
     .most = 1,

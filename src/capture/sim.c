@@ -25,9 +25,9 @@ enum { SPAN_TEXT = 40 };
 
 /* Reads "A:B", seconds; "" is never. */
 static sf_status read_span(sf_context *ctx, const char *name, const char *option, const char *text,
-                           sf_span *span) {
+                           sf_sim_span *span) {
     char *colon, *end;
-    *span = (sf_span){-1, -1};
+    *span = (sf_sim_span){-1, -1};
     if (!*text) return SF_OK;
     if (strspn(text, "0123456789.:") == strlen(text)) {
         span->from = strtod(text, &colon);
@@ -57,7 +57,7 @@ static void furnish(sf_sim *sim) {
 
 /* Takes away what a sensor adds, and all faults. */
 static void clean(sf_sim *sim) {
-    const sf_span never = {-1, -1};
+    const sf_sim_span never = {-1, -1};
     sim->exact = 1;
     sim->sensor = sim->blur = sim->auto_exposure = sim->mover = 0;
     sim->noise = sim->jitter_s = 0;

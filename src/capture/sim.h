@@ -12,11 +12,11 @@
 #include "walk.h"
 
 /* From..to seconds after the first frame; both -1: never. */
-typedef struct sf_span {
+typedef struct sf_sim_span {
     double from, to;
-} sf_span;
+} sf_sim_span;
 
-static inline int sf_span_holds(sf_span span, double seconds) {
+static inline int sf_span_holds(sf_sim_span span, double seconds) {
     return seconds >= span.from && seconds < span.to;
 }
 
@@ -35,7 +35,7 @@ typedef struct sf_sim {
     int sensor;      /* frames tell their exposure */
     int blur, auto_exposure;
     double noise, jitter_s;
-    sf_span black, smear, unplug;
+    sf_sim_span black, smear, unplug;
     double jump_s; /* -1: never */
     int mover;
 } sf_sim;

@@ -225,7 +225,7 @@ static const char *scheme_name(const sim_source *s) {
  * is waited for at most *timeout_ms, of which what is left comes back. Where frames are not in real time, the
  * time that is waited passes for them. */
 static sf_status wait_for_plug(sim_source *s, int *timeout_ms, sf_source_counts *counts) {
-    sf_span *away = &s->sim.unplug;
+    sf_sim_span *away = &s->sim.unplug;
     double period = sf_sim_period(&s->sim), next = (double)s->pace.next * period, now = next;
     int live = s->pace.fps > 0;
     if (away->from < 0 || !s->pace.next) return SF_OK;
@@ -239,7 +239,7 @@ static sf_status wait_for_plug(sim_source *s, int *timeout_ms, sf_source_counts 
         return sf_fail(s->ctx, SF_ERR_TIMEOUT, "%s: unplugged: no frame within %d ms", scheme_name(s),
                        *timeout_ms);
     *timeout_ms -= (int)fmin((until - now) * 1e3, *timeout_ms);
-    *away = (sf_span){-1, -1};
+    *away = (sf_sim_span){-1, -1};
     counts->reopened++;
     return SF_OK;
 }

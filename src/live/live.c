@@ -24,9 +24,8 @@ sf_live_options sf_live_options_default(void) {
     o.fit.size = SF_SIZE_CAP;
     o.fit.max_gaussians = 40000;
     o.fit.exposure = 1;
-    o.fit.refine_poses = 1;
     o.fit.refine_start = 0;
-    o.fit.lr_pose = 5e-4;
+    o.fit.lr_pose = 2e-4;
     o.fit.recent = SF_LIVE_RECENT;
     o.fit.first = SF_FIRST_SWEEP;
     o.fit.init_random = 1000;
