@@ -65,62 +65,34 @@ static void clean(sf_sim *sim) {
     sim->jump_s = -1;
 }
 
-sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
-    enum {
-        WIDTH,
-        HEIGHT,
-        FRAMES,
-        SEED,
-        FOV,
-        FPS,
-        LOOP,
-        EXACT,
-        CLEAN,
-        NOISE,
-        BLUR,
-        EXPOSURE,
-        JITTER,
-        BLACK,
-        SMEAR,
-        UNPLUG,
-        JUMP,
-        MOVER,
-        OPTIONS
-    };
-    int board = which_scene(name);
-    char exposure[8], black[SPAN_TEXT] = "", smear[SPAN_TEXT] = "", unplug[SPAN_TEXT] = "";
-    if (board < 0)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: %s, %s", name, plain,
-                       with_board);
-    snprintf(exposure, sizeof exposure, "%s", board ? "auto" : "fixed");
-    sf_source_option options[OPTIONS] = {
-        [WIDTH] = {.name = "width", .value = 320, .least = 16, .most = 4096, .whole = 1},
-        [HEIGHT] = {.name = "height", .value = 240, .least = 16, .most = 4096, .whole = 1},
-        [FRAMES] = {.name = "frames", .value = board ? 1800 : 60, .least = 1, .most = 10000, .whole = 1},
-        [SEED] = {.name = "seed", .value = 1, .most = 0x1p53, .whole = 1},
-        [FOV] = {.name = "fov", .value = 50, .least = 10, .most = 120},
-        [FPS] = {.name = "fps", .value = board ? 30 : 0, .most = 1000},
-        [LOOP] = {.name = "loop", .most = 1, .whole = 1},
-        [EXACT] = {.name = "exact", .value = !board, .most = 1, .whole = 1},
-        [CLEAN] = {.name = "clean", .most = 1, .whole = 1},
-        [NOISE] = {.name = "noise", .value = board, .most = 10},
-        [BLUR] = {.name = "blur", .value = board, .most = 1, .whole = 1},
-        [EXPOSURE] = {.name = "exposure", .text = exposure, .text_size = sizeof exposure},
-        [JITTER] = {.name = "jitter", .value = board ? 20 : 0, .most = 1000},
-        [BLACK] = {.name = "black", .text = black, .text_size = sizeof black},
-        [SMEAR] = {.name = "smear", .text = smear, .text_size = sizeof smear},
-        [UNPLUG] = {.name = "unplug", .text = unplug, .text_size = sizeof unplug},
-        [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
-        [MOVER] = {.name = "mover", .most = 1, .whole = 1},
-    };
-    sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
-    memset(sim, 0, sizeof *sim);
-    if (status == SF_OK) status = read_exposure(ctx, name, exposure, &sim->auto_exposure);
-    if (status == SF_OK) status = read_span(ctx, name, "black", black, &sim->black);
-    if (status == SF_OK) status = read_span(ctx, name, "smear", smear, &sim->smear);
-    if (status == SF_OK) status = read_span(ctx, name, "unplug", unplug, &sim->unplug);
-    if (status != SF_OK) return status;
-    sim->has_board = board;
+enum {
+    WIDTH,
+    HEIGHT,
+    FRAMES,
+    SEED,
+    FOV,
+    FPS,
+    LOOP,
+    EXACT,
+    CLEAN,
+    NOISE,
+    BLUR,
+    EXPOSURE,
+    JITTER,
+    BLACK,
+    SMEAR,
+    UNPLUG,
+    JUMP,
+    MOVER,
+    OPTIONS
+};
+
+/* What options are texts. */
+typedef struct texts {
+    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT];
+} texts;
+
+static void take_numbers(const sf_source_option options[OPTIONS], sf_sim *sim) {
     sim->width = (int32_t)options[WIDTH].value;
     sim->height = (int32_t)options[HEIGHT].value;
     sim->frames = (uint64_t)options[FRAMES].value;
@@ -134,10 +106,58 @@ sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
     sim->jitter_s = options[JITTER].value * 1e-3;
     sim->jump_s = options[JUMP].value;
     sim->mover = options[MOVER].value != 0;
-    sim->sensor = board || sim->blur || sim->auto_exposure || sim->noise > 0;
+    sim->sensor = sim->has_board || sim->blur || sim->auto_exposure || sim->noise > 0;
+}
+
+static sf_status take_texts(sf_context *ctx, const char *name, const texts *text, sf_sim *sim) {
+    sf_status status = read_exposure(ctx, name, text->exposure, &sim->auto_exposure);
+    if (status == SF_OK) status = read_span(ctx, name, "black", text->black, &sim->black);
+    if (status == SF_OK) status = read_span(ctx, name, "smear", text->smear, &sim->smear);
+    return status == SF_OK ? read_span(ctx, name, "unplug", text->unplug, &sim->unplug) : status;
+}
+
+/* With a board the live source's values are the defaults: sf_sim_project_name has those of a project. */
+static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim *sim) {
+    texts text = {.exposure = "fixed"};
+    if (board) snprintf(text.exposure, sizeof text.exposure, "auto");
+    sf_source_option options[OPTIONS] = {
+        [WIDTH] = {.name = "width", .value = 320, .least = 16, .most = 4096, .whole = 1},
+        [HEIGHT] = {.name = "height", .value = 240, .least = 16, .most = 4096, .whole = 1},
+        [FRAMES] = {.name = "frames", .value = board ? 1800 : 60, .least = 1, .most = 10000, .whole = 1},
+        [SEED] = {.name = "seed", .value = 1, .most = 0x1p53, .whole = 1},
+        [FOV] = {.name = "fov", .value = 50, .least = 10, .most = 120},
+        [FPS] = {.name = "fps", .value = board ? 30 : 0, .most = 1000},
+        [LOOP] = {.name = "loop", .most = 1, .whole = 1},
+        [EXACT] = {.name = "exact", .value = !board, .most = 1, .whole = 1},
+        [CLEAN] = {.name = "clean", .most = 1, .whole = 1},
+        [NOISE] = {.name = "noise", .value = board, .most = 10},
+        [BLUR] = {.name = "blur", .value = board, .most = 1, .whole = 1},
+        [EXPOSURE] = {.name = "exposure", .text = text.exposure, .text_size = sizeof text.exposure},
+        [JITTER] = {.name = "jitter", .value = board ? 20 : 0, .most = 1000},
+        [BLACK] = {.name = "black", .text = text.black, .text_size = sizeof text.black},
+        [SMEAR] = {.name = "smear", .text = text.smear, .text_size = sizeof text.smear},
+        [UNPLUG] = {.name = "unplug", .text = text.unplug, .text_size = sizeof text.unplug},
+        [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
+        [MOVER] = {.name = "mover", .most = 1, .whole = 1},
+    };
+    sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
+    if (status == SF_OK) status = take_texts(ctx, name, &text, sim);
+    if (status != SF_OK) return status;
+    take_numbers(options, sim);
     if (options[CLEAN].value != 0) clean(sim);
-    furnish(sim);
     return SF_OK;
+}
+
+sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
+    int board = which_scene(name);
+    memset(sim, 0, sizeof *sim);
+    if (board < 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: %s, %s", name, plain,
+                       with_board);
+    sim->has_board = board;
+    sf_status status = read_name(ctx, name, board, sim);
+    if (status == SF_OK) furnish(sim);
+    return status;
 }
 
 sf_status sf_sim_project_name(sf_context *ctx, const char *name, char **project) {
