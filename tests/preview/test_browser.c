@@ -23,8 +23,8 @@ static browser shared;
 
 static const char token[] = "token-of-the-test";
 
-static void open_preview(fixture *f, const char *listen) {
-    sf_preview_options o = {.listen = listen, .token = token, .title = "blobs"};
+static void open_preview(fixture *f, const char *listen, const char *with) {
+    sf_preview_options o = {.listen = listen, .token = with, .title = "blobs"};
     sf_status status = sf_preview_open(f->ctx, &o, &f->p);
     if (status == SF_ERR_UNSUPPORTED) test_skip("not built with civetweb");
     assert_ok(f->ctx, status);
@@ -33,7 +33,7 @@ static void open_preview(fixture *f, const char *listen) {
 static fixture start(void) {
     fixture f = {.ctx = test_context()};
     if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK: a browser is slow there");
-    open_preview(&f, "127.0.0.1:0");
+    open_preview(&f, "127.0.0.1:0", token);
     if (!shared.pid) shared = browser_start(WIDTH, HEIGHT);
     shared.exceptions = 0;
     browser_open(&shared, "about:blank");
@@ -328,7 +328,10 @@ static void test_it_comes_back(void **state) {
     snprintf(listen, sizeof listen, "127.0.0.1:%d", atoi(strrchr(sf_preview_url(f.p), ':') + 1));
     sf_preview_close(&f.p);
     browser_await(&shared, "document.querySelector('#offline').textContent.includes('does not answer')");
-    open_preview(&f, listen);
+    open_preview(&f, listen, "another-token");
+    browser_await(&shared, "document.querySelector('#offline').textContent.includes('another token')");
+    sf_preview_close(&f.p);
+    open_preview(&f, listen, token);
     set_status(&f, "{\"state\": \"second\"}");
     browser_await(&shared, "document.querySelector('#state').textContent == 'second'");
     assert_true(browser_number(&shared, "document.querySelector('#offline').hidden"));
