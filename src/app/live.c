@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app.h"
+#include "live.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE", "the model to write, a .ply, .spz or .splat, every --save-every and at the end"},
@@ -13,7 +13,10 @@ static const arg_option own_options[] = {
      "poses from a board of AprilTags: a4-36h11, letter-36h11, a3-36h11 or a .json of one's own (a4-36h11)"},
     {"tag-size", 0, "MM",
      "the side of the board's black squares as measured, where the print has another scale"},
-    {"poses", 0, "FROM", "board (of --board), or frames: the frames' own, as simulated ones have (board)"},
+    {"poses", 0, "FROM",
+     "board (of --board); frames: the frames' own, as simulated ones have; or poses from outside: file:PATH, "
+     "unix:PATH, udp:ADDRESS:PORT, lines of time x y z qx qy qz qw, camera to world (board)"},
+    {"pose-sigma", 0, "DEG,M", "how well poses from outside are known: degrees, world units (0.5,0.01)"},
     {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
     {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (15)"},
@@ -25,6 +28,11 @@ static const arg_option own_options[] = {
     {"trajectory", 0, "FILE",
      "write the camera's path: time x y z qx qy qz qw a line, camera to world (TUM)"},
     {"cameras", 0, "FILE", "cameras.json of the keyframes, as refined, at the end"},
+    {"listen", 0, "ADDRESS:PORT",
+     "serve a page with pictures, figures and the model there; none for none (127.0.0.1:8090 where that is "
+     "free)"},
+    {"token", 0, "TEXT",
+     "what the page's address must hold; default: made at random for other addresses than loopback"},
     {"log", 0, "FILE", "write options, the course of the run and the result as JSON"},
     {"progress", 0, "KIND", "auto, plain, json (one object a line) or none (auto)"},
     {0},
@@ -51,6 +59,8 @@ typedef struct live_run {
     sf_context *ctx, *source_ctx;
     sf_source *source;
     sf_board *board;
+    sf_path *path;
+    double sigma_degrees, sigma_units; /* of its poses */
     sf_live_options options;
     sf_live *live;
     progress_line line;
@@ -59,7 +69,8 @@ typedef struct live_run {
     uint64_t last_frame;
     json_t *curve;
     double next_sample;
-    int stopped, save_failed;
+    page page;
+    int stopped;
 } live_run;
 
 /* The fit that a signal stops. */
@@ -104,14 +115,41 @@ static int read_options(live_run *r) {
     return error;
 }
 
+/* As sf_pose_fn. */
+static sf_status pose_at(void *user, int64_t time_ns, double R_cw[9], double t_cw[3],
+                         double information[36]) {
+    const live_run *r = user;
+    double turn = r->sigma_degrees / 57.29577951308232;
+    for (int i = 0; i < 36; i++) information[i] = 0;
+    for (int i = 0; i < 6; i++) information[7 * i] = i < 3 ? pow(r->sigma_units, -2) : pow(turn, -2);
+    return sf_path_at(r->path, time_ns, R_cw, t_cw);
+}
+
+static int open_path(live_run *r, const char *name) {
+    const char *sigma = args_value(r->a, "pose-sigma");
+    char rest;
+    r->sigma_degrees = 0.5, r->sigma_units = 0.01;
+    if (sigma &&
+        (sscanf(sigma, "%lf,%lf%c", &r->sigma_degrees, &r->sigma_units, &rest) != 2 ||
+         !(r->sigma_degrees > 0 && r->sigma_units > 0 && isfinite(r->sigma_degrees + r->sigma_units))))
+        return usage("--pose-sigma", sigma, "is not DEGREES,UNITS, both above 0");
+    if (sf_path_open(r->ctx, name, &r->path)) return app_fail(r->a, r->ctx);
+    r->options.pose = pose_at;
+    r->options.pose_user = r;
+    return 0;
+}
+
 static int read_poses(live_run *r) {
     const char *from = args_value(r->a, "poses"), *board = args_value(r->a, "board");
     double tag_m = r->tag_size / 1000;
     if (from && !strcmp(from, "frames"))
         r->options.own_poses = 1;
-    else if (from && strcmp(from, "board") != 0)
-        return usage("--poses", from, "is none of board, frames");
-    if (r->options.own_poses && !board) return 0;
+    else if (from && strchr(from, ':')) {
+        int error = open_path(r, from);
+        if (error) return error;
+    } else if (from && strcmp(from, "board") != 0)
+        return usage("--poses", from, "is none of board, frames, file:..., unix:..., udp:...");
+    if (from && strcmp(from, "board") != 0 && !board) return 0;
     if (!board && !strncmp(r->a->positional[0], SIMULATED, strlen(SIMULATED)))
         board = SIMULATED_BOARD, tag_m = SIMULATED_TAG_M;
     if (sf_board_open(r->ctx, board ? board : "a4-36h11", tag_m, &r->board)) return app_fail(r->a, r->ctx);
@@ -163,6 +201,7 @@ static int prepare(live_run *r) {
     if (!error) error = open_source(r);
     if (!error) error = read_lens(r);
     if (!error && sf_live_create(r->ctx, r->source, &r->options, &r->live)) error = app_fail(r->a, r->ctx);
+    if (!error) error = page_open(&r->page, r->a, r->ctx);
     return error;
 }
 
@@ -176,6 +215,7 @@ static const char *state_word(const sf_live_progress *p) {
     return p->paused ? "paused" : words[p->state];
 }
 
+/* For the log, --progress json and the page alike. */
 static json_t *number(double value) { return isfinite(value) ? json_real(value) : json_null(); }
 
 static json_t *progress_json(const sf_live_progress *p) {
@@ -353,6 +393,7 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
 
 /* The model first, whatever comes after. */
 static int finish(live_run *r) {
+    page_close(&r->page);
     sf_live_progress p;
     sf_live_get_progress(r->live, &p);
     const char *cameras = args_value(r->a, "cameras"), *log = args_value(r->a, "log");
@@ -373,6 +414,27 @@ static int finish(live_run *r) {
     return !error && r->stopped ? 128 + r->stopped : error;
 }
 
+/* The page's buttons. A model that cannot be written is said, and the fit goes on. */
+static int obey(live_run *r) {
+    switch (page_command(&r->page)) {
+    case PAGE_PAUSE:
+        sf_live_pause(r->live, 1);
+        break;
+    case PAGE_GO_ON:
+        sf_live_pause(r->live, 0);
+        break;
+    case PAGE_SAVE:
+        (void)save_model(r);
+        break;
+    case PAGE_RESET:
+        sf_live_reset(r->live);
+        break;
+    case PAGE_NOTHING:
+        break;
+    }
+    return 0;
+}
+
 static int loop(live_run *r) {
     for (;;) {
         sf_live_progress p;
@@ -388,6 +450,9 @@ static int loop(live_run *r) {
         if (status) progress_break(&r->line);
         if (status && status != SF_ERR_END && status != SF_ERR_CANCELLED) error = app_fail(r->a, r->ctx);
         if (status || error) return error;
+        error = obey(r);
+        if (error) return error;
+        if (page_due(&r->page, p.seconds)) page_show(&r->page, r->ctx, r->live, progress_json(&p));
         save_now_and_then(r, &p);
     }
 }
@@ -407,6 +472,8 @@ static int run(const args *a) {
     sf_live_destroy(&r.live);
     sf_source_close(&r.source);
     sf_board_close(&r.board);
+    sf_path_close(&r.path);
+    page_close(&r.page);
     free(r.steps);
     json_decref(r.curve);
     sf_context_destroy(&r.source_ctx);

@@ -1,0 +1,134 @@
+/* live_page.c - what splatfit live shows in a browser. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "live.h"
+
+#define SHOW_EVERY  0.25 /* s */
+#define MODEL_EVERY 3.0
+
+int page_open(page *p, const args *a, sf_context *ctx) {
+    const char *listen = args_value(a, "listen");
+    sf_preview_options options = {listen, args_value(a, "token"), a->positional[0]};
+    if (listen && !strcmp(listen, "none")) return 0;
+    sf_status status = sf_preview_open(ctx, &options, &p->preview);
+    if (status && (listen || options.token)) return app_fail(a, ctx);
+    if (!args_value(a, "quiet"))
+        fprintf(stderr, status ? "no page: %s\n" : "page: %s\n",
+                status ? sf_last_error(ctx) : sf_preview_url(p->preview));
+    return 0;
+}
+
+void page_close(page *p) {
+    sf_preview_close(&p->preview);
+    free(p->rgb);
+    free(p->bytes);
+    p->rgb = NULL, p->bytes = NULL;
+}
+
+int page_due(page *p, double seconds) {
+    if (!p->preview || seconds < p->next || !sf_preview_wants(p->preview, SF_PREVIEW_STATUS)) return 0;
+    p->next = seconds + SHOW_EVERY;
+    return 1;
+}
+
+static int make_room(page *p, size_t pixels) {
+    if (pixels <= p->capacity) return 1;
+    free(p->rgb);
+    free(p->bytes);
+    p->rgb = malloc(3 * pixels * sizeof *p->rgb);
+    p->bytes = malloc(3 * pixels);
+    p->capacity = p->rgb && p->bytes ? pixels : 0;
+    return p->capacity > 0;
+}
+
+static uint8_t byte(float value) { return (uint8_t)(255 * fminf(fmaxf(value, 0), 1) + 0.5f); }
+
+static void show_camera(page *p, const sf_live_frame *f) {
+    size_t pixels = (size_t)f->camera.width * (size_t)f->camera.height;
+    for (size_t i = 0; i < pixels; i++)
+        for (size_t c = 0; c < 3; c++) p->bytes[3 * i + c] = byte(f->rgb[c][i]);
+    (void)sf_preview_set_picture(p->preview, SF_PREVIEW_CAMERA, f->camera.width, f->camera.height, p->bytes);
+}
+
+static void show_render(page *p, sf_live *live, const sf_live_frame *f) {
+    size_t values = 3 * (size_t)f->camera.width * (size_t)f->camera.height;
+    sf_image_out out = {.rgb = p->rgb};
+    if (f->from == SF_POSE_NONE || sf_live_render(live, &f->camera, &out)) return;
+    for (size_t i = 0; i < values; i++) p->bytes[i] = byte(p->rgb[i]);
+    (void)sf_preview_set_picture(p->preview, SF_PREVIEW_RENDER, f->camera.width, f->camera.height, p->bytes);
+}
+
+static json_t *numbers(const double *values, int n) {
+    json_t *list = json_array();
+    for (int i = 0; i < n; i++) json_array_append_new(list, json_real(values[i]));
+    return list;
+}
+
+static void add_frame(json_t *figures, const sf_live_frame *f) {
+    static const char *const from[] = {"none", "board", "file", "track"};
+    json_t *corners = json_array();
+    for (size_t i = 0; i < f->corner_count; i++)
+        json_array_append_new(corners, numbers(f->corners[i].pixel, 2));
+    json_object_set_new(figures, "corners", corners);
+    json_object_set_new(figures, "pose_from", json_string(from[f->from]));
+    if (f->from == SF_POSE_NONE) return;
+    const sf_camera *c = &f->camera;
+    json_object_set_new(figures, "pose",
+                        json_pack("{s:o, s:o, s:f, s:f, s:f, s:f, s:i, s:i}", "R_cw", numbers(c->R_cw, 9),
+                                  "t_cw", numbers(c->t_cw, 3), "fx", c->fx, "fy", c->fy, "cx", c->cx, "cy",
+                                  c->cy, "width", (int)c->width, "height", (int)c->height));
+}
+
+static void show_figures(page *p, json_t *figures, const sf_live_frame *f) {
+    if (f->number) add_frame(figures, f);
+    json_object_set_new(figures, "buttons", json_true());
+    json_object_set_new(figures, "memory_mb", json_real(app_peak_memory()));
+    char *text = json_dumps(figures, JSON_COMPACT | JSON_REAL_PRECISION(7));
+    if (text) (void)sf_preview_set_status(p->preview, text);
+    free(text);
+}
+
+static void show_model(page *p, sf_live *live, double now) {
+    sf_model *model = NULL;
+    if (now < p->next_model || !sf_preview_wants(p->preview, SF_PREVIEW_MODEL)) return;
+    p->next_model = now + MODEL_EVERY;
+    if (!sf_live_snapshot(live, &model)) (void)sf_preview_set_model(p->preview, model);
+    sf_model_destroy(&model);
+}
+
+/* What cannot be shown, for want of memory, is not: the fit goes on. */
+void page_show(page *p, sf_context *ctx, sf_live *live, json_t *figures) {
+    (void)ctx;
+    sf_live_frame f;
+    sf_live_get_frame(live, &f);
+    size_t pixels = (size_t)f.camera.width * (size_t)f.camera.height;
+    if (f.number && make_room(p, pixels)) {
+        if (sf_preview_wants(p->preview, SF_PREVIEW_CAMERA)) show_camera(p, &f);
+        if (sf_preview_wants(p->preview, SF_PREVIEW_RENDER)) show_render(p, live, &f);
+    }
+    if (figures) show_figures(p, figures, &f);
+    json_decref(figures);
+    show_model(p, live, p->next);
+}
+
+page_word page_command(page *p) {
+    sf_preview_command given;
+    if (!p->preview || !sf_preview_take_command(p->preview, &given)) return PAGE_NOTHING;
+    switch (given) {
+    case SF_PREVIEW_PAUSE:
+        return PAGE_PAUSE;
+    case SF_PREVIEW_GO_ON:
+        return PAGE_GO_ON;
+    case SF_PREVIEW_SAVE:
+        return PAGE_SAVE;
+    case SF_PREVIEW_RESET:
+        return PAGE_RESET;
+    case SF_PREVIEW_LOCK_EXPOSURE: /* the sources' controls cannot be set while they run */
+    case SF_PREVIEW_UNLOCK_EXPOSURE:
+        return PAGE_NOTHING;
+    }
+    return PAGE_NOTHING;
+}
