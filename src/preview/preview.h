@@ -62,6 +62,7 @@ int sf_preview_wants(sf_preview *preview, int parts);
  *                           camera's picture, as sf_camera (camera.h)
  *     pose_from             "board", "track", "file", "known" or "none"
  *     corners               [[x, y], ...] px, of a board's tags in the camera's picture, four a tag
+ *     background            [3] 0..1, behind the model that the page draws; missing: black
  *     throttled             true: the machine slows itself down
  *     buttons               true: commands are taken; missing or false: the page shows no buttons
  *
