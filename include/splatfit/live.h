@@ -51,7 +51,7 @@ typedef struct sf_live_options {
                                what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
 } sf_live_options;
 
-/* A fit with exposures; no poses from outside; downscale 1, 15 frames a second, 300
+/* A fit with exposures; no poses from outside; downscale 1, 12 frames a second, 300
  * keyframes, hold_out 8, first_gap 0.07. */
 SF_API sf_live_options sf_live_options_default(void);
 

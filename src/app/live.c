@@ -19,7 +19,7 @@ static const arg_option own_options[] = {
     {"pose-sigma", 0, "DEG,M", "how well poses from outside are known: degrees, world units (0.5,0.01)"},
     {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
-    {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (15)"},
+    {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (12)"},
     {"steps-per-frame", 0, "N",
      "of a source that is not in real time look at every frame, and do N steps after each; such a run can be "
      "repeated; 0: as time allows (0)"},
@@ -102,7 +102,7 @@ static int read_real(const live_run *r, const char *name, double least, double m
 }
 
 static int read_options(live_run *r) {
-    r->save_every = 60, r->downscale = 1, r->keyframes = 300, r->track_rate = 15;
+    r->save_every = 60, r->downscale = 1, r->keyframes = 300, r->track_rate = 12;
     int error = read_real(r, "seconds", 0.1, 1e7, &r->seconds);
     if (!error) error = read_real(r, "save-every", 0, 1e7, &r->save_every);
     if (!error) error = read_real(r, "tag-size", 1, 1e4, &r->tag_size);

@@ -11,6 +11,7 @@ enum {
     PICTURES = 3   /* one is taken in, one waits, one is looked at */
 };
 
+#define REST          700.0              /* ms, over the rate of pictures that are wanted */
 #define GUESSED_WIDTH 1.0471975511965976 /* rad, of a picture whose lens nobody knows */
 
 struct sf_intake {
@@ -18,7 +19,7 @@ struct sf_intake {
     sf_context *own; /* one thread: the pool is the fit's */
     sf_source *source;
     sf_lens lens;
-    int downscale, live;
+    int downscale, live, rest_ms;
     sf_remap *remap;
     float *planes; /* of a frame, before it is remapped */
     size_t plane_capacity;
@@ -36,6 +37,15 @@ struct sf_intake {
     sf_source_counts counts;
     uint64_t passed_over, came;
 };
+
+static struct timespec after_ms(int ms) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    int64_t ns = t.tv_nsec + (int64_t)ms * 1000000;
+    t.tv_sec += (time_t)(ns / 1000000000);
+    t.tv_nsec = (long)(ns % 1000000000);
+    return t;
+}
 
 /* 1. From a frame to a picture: on the thread */
 
@@ -103,9 +113,20 @@ static sf_status develop(sf_intake *in, const sf_frame *frame, int slot) {
     return status;
 }
 
+/* A picture that nobody took yet need not be replaced at once: what comes meanwhile is the source's to skip,
+ * which costs less than to take it in. */
+static void rest(sf_intake *in) {
+    struct timespec until = after_ms(in->rest_ms);
+    pthread_mutex_lock(&in->lock);
+    while (in->live && in->filled >= 0 && !in->ending)
+        if (pthread_cond_timedwait(&in->changed, &in->lock, &until)) break;
+    pthread_mutex_unlock(&in->lock);
+}
+
 /* A frame that cannot be decoded is passed over; a camera that has gone may come back. */
 static sf_status take_in(sf_intake *in) {
     sf_frame frame;
+    rest(in);
     sf_status status = (in->live ? sf_source_newest : sf_source_next)(in->source, WAIT_MS, &frame);
     if (status == SF_ERR_TIMEOUT) return SF_OK;
     if (status) return status;
@@ -157,7 +178,7 @@ static void free_all(sf_intake *in) {
 }
 
 sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
-                           sf_intake **intake) {
+                           double rate, sf_intake **intake) {
     *intake = NULL;
     sf_intake *in = sf_calloc(ctx, 1, sizeof *in);
     if (!in) return SF_ERR_MEMORY;
@@ -170,6 +191,7 @@ sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *le
     sf_source_info info;
     sf_source_describe(source, &info);
     in->ctx = ctx, in->source = source, in->lens = *lens, in->downscale = downscale;
+    in->rest_ms = (int)fmin(REST / rate, 1000);
     in->live = info.live || info.frames_per_second > 0;
     in->filled = in->taken = -1;
     pthread_mutex_init(&in->lock, NULL);
@@ -199,11 +221,7 @@ void sf_intake_destroy(sf_intake **intake) {
 }
 
 sf_status sf_intake_take(sf_intake *in, int timeout_ms, const sf_picture **picture) {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    int64_t ns = until.tv_nsec + (int64_t)timeout_ms * 1000000;
-    until.tv_sec += (time_t)(ns / 1000000000);
-    until.tv_nsec = (long)(ns % 1000000000);
+    struct timespec until = after_ms(timeout_ms);
     sf_status status = SF_OK;
     pthread_mutex_lock(&in->lock);
     while (in->filled < 0 && !in->status && !status)

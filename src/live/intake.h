@@ -20,10 +20,11 @@ typedef struct sf_picture {
 
 typedef struct sf_intake sf_intake;
 
-/* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`. Of a source
- * in real time the newest waits, and older ones are passed over; of another each waits for its turn. */
+/* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`, for who
+ * wants `rate` a second. Of a source in real time the newest waits, and older ones are passed over; of
+ * another each waits for its turn. */
 sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
-                           sf_intake **intake);
+                           double rate, sf_intake **intake);
 /* Waits for the thread to end: a fraction of a second. */
 void sf_intake_destroy(sf_intake **intake);
 

@@ -15,7 +15,7 @@ enum { IDLE_MS = 20, FIRST_MS = 100 };
 sf_live_options sf_live_options_default(void) {
     sf_live_options o = {.fit = sf_fit_options_default(),
                          .downscale = 1,
-                         .track_rate = 15,
+                         .track_rate = 12,
                          .keyframes_most = 300,
                          .hold_out = 8,
                          .first_gap = 0.07};
@@ -102,7 +102,9 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     if (!status) status = sf_renderer_create(ctx, &live->renderer);
     if (!status) status = sf_seeder_create(ctx, &live->seeder);
     if (!status && options->board) status = sf_detector_create(ctx, options->board, 1, &live->detector);
-    if (!status) status = sf_intake_create(ctx, source, &options->lens, options->downscale, &live->intake);
+    if (!status)
+        status = sf_intake_create(ctx, source, &options->lens, options->downscale, options->track_rate,
+                                  &live->intake);
     *out = live;
     if (status) sf_live_destroy(out);
     return status;

@@ -13,8 +13,8 @@ enum {
     LEVELS = 3,        /* halvings of the picture that is compared: near guesses need the first two */
     FINEST_SIDE = 200, /* px, of that picture's longest side at most */
     LEAST_SIDE = 8,
-    ROUNDS = 12,  /* of Gauss and Newton, for one drawing of the model */
-    DRAWINGS = 3, /* of the model a level, at most */
+    ROUNDS = 8,   /* of Gauss and Newton, for one drawing of the model */
+    DRAWINGS = 2, /* of the model a level, at most */
     UNKNOWNS = 8, /* twist, gain, bias */
     BINS = 64,    /* of absolute differences, 1/BIN_SCALE wide */
     BIN_SCALE = 256
@@ -27,7 +27,7 @@ enum {
 #define FIRST     0.1   /* of them, before any is known */
 #define CORRELATED                                                                                           \
     200.0 /* pixels that tell as much as one: what is wrong of the model is wrong in all of them */
-#define STILL     2e-5 /* a step that turns by less, or moves by less of the depth, ends the rounds */
+#define STILL     1e-4 /* a step that turns by less, or moves by less of the depth, ends the rounds */
 #define REDRAW    1.0  /* px that points have moved by on average, for the model to be drawn again */
 #define GAIN_HOLD 1e-4 /* what keeps the gain near 1 and the bias near 0, in pixels of all */
 
@@ -38,7 +38,7 @@ typedef struct point {
 
 /* What a row of points adds up to. */
 typedef struct row_sums {
-    double H[UNKNOWNS * (UNKNOWNS + 1) / 2], g[UNKNOWNS], cost, weight;
+    double H[UNKNOWNS * (UNKNOWNS + 1) / 2], g[UNKNOWNS], cost;
     double points, count, a, b, aa, bb, ab, moved; /* all but the first weighted, for the correlation; px */
     uint32_t bins[BINS];
 } row_sums;
@@ -223,13 +223,12 @@ static void add_point(const sf_tracker *t, const point *p, row_sums *s) {
         s->g[i] += w * J[i] * r;
         for (int j = 0; j <= i; j++) s->H[at_H++] += w * J[i] * J[j];
     }
-    s->cost += t->width * t->width * log1p(part * part);
-    s->weight += w * r * r;
+    s->cost += w * r * r; /* as Geman and McClure have it */
     s->points++;
     s->count += w;
     s->a += w * drawn, s->b += w * value;
     s->aa += w * drawn * drawn, s->bb += w * value * value, s->ab += w * drawn * value;
-    s->moved += w * hypot(u - (c->fx * at[0] / at[2] + c->cx), v - (c->fy * at[1] / at[2] + c->cy));
+    s->moved += w * (fabs(u - (c->fx * at[0] / at[2] + c->cx)) + fabs(v - (c->fy * at[1] / at[2] + c->cy)));
     int bin = (int)(fabs(r) * BIN_SCALE);
     s->bins[bin < BINS ? bin : BINS - 1]++;
 }
@@ -253,7 +252,7 @@ static void add_up(sf_tracker *t, row_sums *all) {
         for (size_t k = 0; k < sizeof all->H / sizeof *all->H; k++) all->H[k] += s->H[k];
         for (int k = 0; k < UNKNOWNS; k++) all->g[k] += s->g[k];
         for (int k = 0; k < BINS; k++) all->bins[k] += s->bins[k];
-        all->cost += s->cost, all->weight += s->weight, all->count += s->count;
+        all->cost += s->cost, all->count += s->count;
         all->points += s->points;
         all->a += s->a, all->b += s->b, all->aa += s->aa, all->bb += s->bb, all->ab += s->ab;
         all->moved += s->moved;
@@ -271,7 +270,7 @@ static double median_of(const row_sums *s) {
 
 /* Variance of what a pixel tells, were all independent. */
 static double noise_of(const row_sums *s) {
-    return CORRELATED * fmax(s->weight / fmax(s->count, 1), NARROWEST * NARROWEST);
+    return CORRELATED * fmax(s->cost / fmax(s->count, 1), NARROWEST * NARROWEST);
 }
 
 /* The normal equations: of the pixels, of the prior, and of what holds gain and bias. */
@@ -352,7 +351,7 @@ static void conclude(const sf_tracker *t, const row_sums *s, const sf_track_prio
     for (size_t y = 0; y < (size_t)t->at->camera.height; y++) found += t->found[y];
     track->gain = t->gain, track->bias = t->bias;
     track->depth = mean_depth(t);
-    track->rms = sqrt(s->weight / n);
+    track->rms = sqrt(s->cost / n);
     track->seen = (double)found / (double)pixels_of(&t->at->camera);
     track->agreement = aa > 1e-8 && bb > 1e-8 ? ab / sqrt(aa * bb) : 0;
     equations(t, s, &track->pose, prior, A, g);
