@@ -13,8 +13,8 @@ enum {
     LEVELS = 3,        /* halvings of the picture that is compared: near guesses need the first two */
     FINEST_SIDE = 200, /* px, of that picture's longest side at most */
     LEAST_SIDE = 8,
-    ROUNDS = 8,   /* of Gauss and Newton, for one drawing of the model */
-    DRAWINGS = 2, /* of the model a level, at most */
+    ROUNDS = 12,  /* of Gauss and Newton, for one drawing of the model */
+    DRAWINGS = 3, /* of the model a level, at most */
     UNKNOWNS = 8, /* twist, gain, bias */
     BINS = 64,    /* of absolute differences, 1/BIN_SCALE wide */
     BIN_SCALE = 256
@@ -27,7 +27,7 @@ enum {
 #define FIRST     0.1   /* of them, before any is known */
 #define CORRELATED                                                                                           \
     200.0 /* pixels that tell as much as one: what is wrong of the model is wrong in all of them */
-#define STILL     1e-4 /* a step that turns by less, or moves by less of the depth, ends the rounds */
+#define STILL     2e-5 /* a step that turns by less, or moves by less of the depth, ends the rounds */
 #define REDRAW    1.0  /* px that points have moved by on average, for the model to be drawn again */
 #define GAIN_HOLD 1e-4 /* what keeps the gain near 1 and the bias near 0, in pixels of all */
 
