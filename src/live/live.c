@@ -29,6 +29,7 @@ sf_live_options sf_live_options_default(void) {
     o.fit.recent = SF_LIVE_RECENT;
     o.fit.first = SF_FIRST_SWEEP;
     o.fit.init_random = 1000;
+    o.fit.pyramid_levels = 1; /* what comes late has no time to begin coarsely */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
     return o;
