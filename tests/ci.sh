@@ -43,9 +43,9 @@ all_but() { # NAME...
 }
 
 # Whole fits take minutes where they are emulated: of these tests, each machine leaves out what the other runs,
-# and both what has nothing of a machine: all allocations, all moments of a fit.
-fits_64='exposure fit growth refine schedule sweep chart calibrate capture stability allocations guard cancel'
-fits_32='checkpoint cli bench guard cancel allocations'
+# and both what has nothing of a machine: all allocations, all moments of a fit, the program's words.
+fits_64='exposure fit growth refine schedule sweep chart calibrate capture stability allocations guard cancel cli commands live sim_board'
+fits_32='checkpoint cli commands bench guard cancel allocations'
 emulated() { # NAME TOOLCHAIN TESTS
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
     step "$1" "${run[@]}" TESTS="$3" test
@@ -57,7 +57,7 @@ step lint "${make[@]}" lint
 step gcc "${make[@]}" test
 step levels "${make[@]}" check
 # A step that tests keeps little more than one CPU busy: two go side by side.
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview" test >$logs/thread.out &
+step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test >$logs/thread.out &
 # All tests as clang builds them run there; without sanitizers it only has to compile them.
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
 step clang "${make[@]}" CC=clang build-tests

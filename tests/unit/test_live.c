@@ -2,13 +2,18 @@
 #include "../testing.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <splatfit/live.h>
 #include <splatfit/source.h>
 
-#define SOURCE "sim:studio?width=96&height=72&fps=0&frames=40"
+#define SOURCE "sim:studio?width=96&height=72&fps=0&frames="
+
+enum { FRAMES = 40, FEW = 30 };
+
+static int frames(void) { return getenv("SPLATFIT_QUICK") ? FEW : FRAMES; }
 
 typedef struct run {
     sf_context *ctx, *source_ctx;
@@ -16,10 +21,13 @@ typedef struct run {
     sf_live *live;
 } run;
 
+/* options NULL: the source alone. */
 static run open_run(int threads, const sf_live_options *options) {
     run r = {.ctx = test_context_threads(threads), .source_ctx = test_context_threads(1)};
-    assert_ok(r.source_ctx, sf_source_open(r.source_ctx, SOURCE, &r.source));
-    assert_ok(r.ctx, sf_live_create(r.ctx, r.source, options, &r.live));
+    char name[96];
+    snprintf(name, sizeof name, SOURCE "%d", frames());
+    assert_ok(r.source_ctx, sf_source_open(r.source_ctx, name, &r.source));
+    if (options) assert_ok(r.ctx, sf_live_create(r.ctx, r.source, options, &r.live));
     return r;
 }
 
@@ -61,11 +69,11 @@ static void fits_what_passes_by(void **state) {
     sf_live_get_frame(r.live, &frame);
     print_message("%zu keyframes, %zu Gaussians, held out %.2f dB\n", p.keyframes, p.fit.gaussians,
                   p.held_out_psnr_corrected);
-    assert_int_equal(p.looked_at, 40);
-    assert_int_equal(p.tracked, 40);
-    assert_int_equal(frame.number, 40);
+    assert_int_equal(p.looked_at, frames());
+    assert_int_equal(p.tracked, frames());
+    assert_int_equal(frame.number, frames());
     assert_int_equal(p.lost, 0);
-    assert_int_equal(p.frames.given, 40);
+    assert_int_equal(p.frames.given, frames());
     assert_true(p.keyframes >= 10 && p.held_out >= 2 && p.has_fit);
     assert_true(p.fit.step > 100 && p.fit.gaussians > 500);
     assert_true(p.held_out_psnr_corrected > 15);
@@ -172,8 +180,7 @@ static void refuses_options_by_name(void **state) {
                  {offsetof(sf_live_options, first_gap), 2, 1, "first_gap"},
                  {offsetof(sf_live_options, steps_per_frame), -1, 0, "steps_per_frame"},
                  {offsetof(sf_live_options, own_poses), 0, 0, "poses"}};
-    run r = {.ctx = test_context_threads(1), .source_ctx = test_context_threads(1)};
-    assert_ok(r.source_ctx, sf_source_open(r.source_ctx, SOURCE, &r.source));
+    run r = open_run(1, NULL);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         sf_live_options o = options_for(1);
         char *at = (char *)&o + cases[i].offset;
