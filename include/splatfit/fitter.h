@@ -312,9 +312,9 @@ SF_API sf_status sf_fitter_render(sf_fitter *fitter, const sf_camera *camera, co
  * given) have led to. Without refinement: as given. SF_ERR_ARGUMENT: no such view. */
 SF_API sf_status sf_fitter_get_camera(const sf_fitter *fitter, uint32_t id, sf_camera *camera);
 
-/* With refine_poses: training view `id` keeps the pose that it was given from now on. Where views are held the
- * others find their places among them, and the mean is not held. SF_ERR_ARGUMENT: no training view of that id
- * was taken up yet. */
+/* With refine_poses: training view `id` keeps the pose that it was given from now on. Where views are held
+ * the others find their places among them, and the mean is not held. SF_ERR_ARGUMENT: no training view of
+ * that id was taken up yet. */
 SF_API sf_status sf_fitter_hold_pose(sf_fitter *fitter, uint32_t id);
 
 /* sf_scene_save_cameras with the cameras of sf_fitter_get_camera. */
