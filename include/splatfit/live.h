@@ -47,12 +47,12 @@ typedef struct sf_live_options {
     int64_t keyframes_most; /* 8..100000: the one that its neighbours make up for best goes when there are
                                more */
     int hold_out;           /* of the keyframes every n-th is never trained on, only evaluated; 0: none */
-    double first_gap;       /* keyframes: a new one where the camera has moved by this part of the distance to
-                               what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
+    double keyframe_gap;    /* keyframes: a new one where the camera has moved by this part of the distance to
+                            what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
 } sf_live_options;
 
 /* A fit with exposures; no poses from outside; downscale 1, 12 frames a second, 300
- * keyframes, hold_out 8, first_gap 0.07. */
+ * keyframes, hold_out 8, keyframe_gap 0.07. */
 SF_API sf_live_options sf_live_options_default(void);
 
 /* Begins with the frames of `source`, which stays the caller's, belongs to the object until sf_live_destroy,

@@ -20,6 +20,10 @@ static const arg_option own_options[] = {
     {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
     {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (12)"},
+    {"keyframe-gap", 0, "X",
+     "a keyframe where the camera has moved by this part of the distance to what it sees, or turned by this "
+     "angle "
+     "in rad, from all others, 0.001..1 (0.07)"},
     {"steps-per-frame", 0, "N",
      "of a source that is not in real time look at every frame, and do N steps after each; such a run can be "
      "repeated; 0: as time allows (0)"},
@@ -54,7 +58,7 @@ typedef struct step {
 typedef struct live_run {
     const args *a;
     const char *output;
-    double seconds, save_every, next_save, tag_size, track_rate;
+    double seconds, save_every, next_save, tag_size, track_rate, gap;
     int downscale, keyframes, per_frame;
     sf_context *ctx, *source_ctx;
     sf_source *source;
@@ -102,11 +106,12 @@ static int read_real(const live_run *r, const char *name, double least, double m
 }
 
 static int read_options(live_run *r) {
-    r->save_every = 60, r->downscale = 1, r->keyframes = 300, r->track_rate = 12;
+    r->save_every = 60, r->downscale = 1, r->keyframes = 300, r->track_rate = 12, r->gap = 0.07;
     int error = read_real(r, "seconds", 0.1, 1e7, &r->seconds);
     if (!error) error = read_real(r, "save-every", 0, 1e7, &r->save_every);
     if (!error) error = read_real(r, "tag-size", 1, 1e4, &r->tag_size);
     if (!error) error = read_real(r, "track-rate", 0.1, 1000, &r->track_rate);
+    if (!error) error = read_real(r, "keyframe-gap", 0.001, 1, &r->gap);
     if (!error) error = args_int(r->a, "downscale", 1, 16, &r->downscale);
     if (!error) error = args_int(r->a, "keyframes", 8, 100000, &r->keyframes);
     if (!error) error = args_int(r->a, "steps-per-frame", 0, 1000000, &r->per_frame);
@@ -188,6 +193,7 @@ static int prepare(live_run *r) {
     r->options.fit.time_limit = r->seconds;
     r->options.downscale = r->downscale;
     r->options.track_rate = r->track_rate;
+    r->options.keyframe_gap = r->gap;
     r->options.keyframes_most = r->keyframes;
     r->options.steps_per_frame = r->per_frame;
     if (!error) error = progress_start(&r->line, r->a, stdout);

@@ -163,7 +163,7 @@ static sf_status take_keyframe(sf_live *live) {
 }
 
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
-    double now = 1e-9 * (double)live->picture->time_ns, gap = live->options.first_gap, center[3];
+    double now = 1e-9 * (double)live->picture->time_ns, gap = live->options.keyframe_gap, center[3];
     *taken = 0;
     live->sharpness = sharpness_of(live->picture);
     double usual = live->usual_sharpness > 0 ? live->usual_sharpness : live->sharpness;

@@ -18,7 +18,7 @@ sf_live_options sf_live_options_default(void) {
                          .track_rate = 12,
                          .keyframes_most = 300,
                          .hold_out = 8,
-                         .first_gap = 0.07};
+                         .keyframe_gap = 0.07};
     o.fit.steps = 0;
     o.fit.validate = 0;
     o.fit.size = SF_SIZE_CAP;
@@ -62,8 +62,8 @@ static sf_status check(sf_context *ctx, const sf_live_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "hold_out: %d is neither 0 nor above 1", o->hold_out);
     if (o->steps_per_frame < 0)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "steps_per_frame: %d is below 0", o->steps_per_frame);
-    if (!(o->first_gap >= 0.001 && o->first_gap <= 1))
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "first_gap: %g is not in 0.001..1", o->first_gap);
+    if (!(o->keyframe_gap >= 0.001 && o->keyframe_gap <= 1))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "keyframe_gap: %g is not in 0.001..1", o->keyframe_gap);
     if (!o->board && !o->pose && !o->own_poses)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "poses: neither a board nor poses from outside are given");
     return SF_OK;

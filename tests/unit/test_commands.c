@@ -225,8 +225,53 @@ static void test_calibrate_refuses(void **state) {
     free_outcome(&o);
 }
 
+/* A simulated camera that tells its poses. */
+#define LIVE "live", "sim:studio?width=64&height=48&fps=0&frames=24", "--poses", "frames", "--listen", "none"
+
+static void test_live_writes_what_it_was_told_to(void **state) {
+    (void)state;
+    clear_out();
+    outcome o = run_ok(LIVE, "-o", "out/m.ply", "--steps-per-frame", "3", "--trajectory", "out/path.txt",
+                       "--cameras", "out/cameras.json", "--log", "out/l.json", SMALL);
+    SAYS(o, "24 frames looked at, 24 with a pose, lost 0 times");
+    free_outcome(&o);
+    json_t *log = test_json(work("out/l.json")), *result = result_of(log);
+    assert_int_equal(test_number(result, "gaussians"), count_in("out/m.ply"));
+    assert_true(test_number(result, "steps") == 72 && option_of(log, "max_gaussians") == 400);
+    json_t *cameras = test_json(work("out/cameras.json"));
+    assert_int_equal(json_array_size(cameras), test_number(result, "keyframes"));
+    json_decref(cameras);
+    json_decref(log);
+    content path = content_of("out/path.txt");
+    int lines = 0;
+    for (size_t i = 0; i < path.size; i++) lines += path.data[i] == '\n';
+    assert_int_equal(lines, 25); /* a comment, and a pose for each frame */
+    free(path.data);
+}
+
+static void test_live_refuses(void **state) {
+    (void)state;
+    clear_out();
+    static const bad_input inputs[] = {
+        {USAGE, "--seconds: \"soon\" is not a number", {LIVE, "--seconds", "soon"}},
+        {USAGE, "--time-limit: \"3\" is --seconds here", {LIVE, "--time-limit", "3"}},
+        {USAGE, "--output: \"m.obj\" does not end in", {LIVE, "-o", "m.obj"}},
+        {USAGE, "--poses: \"dream\" is none of", {"live", "sim:studio", "--poses", "dream"}},
+        {FAILED, "\"nope\" is none of a4-36h11", {"live", "sim:studio", "--board", "nope"}},
+        {FAILED, "no/such: cannot be opened", {"live", "sim:studio", "--poses", "file:no/such"}},
+        {FAILED, "is not ADDRESS:PORT", {"live", "sim:studio", "--poses", "frames", "--listen", "here"}},
+        {FAILED,
+         "no model: no pose was found",
+         {"live", "sim:studio?width=64&height=48&fps=0&frames=3", "--poses", "frames", "--listen", "none",
+          "-o", "out/m.ply"}},
+    };
+    assert_all_refused(inputs, COUNT(inputs));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_live_writes_what_it_was_told_to),
+        cmocka_unit_test(test_live_refuses),
         cmocka_unit_test(test_what_is_refined_is_said),
         cmocka_unit_test(test_background_as_a_colour),
         cmocka_unit_test(test_target_ends_the_run),

@@ -144,7 +144,7 @@ static void keeps_no_more_keyframes_than_allowed(void **state) {
     (void)state;
     sf_live_options options = options_for(1);
     options.keyframes_most = 12;
-    options.first_gap = 0.01;
+    options.keyframe_gap = 0.01;
     run r = open_run(2, &options);
     sf_scene_info info;
     sf_live_progress p;
@@ -177,7 +177,7 @@ static void refuses_options_by_name(void **state) {
                  {offsetof(sf_live_options, downscale), 17, 0, "downscale"},
                  {offsetof(sf_live_options, keyframes_most), 7, 2, "keyframes_most"},
                  {offsetof(sf_live_options, hold_out), 1, 0, "hold_out"},
-                 {offsetof(sf_live_options, first_gap), 2, 1, "first_gap"},
+                 {offsetof(sf_live_options, keyframe_gap), 2, 1, "keyframe_gap"},
                  {offsetof(sf_live_options, steps_per_frame), -1, 0, "steps_per_frame"},
                  {offsetof(sf_live_options, own_poses), 0, 0, "poses"}};
     run r = open_run(1, NULL);
