@@ -45,7 +45,7 @@ all_but() { # NAME...
 # Whole fits take minutes where they are emulated: of these tests, each machine leaves out what the other runs,
 # and both what has nothing of a machine: all allocations, all moments of a fit, the program's words.
 fits_64='exposure fit growth refine schedule sweep chart calibrate capture stability allocations guard cancel cli commands live sim_board'
-fits_32='checkpoint cli commands bench guard cancel allocations'
+fits_32='checkpoint cli commands bench guard cancel allocations live'
 emulated() { # NAME TOOLCHAIN TESTS
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
     step "$1" "${run[@]}" TESTS="$3" test
