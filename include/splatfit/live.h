@@ -129,9 +129,9 @@ SF_API sf_status sf_live_snapshot(const sf_live *live, sf_model **model);
 /* Renders the model as it is; as sf_render. SF_ERR_EMPTY: there is none yet. */
 SF_API sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_out *out);
 
-/* The keyframes that there are, as a scene: pictures, and poses as tracked; sf_fitter_save_cameras's are
- * written by sf_live_save_cameras, as INRIA's cameras.json, atomically. */
+/* The keyframes that there are, as a scene: pictures, and poses as they were found. It is the object's. */
 SF_API sf_scene *sf_live_scene(sf_live *live);
+/* Writes their cameras, as the fit has refined them, as INRIA's cameras.json, atomically. */
 SF_API sf_status sf_live_save_cameras(sf_live *live, const char *path);
 
 #ifdef __cplusplus

@@ -109,7 +109,7 @@ static double least_gap(const sf_live *live, const sf_rigid *pose, const double 
 
 /* Of those that are trained on, but the first and the newest, the one that another stands in for best. */
 static size_t most_redundant(const sf_live *live) {
-    size_t found = 0;
+    size_t found = 1;
     double least = INFINITY;
     for (size_t i = 1; i + SF_LIVE_RECENT < live->keyframe_count; i++) {
         const sf_keyframe *k = &live->keyframes[i];

@@ -95,7 +95,6 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     live->ctx = ctx;
     live->options = *options;
     plan(live, source);
-    live->first_psnr = NAN;
     atomic_init(&live->cancelled, 0);
     status = sf_fit_options_check(ctx, &live->options.fit);
     if (!status) status = sf_scene_create(ctx, &live->scene);

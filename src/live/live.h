@@ -55,7 +55,6 @@ struct sf_live {
     atomic_int cancelled;
     int paused, source_ended;
     int steps_due; /* with steps_per_frame, before the next frame */
-    uint64_t steps_done;
 
     /* The frame that is looked at. */
     const sf_picture *picture;
@@ -82,13 +81,11 @@ struct sf_live {
     double wanted_since; /* by the frames' clock, s */
     size_t evaluate_next;
     double evaluated; /* s */
-    double first_psnr;
 
     double first_frame, next_frame; /* s of the clock */
     uint64_t looked_at, tracked, lost;
     size_t seeded;
-    sf_ticker poses_found, frames_come;
-    uint64_t came_before;
+    sf_ticker poses_found;
     double track_seconds; /* smoothed */
 };
 
