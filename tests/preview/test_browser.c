@@ -26,15 +26,18 @@ static const char token[] = "token-of-the-test";
 static void open_preview(fixture *f, const char *listen, const char *with) {
     sf_preview_options o = {.listen = listen, .token = with, .title = "blobs"};
     sf_status status = sf_preview_open(f->ctx, &o, &f->p);
-    if (status == SF_ERR_UNSUPPORTED) test_skip("not built with civetweb");
+    if (status == SF_ERR_UNSUPPORTED) {
+        sf_context_destroy(&f->ctx);
+        test_skip("not built with civetweb");
+    }
     assert_ok(f->ctx, status);
 }
 
 static fixture start(void) {
-    fixture f = {.ctx = test_context()};
     if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK: a browser is slow there");
+    if (!shared.pid) shared = browser_start(WIDTH, HEIGHT); /* skips where there is none */
+    fixture f = {.ctx = test_context()};
     open_preview(&f, "127.0.0.1:0", token);
-    if (!shared.pid) shared = browser_start(WIDTH, HEIGHT);
     shared.exceptions = 0;
     browser_open(&shared, "about:blank");
     browser_resize(&shared, WIDTH, HEIGHT, 1, 0);
