@@ -421,7 +421,7 @@ static int finish(live_run *r) {
 }
 
 /* The page's buttons. A model that cannot be written is said, and the fit goes on. */
-static int obey(live_run *r) {
+static void obey(live_run *r) {
     switch (page_command(&r->page)) {
     case PAGE_PAUSE:
         sf_live_pause(r->live, 1);
@@ -438,7 +438,6 @@ static int obey(live_run *r) {
     case PAGE_NOTHING:
         break;
     }
-    return 0;
 }
 
 static int loop(live_run *r) {
@@ -456,9 +455,8 @@ static int loop(live_run *r) {
         if (status) progress_break(&r->line);
         if (status && status != SF_ERR_END && status != SF_ERR_CANCELLED) error = app_fail(r->a, r->ctx);
         if (status || error) return error;
-        error = obey(r);
-        if (error) return error;
-        if (page_due(&r->page, p.seconds)) page_show(&r->page, r->ctx, r->live, progress_json(&p));
+        obey(r);
+        if (page_due(&r->page, p.seconds)) page_show(&r->page, r->live, progress_json(&p));
         save_now_and_then(r, &p);
     }
 }

@@ -22,7 +22,7 @@ void page_close(page *p);
 /* Whether it is time to show something new. */
 int page_due(page *p, double seconds);
 /* Shows the frame, the render from there, the figures (takes the reference) and now and then the model. */
-void page_show(page *p, sf_context *ctx, sf_live *live, json_t *figures);
+void page_show(page *p, sf_live *live, json_t *figures);
 /* The next button that somebody pressed. */
 page_word page_command(page *p);
 

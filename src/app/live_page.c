@@ -100,8 +100,7 @@ static void show_model(page *p, sf_live *live, double now) {
 }
 
 /* What cannot be shown, for want of memory, is not: the fit goes on. */
-void page_show(page *p, sf_context *ctx, sf_live *live, json_t *figures) {
-    (void)ctx;
+void page_show(page *p, sf_live *live, json_t *figures) {
     sf_live_frame f;
     sf_live_get_frame(live, &f);
     size_t pixels = (size_t)f.camera.width * (size_t)f.camera.height;

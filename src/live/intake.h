@@ -18,6 +18,11 @@ typedef struct sf_picture {
     sf_camera truth; /* the frame's own camera, scaled to the picture */
 } sf_picture;
 
+/* Grey of a pixel, as sf_tracker_take has it. */
+static inline float sf_picture_grey(const sf_picture *p, size_t at) {
+    return 0.299f * p->rgb[0][at] + 0.587f * p->rgb[1][at] + 0.114f * p->rgb[2][at];
+}
+
 typedef struct sf_intake sf_intake;
 
 /* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`, for who

@@ -28,10 +28,6 @@ enum {
 
 /* 1. Pictures, small and sharp */
 
-static float grey_at(const sf_picture *p, size_t at) {
-    return 0.299f * p->rgb[0][at] + 0.587f * p->rgb[1][at] + 0.114f * p->rgb[2][at];
-}
-
 void sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
     size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
     double mean = 0, squares = 0;
@@ -41,7 +37,7 @@ void sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
             size_t y0 = ty * height / SF_THUMB_HEIGHT, y1 = (ty + 1) * height / SF_THUMB_HEIGHT;
             float sum = 0, count = 0;
             for (size_t y = y0; y < y1; y++)
-                for (size_t x = x0; x < x1; x++, count++) sum += grey_at(p, y * width + x);
+                for (size_t x = x0; x < x1; x++, count++) sum += sf_picture_grey(p, y * width + x);
             thumb[ty * SF_THUMB_WIDTH + tx] = count > 0 ? sum / count : 0;
             mean += (double)thumb[ty * SF_THUMB_WIDTH + tx] / SF_THUMB;
         }
@@ -79,9 +75,9 @@ static double sharpness_of(const sf_picture *p) {
     for (size_t y = 2; y + 2 < height; y += 2)
         for (size_t x = 2; x + 2 < width; x += 2, count++) {
             size_t at = y * width + x;
-            double g = (double)grey_at(p, at);
-            double l = 4 * g - (double)(grey_at(p, at - 2) + grey_at(p, at + 2)) -
-                       (double)(grey_at(p, at - 2 * width) + grey_at(p, at + 2 * width));
+            double g = (double)sf_picture_grey(p, at);
+            double l = 4 * g - (double)(sf_picture_grey(p, at - 2) + sf_picture_grey(p, at + 2)) -
+                       (double)(sf_picture_grey(p, at - 2 * width) + sf_picture_grey(p, at + 2 * width));
             edges += l * l, sum += g, squares += g * g;
         }
     double variance = count > 0 ? squares / count - pow(sum / count, 2) : 0;

@@ -42,10 +42,8 @@ static int is_finite(const sf_rigid *pose) {
 
 static void make_grey(const sf_picture *p, uint8_t *grey) {
     size_t pixels = (size_t)p->camera.width * (size_t)p->camera.height;
-    for (size_t i = 0; i < pixels; i++) {
-        float y = 0.299f * p->rgb[0][i] + 0.587f * p->rgb[1][i] + 0.114f * p->rgb[2][i];
-        grey[i] = (uint8_t)(255 * fminf(fmaxf(y, 0), 1) + 0.5f);
-    }
+    for (size_t i = 0; i < pixels; i++)
+        grey[i] = (uint8_t)(255 * fminf(fmaxf(sf_picture_grey(p, i), 0), 1) + 0.5f);
 }
 
 /* information = (doubt covariance)^-1. 0: there is none. */

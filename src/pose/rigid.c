@@ -31,11 +31,9 @@ static void rotation_log(const double R[9], double phi[3]) {
 }
 
 void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TWIST]) {
-    double back[9], turn[9], moved[3];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) back[3 * i + j] = from->R[3 * j + i];
-    sf_mat3_mul(to->R, back, turn);
-    rotation_log(turn, twist + 3);
-    sf_mat3_vec(turn, from->t, moved);
-    for (int k = 0; k < 3; k++) twist[k] = to->t[k] - moved[k];
+    sf_rigid way;
+    sf_rigid_invert(from, &way);
+    sf_rigid_compose(to, &way, &way);
+    for (int k = 0; k < 3; k++) twist[k] = way.t[k];
+    rotation_log(way.R, twist + 3);
 }
