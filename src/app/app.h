@@ -44,6 +44,10 @@ json_t *app_options_json(const sf_fit_options *options);
 /* The most memory that the process has had resident, in MB. */
 double app_peak_memory(void);
 
+/* The lens in the file that --lens names, which must be for pictures of the source's size; left alone where
+ * it was not given. 0 or an exit code. */
+int app_lens(const args *a, sf_context *ctx, const sf_source *source, sf_lens *lens);
+
 /* Whether `path` can be written, as far as that can be told without writing. 0 or an exit code. */
 int app_check_output(const args *a, const char *path);
 

@@ -107,20 +107,12 @@ static json_t *lens_json(const sf_lens *lens, const sf_source_info *info, int do
                      lens->k2, "p1", lens->p1, "p2", lens->p2);
 }
 
-/* The source is open: it must give frames of the size that the lens is for. */
 static int read_lens(capture *c) {
-    const char *path = args_value(c->a, "lens");
-    const sf_source_info *info = &c->options.info;
-    sf_calibration known;
-    if (!path) return 0;
-    if (sf_calibration_load(c->ctx, path, &known)) return app_fail(c->a, c->ctx);
-    if (known.width && (known.width != info->width || known.height != info->height)) {
-        fprintf(stderr, "splatfit capture: %s: size: %d x %d is not the source's %d x %d\n", path,
-                (int)known.width, (int)known.height, (int)info->width, (int)info->height);
-        return EXIT_FAILED;
-    }
-    c->options.lens = c->lens = lens_json(&known.lens, info, c->options.downscale);
-    return 0;
+    sf_lens lens = {0};
+    int error = app_lens(c->a, c->ctx, c->source, &lens);
+    if (!error && lens.fx > 0)
+        c->options.lens = c->lens = lens_json(&lens, &c->options.info, c->options.downscale);
+    return error;
 }
 
 /* 2. Frames */

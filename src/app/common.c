@@ -258,3 +258,19 @@ double app_peak_memory(void) {
     struct rusage usage;
     return getrusage(RUSAGE_SELF, &usage) ? 0 : (double)usage.ru_maxrss / 1024;
 }
+
+int app_lens(const args *a, sf_context *ctx, const sf_source *source, sf_lens *lens) {
+    const char *path = args_value(a, "lens");
+    sf_calibration known;
+    sf_source_info info;
+    if (!path) return 0;
+    if (sf_calibration_load(ctx, path, &known)) return app_fail(a, ctx);
+    sf_source_describe(source, &info);
+    if (known.width && (known.width != info.width || known.height != info.height)) {
+        fprintf(stderr, "splatfit %s: %s: size: %d x %d is not the source's %d x %d\n", a->command->name,
+                path, (int)known.width, (int)known.height, (int)info.width, (int)info.height);
+        return EXIT_FAILED;
+    }
+    *lens = known.lens;
+    return 0;
+}

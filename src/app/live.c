@@ -162,22 +162,6 @@ static int read_poses(live_run *r) {
     return 0;
 }
 
-static int read_lens(live_run *r) {
-    const char *path = args_value(r->a, "lens");
-    sf_calibration known;
-    sf_source_info info;
-    if (!path) return 0;
-    if (sf_calibration_load(r->ctx, path, &known)) return app_fail(r->a, r->ctx);
-    sf_source_describe(r->source, &info);
-    if (known.width && (known.width != info.width || known.height != info.height)) {
-        fprintf(stderr, "splatfit live: %s: size: %d x %d is not the source's %d x %d\n", path,
-                (int)known.width, (int)known.height, (int)info.width, (int)info.height);
-        return EXIT_FAILED;
-    }
-    r->options.lens = known.lens;
-    return 0;
-}
-
 static int open_source(live_run *r) {
     int error = app_context(r->a, &r->source_ctx); /* its own: it fails on another thread */
     if (!error && sf_source_open(r->source_ctx, r->a->positional[0], &r->source))
@@ -205,7 +189,7 @@ static int prepare(live_run *r) {
         if (outputs[i]) error = app_check_output(r->a, outputs[i]);
     if (!error) error = read_poses(r);
     if (!error) error = open_source(r);
-    if (!error) error = read_lens(r);
+    if (!error) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);
     if (!error && sf_live_create(r->ctx, r->source, &r->options, &r->live)) error = app_fail(r->a, r->ctx);
     if (!error) error = page_open(&r->page, r->a, r->ctx);
     return error;
