@@ -17,15 +17,19 @@
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes
 # make charts-quick  whether that works: build/charts-quick; seconds
-# make test-outside  another tool's reader and writer of models on our files, and we on its; npm fetches it
+# make test-outside  other tools' readers and writers of models on our files, and we on theirs; viewers of others draw them; npm fetches all
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
-# make serve         the program that shows a model on the page, to look at it by hand
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make endurance     10,000 cycles of all that is made and destroyed, then an hour's fit: memory does not grow; CYCLES=100 SECONDS=60 for less
-# make lint          include order, headers, symbols, format, forbidden words, scripts, the mutants' texts
+# make lint          include order, headers and their comments, symbols, ABI, links, format, forbidden words, scripts, the mutants' texts
+# make doc           all that the public headers declare as one page: build/doc/index.html
+# make abi           writes tests/abi/abi.txt anew: what programs link against
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 # make deps          installs what build and tests need; make deps-ci: what ci needs
-# make install       program, headers, libraries and splatfit.pc to $(DESTDIR)$(PREFIX)
+# make install       program, headers, libraries, splatfit.pc, manual, completion to $(DESTDIR)$(PREFIX); make uninstall
+# make man           the pages of the manual: build/*/man
+# make deb           Debian packages of this machine or of TOOLCHAIN: build/deb; make test-deb installs and runs them
+# make sizes         bytes of program and library without debugging information, a row of toolchains/README.md
 # make clean         removes build/
 #
 # CC=clang           another compiler            CFLAGS=, LDFLAGS=  appended to the flags
@@ -39,8 +43,9 @@ TOOLCHAIN ?= native
 PREFIX    ?= /usr/local
 LIBDIR    ?= $(PREFIX)/lib
 
-VERSION   := $(shell sed -n 's/.*sf_version(void).*"\(.*\)".*/\1/p' src/kernels/context.c)
-SOVERSION := 0
+# Of the library; of its interface, which goes up where a program built against the last one would break.
+VERSION   := $(shell sed -n 's/^#define SF_VERSION *"\(.*\)"/\1/p' include/splatfit/context.h)
+SOVERSION := $(shell sed -n 's/^#define SF_ABI *\([0-9]*\)$$/\1/p' include/splatfit/context.h)
 
 # A toolchain sets CC, CXX, AR, NM, PKG_CONFIG, TARGET_CFLAGS, TARGET_LDFLAGS, RUN (what runs its programs here),
 # DEPS_BUILD, DEPS_TEST and DEPS_OPTIONAL (sets of tests/deps/deps.sh), PREPARE (a command before the first build), QEMU_ROOT (where
@@ -62,7 +67,7 @@ INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stab
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
-OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libzstd)
+OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libzip libzstd)
 ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECMDGOALS))),)
 $(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
 endif
@@ -102,7 +107,7 @@ SCENE_SRC := $(call tests_in,scenes)
 PAGE_SRC  := $(call tests_in,preview)
 LONG_SRC  := $(call tests_in,endurance)
 # The program from outside, by a script.
-SCRIPTS   := $(wildcard $(if $(TESTS),$(TESTS:%=tests/crash/%.sh),tests/crash/*.sh))
+SCRIPTS   := $(wildcard $(if $(TESTS),$(foreach d,crash app,$(TESTS:%=tests/$(d)/%.sh)),tests/crash/*.sh $(filter-out %/tap.sh,$(wildcard tests/app/*.sh))))
 
 # A file of arch/vector is compiled once a level, with that level's flags.
 LEVELS_x86   := sse4 avx2 avx512
@@ -152,8 +157,6 @@ STAB    := $(STAB_SRC:%.c=$(O)/%)
 STABILITY := $(O)/tests/stability/stability
 SCENES  := $(SCENE_SRC:%.c=$(O)/%)
 PAGES   := $(PAGE_SRC:%.c=$(O)/%)
-# A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers.
-SHIM    := $(if $(RUN)$(SAN)$(filter 1,$(STATIC)),,$(O)/tests/crash/shim.so)
 LONG    := $(LONG_SRC:%.c=$(O)/%)
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers and no counts
 # of lines to be written in the end.
@@ -186,7 +189,8 @@ endif
 MODULES      := libturbojpeg spng jansson zlib
 MODULES      += $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
-                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) \
+                $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzip,$(FOUND)),-DSF_HAVE_LIBZIP) \
+                $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) \
                 $(if $(CIVETWEB),-DSF_HAVE_CIVETWEB)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 MODULE_FLAGS :=
@@ -283,7 +287,7 @@ $(LIB): $(LIB_OBJ) $(O)/sources
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $(LIB_OBJ)
 
-$(O)/libsplatfit.so.$(SOVERSION): $(LIB_OBJ) $(O)/sources
+$(O)/libsplatfit.so.$(SOVERSION): $(LIB_OBJ) $(O)/sources src/exports.map
 	$(say) LD $@
 	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--no-undefined -Wl,--version-script=src/exports.map $(ALL_LDFLAGS) -o $@ $(LIB_OBJ) $(LIBS)
 
@@ -303,6 +307,8 @@ $(O)/src/preview/page_bytes.c: $(PAGE)
 $(O)/src/preview/page_bytes.o: $(O)/src/preview/page_bytes.c $(O)/flags
 	$(Q)$(CC) $(ALL_CFLAGS) -Isrc -c -o $@ $<
 
+# The program says how it was linked.
+$(O)/src/app/licences.o: BASE_CFLAGS += $(if $(filter 1,$(STATIC)),-DSF_STATIC=1)
 $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(O)/sources $(SPNG)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) -o $@ $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(CIVETWEB) $(LIBS)
@@ -311,20 +317,19 @@ $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(O)/sources $(SPNG)
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
 $(CHECK): $(CHECK_OBJ)
 $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
-$(O)/tests/unit/test_cli $(O)/tests/unit/test_commands: $(PROGRAM_OBJ)
+$(addprefix $(O)/tests/unit/test_,cli commands outputs) $(PAGES): $(PROGRAM_OBJ)
 $(O)/tests/unit/test_bench: $(BENCH_OBJ)
 $(O)/tests/unit/test_chart: $(CHART_OBJ)
 $(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
-SERVE := $(O)/tests/preview/serve
-$(O)/tests/unit/test_preview $(PAGES) $(SERVE): $(PREVIEW_OBJ)
-$(PAGES) $(SERVE): $(O)/tests/preview/browser.o
-$(addprefix $(O)/tests/unit/test_,hostile preview) $(PAGES) $(SERVE): PREVIEW_LIBS = $(CIVETWEB)
-$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES) $(SERVE): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
+$(O)/tests/unit/test_preview $(PAGES): $(PREVIEW_OBJ)
+$(PAGES): $(O)/tests/preview/browser.o
+$(addprefix $(O)/tests/unit/test_,hostile preview) $(PAGES): PREVIEW_LIBS = $(CIVETWEB)
+$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
 
-TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES) $(SERVE)) \
+TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES)) \
                     $(O)/tests/preview/browser.o
 -include $(patsubst %.o,%.d,$(LIB_OBJ) $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_OBJ) $(TEST_OBJ) $(PROGRAM_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
     $(TEST_PROGRAM_OBJ) $(BOARD_GUEST) $(BOARD_UVCSIM))
@@ -346,7 +351,7 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance coverage coverage-run serve board-programs check check-cpus build-tests test-install test-outside test-static lint ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance coverage coverage-run board-programs check check-cpus build-tests test-install test-outside test-static lint abi doc ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
@@ -394,10 +399,6 @@ test-vm:
 test-scenes: $(SCENES) $(PROGRAM)
 	$(call show_tests,SCENES=1) $(SCENES) $(filter %/memory.sh,$(SCRIPTS))
 
-# To look at the page by hand: build/.../serve MODEL.
-serve: $(SERVE)
-	@echo $(SERVE)
-
 # Hostile input: each target for FUZZ_SECONDS; TESTS names some.
 fuzz-program: $(FUZZER)
 fuzz:
@@ -431,11 +432,22 @@ test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
 test-outside: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/outside/splat_transform.sh
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/outside/viewers.sh
 test-static: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/check/static.sh
 
 lint: $(LIB) $(SO)
 	@CC='$(CC)' NM='$(NM)' CFLAGS='$(BASE_CFLAGS) $(LIBS_CFLAGS)' LIB=$(LIB) SO=$(SO) tests/lint/lint.sh
+
+# The list of what others link against, rewritten: read include/splatfit/README.md before.
+abi: $(SO)
+	@CC='$(CC)' NM='$(NM)' tests/abi/list.py $(SO) >build/abi.txt && mv build/abi.txt tests/abi/abi.txt
+
+# All that the headers declare, with the comments, as one page.
+doc:
+	@mkdir -p build/doc
+	@tests/docs/declarations.py --html $(HEADERS) >build/doc/index.html.new && mv build/doc/index.html.new build/doc/index.html
+	@echo build/doc/index.html
 
 ci:
 	@MAKE='$(MAKE)' tests/ci.sh
@@ -456,7 +468,7 @@ charts-quick: $(PROGRAM)
 
 demo: all
 	$(PROGRAM) fit sim:studio --steps 1500 --max-gaussians 40000 -o build/demo.ply --compare build/demo.png \
-	    --cameras none $(DEMO_FLAGS)
+	    $(DEMO_FLAGS)
 	@echo 'build/demo.ply: the model, for any viewer of Gaussian splats'
 	@echo 'build/demo.png: left a picture that the fit never saw, right the fit rendered from there'
 
@@ -496,8 +508,17 @@ Cflags: -I$${includedir}
 endef
 export PC
 
-.PHONY: install clean help
-install: all
+# What the programs' tables say, and what src/app/man adds by hand.
+MAN := $(patsubst src/app/man/%.man,$(O)/man/%.1,$(wildcard src/app/man/*.man))
+.PHONY: install uninstall man deb test-deb sizes clean help
+man: $(MAN)
+$(O)/man/%.1: src/app/man/%.man src/app/man/page.sh $(PROGRAM)
+	$(say) MAN $@
+	@mkdir -p $(@D)
+	$(Q)src/app/man/page.sh $* $(RUN) $(PROGRAM) >$@.new && mv $@.new $@
+
+COMPLETIONS := $(PREFIX)/share/bash-completion/completions
+install: all man
 	$(Q)install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/include/splatfit"
 	$(Q)install -d "$(DESTDIR)$(LIBDIR)/pkgconfig"
 	$(Q)install -m 755 $(PROGRAM) "$(DESTDIR)$(PREFIX)/bin"
@@ -505,6 +526,25 @@ install: all
 	$(Q)install -m 644 $(LIB) $(SO) "$(DESTDIR)$(LIBDIR)"
 	$(if $(SO),$(Q)ln -sfn $(notdir $(SO)) "$(DESTDIR)$(LIBDIR)/libsplatfit.so")
 	$(Q)printf '%s\n' "$$PC" >"$(DESTDIR)$(LIBDIR)/pkgconfig/splatfit.pc"
+	$(Q)install -d "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(COMPLETIONS)"
+	$(Q)install -m 644 $(MAN) "$(DESTDIR)$(PREFIX)/share/man/man1"
+	$(Q)install -m 644 src/app/man/completion.bash "$(DESTDIR)$(COMPLETIONS)/splatfit"
+
+uninstall:
+	$(Q)rm -f "$(DESTDIR)$(PREFIX)/bin/splatfit" "$(DESTDIR)$(COMPLETIONS)/splatfit" "$(DESTDIR)$(LIBDIR)"/libsplatfit.* \
+	    "$(DESTDIR)$(LIBDIR)/pkgconfig/splatfit.pc" $(patsubst $(O)/man/%,"$(DESTDIR)$(PREFIX)/share/man/man1/%",$(MAN))
+	$(Q)rm -rf "$(DESTDIR)$(PREFIX)/include/splatfit"
+
+# Debian's packages of what this toolchain builds.
+DEB_ARCH   = $(or $(DEBIAN_ARCH),$(shell dpkg --print-architecture))
+DEB_TRIPLE = $(or $(TRIPLE),$(shell $(CC) -dumpmachine))
+DEB_ENV    = MAKE='$(MAKE)' NM='$(NM)' RUN='$(RUN)' PROGRAM='$(PROGRAM)' VERSION='$(VERSION)' SOVERSION='$(SOVERSION)' TRIPLE='$(DEB_TRIPLE)'
+deb: all man
+	+@$(DEB_ENV) toolchains/deb/deb.sh $(DEB_ARCH) '$(SYSROOT)' build/deb
+sizes: all
+	@NM='$(NM)' toolchains/sizes.sh $(CONFIG) $(PROGRAM) $(SO)
+test-deb: deb
+	+@$(DEB_ENV) RUN_IN='$(if $(RUN),$(firstword $(RUN)) -L)' toolchains/deb/test.sh $(DEB_ARCH) '$(SYSROOT)' build/deb
 
 clean:
 	$(Q)rm -rf build

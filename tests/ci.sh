@@ -43,9 +43,10 @@ all_but() { # NAME...
 }
 
 # Whole fits take minutes where they are emulated: of these tests, each machine leaves out what the other runs,
-# and both what has nothing of a machine: all allocations, all moments of a fit, the program's words.
-fits_64='exposure fit growth refine schedule sweep chart calibrate capture stability allocations guard cancel cli commands live sim_board'
-fits_32='checkpoint cli commands bench guard cancel allocations live'
+# and both what has nothing of a machine: all allocations, all moments of a fit, the program's words, what is learned of poses.
+fits_both='allocations cancel cli commands guard live refine schedule sim_board'
+fits_64="calibrate capture chart exposure fit growth stability sweep $fits_both"
+fits_32="bench checkpoint context degrees $fits_both"
 emulated() { # NAME TOOLCHAIN TESTS
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
     step "$1" "${run[@]}" TESTS="$3" test
@@ -53,43 +54,71 @@ emulated() { # NAME TOOLCHAIN TESTS
     step "$1-cpus" "${run[@]}" check-cpus
 }
 
+# Much of this keeps little more than one CPU busy: two lanes go side by side, and what the other one does is said where
+# both have come to an end. They share no folder that either builds in.
+lane() { # NAME COMMAND
+    "$2" >"$logs/lane-$1.out" &
+}
+join() { # NAME
+    wait
+    cat "$logs/lane-$1.out"
+}
+
+# All tests as clang builds them run with sanitizers; without, it only has to compile them.
+by_clang() { step clang "${make[@]}" CC=clang build-tests; }
+by_threads() {
+    step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test
+}
 step lint "${make[@]}" lint
+lane clang by_clang
 step gcc "${make[@]}" test
 step levels "${make[@]}" check
-# A step that tests keeps little more than one CPU busy: two go side by side.
-step thread "${quick[@]}" "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test >$logs/thread.out &
-# All tests as clang builds them run there; without sanitizers it only has to compile them.
+join clang
+lane thread by_threads
 step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
-step clang "${make[@]}" CC=clang build-tests
-wait
-cat $logs/thread.out
+join thread
 # As many targets at a time as there are processors.
 step fuzz "${make[@]}" fuzz
-# Emulated programs keep one CPU busy each: the slowest machine goes beside all that follows up to the wait.
+
 # shellcheck disable=SC2086
-emulated armhf arm-linux-gnueabihf "$(all_but $fits_64)" >$logs/armhf.out &
+by_armhf() { emulated armhf arm-linux-gnueabihf "$(all_but $fits_64)"; }
+lane armhf by_armhf
 # shellcheck disable=SC2086
 emulated aarch64 aarch64-linux-gnu "$(all_but $fits_32)"
 step cpus env TIMEOUT=900 "${make[@]}" check-cpus
 step mutants "${make[@]}" mutants
-wait
-cat $logs/armhf.out
-step bench "${make[@]}" bench-quick
-step charts "${make[@]}" charts-quick
-for target in native aarch64-linux-gnu arm-linux-gnueabihf rpi5; do
+join armhf
+
+# An emulated board, and sources that are slow on purpose, beside builds and what others say of our files.
+by_cameras() {
+    step vm "${make[@]}" test-vm
+    step soak "${make[@]}" soak SECONDS=20
+}
+lane cameras by_cameras
+for target in native arm-linux-gnueabihf rpi5; do
     step static-$target "${make[@]}" TOOLCHAIN=$target STATIC=1 test-static
 done
 # The other boards differ from rpi5 in a flag.
 for target in rpi4 rpi-zero2 jetson; do
     step board-$target "${make[@]}" TOOLCHAIN=$target build/$target/src/kernels/context.o
 done
-step soak "${make[@]}" soak SECONDS=20
-step vm "${make[@]}" test-vm
 step install "${make[@]}" test-install
 step outside "${make[@]}" test-outside
-step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
-step crash "${make[@]}" crash EVERY=15
-step scenes env TIMEOUT=1200 "${make[@]}" test-scenes
+join cameras
+for target in native aarch64-linux-gnu arm-linux-gnueabihf; do
+    step deb-$target "${make[@]}" TOOLCHAIN=$target test-deb
+done
+
+by_charts() {
+    step bench "${make[@]}" bench-quick
+    step charts "${make[@]}" charts-quick
+    step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
+}
+lane charts by_charts
+step crash "${make[@]}" crash KILLS=50 EVERY=15
+join charts
+# The blobs are some of them.
+step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes
 
 # Where the time went: the steps, and each step's slowest programs.
 echo "== seconds of $SECONDS: $(sort -rn $logs/times | awk '{ printf "%s %d, ", $2, $1 }')"

@@ -54,6 +54,7 @@ static void become_program(const char *const *args, const launch *how) {
 pid_t start_program(const char *const *args, const launch *how) {
     static const launch plain = {0};
     test_write(captured_out, "", 0);
+    test_write(captured_err, "", 0);
     pid_t pid = fork();
     assert_true(pid >= 0);
     if (pid == 0) become_program(args, how ? how : &plain);

@@ -16,6 +16,8 @@ scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 trap 'exit 130' INT TERM
 export CMOCKA_MESSAGE_OUTPUT=TAP
+# What has nothing of a machine is not emulated.
+[ -z "${RUN:-}" ] || export SPLATFIT_EMULATED=1
 # Sanitizers: a refused allocation is for the program to handle, a crash is reported before cmocka catches it.
 export ASAN_OPTIONS="${ASAN_OPTIONS:-allocator_may_return_null=1:handle_segv=2:handle_sigfpe=2}"
 export TSAN_OPTIONS="${TSAN_OPTIONS:-allocator_may_return_null=1}"

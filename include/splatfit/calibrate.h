@@ -20,14 +20,14 @@ extern "C" {
 /* A tag: the four corners of its black square, in metres in the board's frame: top left, top right, bottom
  * right, bottom left of the tag as it is drawn upright. */
 typedef struct sf_board_tag {
-    int32_t id;
-    double corner[4][2];
+    int32_t id;          /* within its family */
+    double corner[4][2]; /* m */
 } sf_board_tag;
 
 /* A flat board. Its frame: +x right and +y down for who reads it, +z into the board, which lies at z = 0. The
  * origin of a board that splatfit draws is the middle of its tags. */
 typedef struct sf_board {
-    char name[64];
+    char name[64];            /* as it was opened */
     char family[32];          /* libapriltag's name, "tag36h11" */
     double tag_size;          /* m: the side of the black squares */
     double width, height;     /* m: the sheet; 0: not known */
@@ -57,6 +57,7 @@ typedef struct sf_board_corner {
     double pixel[2];    /* px; pixel (i, j) covers [i, i+1) x [j, j+1) */
 } sf_board_corner;
 
+/* Looks for the tags of one board. One thread at a time may use it. */
 typedef struct sf_detector sf_detector;
 
 /* Finds tags of a board. decimate: 1 (best) .. 8, pictures are reduced by it to look for tags, whose edges
@@ -118,6 +119,7 @@ SF_API sf_status sf_sightings_add(sf_sightings *sightings, const sf_board_corner
 SF_API sf_status sf_sightings_offer(sf_sightings *sightings, const sf_board_corner *corners, size_t count,
                                     int *taken);
 
+/* Views so far. */
 SF_API size_t sf_sightings_count(const sf_sightings *sightings);
 
 /* The share of the 8 x 6 cells of the picture in which a corner was seen, 0..1. */
@@ -140,8 +142,8 @@ SF_API sf_calibrate_options sf_calibrate_options_default(void);
 
 /* A calibrated camera. What a file does not tell is 0. */
 typedef struct sf_calibration {
-    int32_t width, height; /* px */
-    sf_lens lens;
+    int32_t width, height;    /* px */
+    sf_lens lens;             /* as estimated */
     sf_lens sigma;            /* standard deviations; 0: fixed, or not known */
     double rms;               /* px: root of the mean squared distance of the corners that were used */
     double worst_rms;         /* px: of the view where it is greatest */

@@ -35,6 +35,11 @@ SF_API void sf_camera_center(const sf_camera *camera, double center[3]);
  * rounded down (what is left over at the right and bottom is cut), fx, fy, cx, cy are divided. */
 SF_API sf_camera sf_camera_downscaled(const sf_camera *camera, int factor);
 
+/* The unit quaternion w x y z of a rotation (row-major), its greatest component above 0; and back, of a
+ * quaternion of any norm but 0. */
+SF_API void sf_rotation_to_quat(const double R[9], double quat[4]);
+SF_API void sf_rotation_from_quat(const double quat[4], double R[9]);
+
 /* SF_OK if sizes, focal lengths and pose are in range and finite and the rotation is orthonormal to 1e-3. */
 SF_API sf_status sf_camera_check(const sf_camera *camera);
 

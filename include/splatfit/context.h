@@ -14,9 +14,15 @@
 extern "C" {
 #endif
 
+/* What all objects of one use of the library share. */
 typedef struct sf_context sf_context;
 
-typedef enum sf_log_level { SF_LOG_DEBUG, SF_LOG_INFO, SF_LOG_WARNING } sf_log_level;
+/* How much a line of the log matters. */
+typedef enum sf_log_level {
+    SF_LOG_DEBUG,  /* for who looks for a fault */
+    SF_LOG_INFO,   /* what was done, or left out, and is as it should be */
+    SF_LOG_WARNING /* what its user should know: the result may not be what was meant */
+} sf_log_level;
 
 /* Receives one line, without its newline. Called from the thread that made the call in progress, or from a
  * thread of the pool, one call at a time. It must not call the library. */
@@ -27,16 +33,17 @@ typedef void (*sf_log_fn)(void *user, sf_log_level level, const char *message);
 typedef struct sf_allocator {
     void *(*alloc)(void *user, size_t size);
     void (*free)(void *user, void *block);
-    void *user;
+    void *user; /* handed to both */
 } sf_allocator;
 
+/* All 0 is the default. */
 typedef struct sf_context_options {
     const sf_allocator *allocator; /* NULL: malloc and free */
     sf_log_fn log;                 /* NULL: silent */
-    void *log_user;
-    int threads;     /* 1..256; 0: what the affinity mask and the control group allow */
-    const char *isa; /* a kernel level by name (sf_isa_describe); NULL: what the environment's
-                        SPLATFIT_ISA names, else the best one here */
+    void *log_user;                /* handed to log */
+    int threads;                   /* 1..256; 0: what the affinity mask and the control group allow */
+    const char *isa;               /* a kernel level by name (sf_isa_describe); NULL: what the environment's
+                                      SPLATFIT_ISA names, else the best one here */
 } sf_context_options;
 
 /* Creates a context and its threads. `options` may be NULL. On failure *context is NULL.
@@ -69,14 +76,21 @@ SF_API sf_status sf_isa_describe(size_t index, sf_isa_info *info);
 
 /* A kernel, and the level at which a context runs it. */
 typedef struct sf_kernel_info {
-    const char *name;
-    const char *isa;
+    const char *name; /* "blend", for example */
+    const char *isa;  /* as in sf_isa_info */
 } sf_kernel_info;
 
 /* Kernel `index`, in the order of a step. SF_ERR_END past the last. */
 SF_API sf_status sf_kernel_describe(const sf_context *context, size_t index, sf_kernel_info *info);
 
-/* "major.minor.patch". */
+/* The version of these headers, "major.minor.patch". */
+#define SF_VERSION "0.1.0"
+
+/* The version of the binary interface that these headers describe: N of libsplatfit.so.N. README.md beside
+ * them says what is promised. */
+#define SF_ABI 0
+
+/* The version of the library that is in use, as SF_VERSION. */
 SF_API const char *sf_version(void);
 
 #ifdef __cplusplus

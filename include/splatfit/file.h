@@ -34,6 +34,10 @@ SF_API void sf_encoded_free(sf_context *context, uint8_t **file);
  * way. */
 SF_API sf_status sf_write_png(sf_context *context, const char *path, int width, int height, const float *rgb);
 
+/* Writes values ([height][width]) as a grey PNG of 16 bits, the same way. */
+SF_API sf_status sf_write_png_grey16(sf_context *context, const char *path, int width, int height,
+                                     const uint16_t *values);
+
 #ifdef __cplusplus
 }
 #endif

@@ -10,33 +10,41 @@
 extern "C" {
 #endif
 
+/* What lies behind the Gaussians. */
 typedef enum sf_background {
-    SF_BACKGROUND_BLACK,
-    SF_BACKGROUND_WHITE,
+    SF_BACKGROUND_BLACK,  /* 0, 0, 0 */
+    SF_BACKGROUND_WHITE,  /* 1, 1, 1 */
     SF_BACKGROUND_RANDOM, /* a new colour each step: nothing may stay transparent; evaluated on black */
     SF_BACKGROUND_AUTO,   /* estimated: fitted with the Gaussians */
     SF_BACKGROUND_COLOR   /* background_red, background_green, background_blue */
 } sf_background;
 
+/* Where the first Gaussians come from. */
 typedef enum sf_first {
     SF_FIRST_AUTO,   /* the first of the others that there is enough of */
     SF_FIRST_POINTS, /* the scene's sparse points */
     SF_FIRST_SWEEP,  /* points found by matching the views; at random where too few are found */
-    SF_FIRST_RANDOM
+    SF_FIRST_RANDOM  /* init_random of them behind random pixels of the views */
 } sf_first;
 
+/* How the number of Gaussians grows. */
 typedef enum sf_growth {
     SF_GROWTH_GRADIENT, /* what has the largest mean screen gradient is cloned or split */
     SF_GROWTH_ERROR,    /* what has a part in the error of several training views is */
     SF_GROWTH_RELOCATE  /* faint ones move to live ones, and new ones join them (3DGS-MCMC) */
 } sf_growth;
 
+/* How many Gaussians a fit ends with. */
 typedef enum sf_size {
     SF_SIZE_AUTO, /* what pays for itself, up to max_gaussians */
     SF_SIZE_CAP   /* as many as max_gaussians */
 } sf_size;
 
-typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_format;
+/* What Adam's two moments take. */
+typedef enum sf_moment_format {
+    SF_MOMENTS_FLOAT, /* 8 bytes a parameter */
+    SF_MOMENTS_HALF   /* 4 bytes a parameter, rounded at random */
+} sf_moment_format;
 
 /* Every hyperparameter, once: kind, name, default, least, greatest, unit or values, meaning. The struct, its
  * defaults, the range checks, the command line, its help and the log are made from this list.
@@ -101,7 +109,7 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     REAL(lr_pose, 0.0015, 0, 1, "rad", "that of poses: turns, and translations in depths of what is seen")   \
     REAL(lr_focal, 0.003, 0, 1, "", "that of focal lengths (their logarithms)")                              \
     REAL(lr_exposure_final, 0.02, 1e-9, 1, "", "rates of gains and biases at the end, as a fraction")        \
-    REAL(lr_camera_final, 0.1, 1e-9, 1, "", "those of poses and focal lengths at the end")                   \
+    REAL(lr_camera_final, 0.05, 1e-9, 1, "", "those of poses and focal lengths at the end")                  \
     REAL(adam_beta1, 0.7, 0, 0.9999, "", "decay of Adam's first moment")                                     \
     REAL(adam_beta2, 0.999, 0, 0.999999, "", "decay of Adam's second moment")                                \
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
@@ -124,8 +132,8 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
     INT(error_views, 8, 1, 1000, "", "growth error: training views that are looked at before each")          \
     REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
          "growth relocate: noise of faint means, in covariances (square extents) times the means' rate")     \
-    REAL(reg_opacity, 0, 0, 1e6, "", "weight in the loss of the mean opacity")                               \
-    REAL(reg_scale, 0, 0, 1e6, "1/extents", "weight in the loss of the mean scale")                          \
+    REAL(reg_opacity, 0, 0, 1e6, "", "logits of what is seen fall by so many rates, times the opacity")      \
+    REAL(reg_scale, 0, 0, 1e6, "", "log-scales of what is seen fall by so many rates")                       \
     REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
     REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
     REAL(grow_most, 50, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
@@ -143,6 +151,7 @@ typedef enum sf_moment_format { SF_MOMENTS_FLOAT, SF_MOMENTS_HALF } sf_moment_fo
 #define SF_OPTION_REAL(name, value, least, most, unit, text) double name;
 #define SF_OPTION_FLAG(name, value, text)                    int name;
 #define SF_OPTION_ENUM(name, value, values, text)            int name;
+/* One field for each entry of SF_FIT_OPTIONS. Start from sf_fit_options_default(). */
 typedef struct sf_fit_options {
     SF_FIT_OPTIONS(SF_OPTION_INT, SF_OPTION_REAL, SF_OPTION_FLAG, SF_OPTION_ENUM)
 } sf_fit_options;
@@ -151,21 +160,28 @@ typedef struct sf_fit_options {
 #undef SF_OPTION_FLAG
 #undef SF_OPTION_ENUM
 
+/* The defaults of SF_FIT_OPTIONS, which are the preset "standard". */
 SF_API sf_fit_options sf_fit_options_default(void);
 
 /* The options of a preset: "draft" for seconds, "standard" (the defaults) for a minute, "high" for as good as
  * it gets. SF_ERR_ARGUMENT: no such name; `options` is unchanged. */
 SF_API sf_status sf_fit_options_preset(sf_context *context, const char *name, sf_fit_options *options);
 
-typedef enum sf_option_kind { SF_KIND_INT, SF_KIND_REAL, SF_KIND_FLAG, SF_KIND_ENUM } sf_option_kind;
+/* What an option's value is, and its field's type. */
+typedef enum sf_option_kind {
+    SF_KIND_INT,  /* int64_t */
+    SF_KIND_REAL, /* double */
+    SF_KIND_FLAG, /* int: 0 or 1 */
+    SF_KIND_ENUM  /* int: one of the values in `unit`, counted from 0 */
+} sf_option_kind;
 
 /* One option, as a program needs it to offer it. */
 typedef struct sf_option_info {
-    const char *name; /* as in the struct, with underscores */
-    sf_option_kind kind;
+    const char *name;          /* as in the struct, with underscores */
+    sf_option_kind kind;       /* and so the type of its field */
     double value, least, most; /* default and range; an ENUM's value is its index */
     const char *unit;          /* "" if none; of an ENUM: its values, separated by | */
-    const char *text;
+    const char *text;          /* what it means, for a help */
 } sf_option_info;
 
 /* Description of option `index`; SF_ERR_END past the last. */
@@ -182,23 +198,24 @@ SF_API sf_status sf_fit_options_get(const sf_fit_options *options, const char *n
 
 /* Why a run has ended. */
 typedef enum sf_fit_end {
-    SF_FIT_GOES_ON,
+    SF_FIT_GOES_ON,    /* it has not */
     SF_FIT_COMPLETE,   /* all its steps are done */
     SF_FIT_TIME,       /* time_limit is over */
     SF_FIT_TARGET,     /* the views of `validate` reached target_psnr */
     SF_FIT_VALIDATION, /* they gained nothing, so that the rates fell early */
-    SF_FIT_END_COUNT
+    SF_FIT_END_COUNT   /* how many there are */
 } sf_fit_end;
 
+/* Where a fit stands, between two steps. */
 typedef struct sf_fit_progress {
-    int64_t step, steps;    /* done; planned (0: by time alone) */
-    double fraction;        /* of the run, 0..1 */
-    double seconds;         /* since create */
-    double loss;            /* mean of the last steps, up to 50 */
-    double validation_psnr; /* dB, of the views of `validate` when last looked at; NAN before */
-    int64_t best_step;      /* at which it was best, to 0.01 dB; 0 before the first look */
-    sf_fit_end end;
-    size_t gaussians;
+    int64_t step, steps;     /* done; planned (0: by time alone) */
+    double fraction;         /* of the run, 0..1 */
+    double seconds;          /* since create */
+    double loss;             /* mean of the last steps, up to 50 */
+    double validation_psnr;  /* dB, of the views of `validate` when last looked at; NAN before */
+    int64_t best_step;       /* at which it was best, to 0.01 dB; 0 before the first look */
+    sf_fit_end end;          /* SF_FIT_GOES_ON while the run goes on */
+    size_t gaussians;        /* in the model */
     double steps_per_second; /* over the last second or so */
     double eta_seconds;      /* to the end */
     int level;               /* halvings of the picture in the last step */
@@ -207,12 +224,14 @@ typedef struct sf_fit_progress {
     uint64_t skipped_values; /* Gaussian-steps left out for a value that was not finite */
     int64_t diverged;        /* times that the loss jumped, or was not finite: the fit went back to an earlier
                                 model, and on with half the learning rates */
-    float background[3];
+    float background[3];     /* the one in use, as estimated where the options say so */
     /* with refine_poses, medians over the training views: how far poses are from the given ones; with
      * refine_intrinsics: the focal length's change, as a fraction */
     double turned_degrees, moved_depths, focal_change;
 } sf_fit_progress;
 
+/* A fit: a model in the making, its optimiser, its place in the run. One thread at a time may use it; what
+ * other threads may call says so. */
 typedef struct sf_fitter sf_fitter;
 
 /* Prepares a fit of `scene`, which stays the caller's and outlives the fitter. `from` (may be NULL) is copied
@@ -268,9 +287,10 @@ typedef struct sf_memory_bill {
     uint64_t lists;     /* Gaussians on the screen, tile lists, sums of gradients, for max_gaussians */
     uint64_t planes;    /* pictures in the making, of the largest view */
     uint64_t results;   /* to write the model or to evaluate it in the end, the larger */
-    uint64_t total;
+    uint64_t total;     /* of all but the budget */
 } sf_memory_bill;
 
+/* The bill of a fit, as it was made when the fitter was created. */
 SF_API void sf_fitter_get_memory(const sf_fitter *fitter, sf_memory_bill *bill);
 
 /* The options in effect: max_gaussians is lowered to what the memory holds. */
@@ -283,6 +303,7 @@ typedef void (*sf_fit_callback)(void *user, const sf_fit_progress *progress);
  * as sf_fitter_step. */
 SF_API sf_status sf_fitter_run(sf_fitter *fitter, sf_fit_callback callback, void *user);
 
+/* Where the fit stands. Call it between steps. */
 SF_API void sf_fitter_get_progress(const sf_fitter *fitter, sf_fit_progress *progress);
 
 /* Makes the step in progress the last one, until the next sf_fitter_resume. Safe from any thread and from a

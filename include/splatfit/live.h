@@ -16,11 +16,12 @@
 extern "C" {
 #endif
 
+/* A live fit: the frames that come in, what is tracked, and the fit of it. */
 typedef struct sf_live sf_live;
 
 /* Where a pose came from. */
 typedef enum sf_pose_from {
-    SF_POSE_NONE,
+    SF_POSE_NONE,    /* it is not known */
     SF_POSE_BOARD,   /* a board in view alone */
     SF_POSE_OUTSIDE, /* the caller's, or the frame's own camera, alone */
     SF_POSE_TRACK    /* the model; refines what is known besides */
@@ -32,11 +33,12 @@ typedef enum sf_pose_from {
 typedef sf_status (*sf_pose_fn)(void *user, int64_t time_ns, double R_cw[9], double t_cw[3],
                                 double information[36]);
 
+/* Start from sf_live_options_default(). */
 typedef struct sf_live_options {
     sf_fit_options fit;    /* time_limit: of the whole run, from the first frame; 0: without an end */
     const sf_board *board; /* gives poses in its frame, in metres; NULL: none. Read until sf_live_destroy */
     sf_pose_fn pose;       /* NULL: none */
-    void *pose_user;
+    void *pose_user;       /* handed to pose */
     int own_poses; /* 1: the frames' own cameras are poses from outside; 0: they are only told, as truth */
     sf_lens lens;  /* of the frames; fx 0: of the frames' own camera where they have one, else a guess: a
                       picture 60 degrees wide */
@@ -76,51 +78,55 @@ SF_API void sf_live_pause(sf_live *live, int paused);
 /* Forgets the model and all keyframes. */
 SF_API void sf_live_reset(sf_live *live);
 
+/* What a live fit does with the newest frames. */
 typedef enum sf_live_state {
-    SF_LIVE_WAITING,  /* for a first pose */
-    SF_LIVE_STARTING, /* gathers first keyframes from several places */
-    SF_LIVE_TRACKING,
-    SF_LIVE_LOST, /* no pose for the newest frames; the fit goes on */
-    SF_LIVE_STATE_COUNT
+    SF_LIVE_WAITING,    /* for a first pose */
+    SF_LIVE_STARTING,   /* gathers first keyframes from several places */
+    SF_LIVE_TRACKING,   /* finds their poses, and fits */
+    SF_LIVE_LOST,       /* no pose for the newest frames; the fit goes on */
+    SF_LIVE_STATE_COUNT /* how many there are */
 } sf_live_state;
 
+/* Where a live fit stands, between two calls of sf_live_step. */
 typedef struct sf_live_progress {
-    sf_live_state state;
-    int paused;
-    double seconds; /* since the first frame */
-    sf_source_counts frames;
-    uint64_t passed_over; /* frames that came too fast for the loop */
-    uint64_t tracked;     /* frames whose pose was found, of those looked at */
-    uint64_t looked_at;
-    uint64_t lost;     /* times that the pose was lost */
-    double frame_rate; /* frames a second that come, over the last seconds */
-    double track_rate; /* poses a second, over the last seconds */
-    double track_ms;   /* that a look at a frame takes, over the last */
-    size_t keyframes, held_out;
-    size_t seeded; /* Gaussians at points found after the start */
-    int has_fit;   /* the fields below hold */
-    sf_fit_progress fit;
+    sf_live_state state;            /* as of the newest frame that was looked at */
+    int paused;                     /* by sf_live_pause */
+    double seconds;                 /* since the first frame */
+    sf_source_counts frames;        /* what became of the source's */
+    uint64_t passed_over;           /* frames that came too fast for the loop */
+    uint64_t tracked;               /* frames whose pose was found, of those looked at */
+    uint64_t looked_at;             /* frames that a pose was looked for in */
+    uint64_t lost;                  /* times that the pose was lost */
+    double frame_rate;              /* frames a second that come, over the last seconds */
+    double track_rate;              /* poses a second, over the last seconds */
+    double track_ms;                /* that a look at a frame takes, over the last */
+    size_t keyframes, held_out;     /* all of them; those that are never trained on */
+    size_t seeded;                  /* Gaussians at points found after the start */
+    int has_fit;                    /* the fields below hold */
+    sf_fit_progress fit;            /* of the fit itself */
     double held_out_psnr;           /* dB, mean over the keyframes held out, with the poses as tracked; NAN */
     double held_out_psnr_corrected; /* with exposure corrected, as sf_quality; NAN */
     double first_psnr;              /* dB, of the first keyframe, exposure corrected; NAN */
 } sf_live_progress;
 
+/* Where the live fit stands. Call it from the thread of sf_live_step. */
 SF_API void sf_live_get_progress(const sf_live *live, sf_live_progress *progress);
 
 /* The frame that was looked at last. */
 typedef struct sf_live_frame {
-    uint64_t number; /* of those looked at, from 1; 0: none yet */
-    int64_t time_ns;
-    sf_camera camera; /* of the picture as it is fitted; the pose where `from` is not SF_POSE_NONE */
-    sf_pose_from from;
-    double agreement; /* of picture and model, -1..1 */
-    int has_truth;    /* the frame told its own camera, which was not used */
-    sf_camera truth;
-    const float *rgb[3];            /* planes of camera.height x camera.width, 0..1, until the next step */
+    uint64_t number;     /* of those looked at, from 1; 0: none yet */
+    int64_t time_ns;     /* as sf_frame has it */
+    sf_camera camera;    /* of the picture as it is fitted; the pose where `from` is not SF_POSE_NONE */
+    sf_pose_from from;   /* where the pose comes from */
+    double agreement;    /* of picture and model, -1..1 */
+    int has_truth;       /* the frame told its own camera, which was not used */
+    sf_camera truth;     /* where has_truth */
+    const float *rgb[3]; /* planes of camera.height x camera.width, 0..1, until the next step */
     const sf_board_corner *corners; /* of the board, in that picture, until the next step */
-    size_t corner_count;
+    size_t corner_count;            /* of corners; 0: no board was seen */
 } sf_live_frame;
 
+/* Tells of the frame that was looked at last. Call it from the thread of sf_live_step. */
 SF_API void sf_live_get_frame(const sf_live *live, sf_live_frame *frame);
 
 /* A copy of the model as it is; the caller destroys it. SF_ERR_EMPTY: there is none yet. */

@@ -10,6 +10,7 @@
 extern "C" {
 #endif
 
+/* The highest degree of the spherical harmonics: SF_MAX_SH_DEGREE. */
 enum { SF_MAX_SH_DEGREE = 3 };
 
 /* Plain arrays of raw parameters, or of gradients with respect to them. K = (sh_degree + 1)^2. */
@@ -21,6 +22,7 @@ typedef struct sf_gaussians {
     float *sh;              /* [n][K][3], coefficient-major, RGB innermost (M.4) */
 } sf_gaussians;
 
+/* Gaussians in the library's own memory. Several threads may read one; who changes it must be alone. */
 typedef struct sf_model sf_model;
 
 /* A model of `count` (0 .. 2^31 - 17) neutral Gaussians: mean 0, identity rotation, log-scale 0,
@@ -28,6 +30,7 @@ typedef struct sf_model sf_model;
 SF_API sf_status sf_model_create(sf_context *context, size_t count, int sh_degree, sf_model **model);
 SF_API void sf_model_destroy(sf_model **model);
 
+/* How many Gaussians there are; the highest SH degree that one of them may have. */
 SF_API size_t sf_model_count(const sf_model *model);
 SF_API int sf_model_sh_degree(const sf_model *model);
 
@@ -52,6 +55,35 @@ SF_API sf_status sf_model_pack(sf_model *model);
 SF_API void sf_model_degrees(const sf_model *model, size_t count[SF_MAX_SH_DEGREE + 1]);
 SF_API size_t sf_model_floats(const sf_model *model);
 
+/* A similarity of space: p' = scale R p + move. */
+typedef struct sf_similarity {
+    double R[9];    /* a rotation, row-major, orthonormal to 1e-6 */
+    double scale;   /* > 0 */
+    double move[3]; /* world units, of the result */
+} sf_similarity;
+
+/* Moves a model: means, rotations, scales and all SH bands, so that a camera that moves along sees what it
+ * saw. SF_ERR_ARGUMENT, and the model is what it was: values that are not finite, a mirror image, a scale
+ * that is not above 0. */
+SF_API sf_status sf_model_transform(sf_model *model, const sf_similarity *motion);
+
+/* Keeps the Gaussians whose means lie in a box, edges included, in their order. SF_ERR_ARGUMENT: low above
+ * high, or not a number; SF_ERR_EMPTY: none lies there; SF_ERR_MEMORY: the model is then what it was. */
+SF_API sf_status sf_model_crop(sf_model *model, const double low[3], const double high[3]);
+
+/* Where a model lies, as most of its Gaussians say: those that are far count little. */
+typedef struct sf_model_bounds {
+    double center[3]; /* medians of the means */
+    double radius;    /* within which 4 of 5 means are from there; 1 where that is 0 */
+    double
+        normal[3];   /* of the plane that they lie along most, of length 1; of both sides that nearer to -y */
+    double flatness; /* how far they leave it: standard deviation along the normal by that along the plane's
+                        shorter axis, 0 (a plane) to 1 */
+} sf_model_bounds;
+
+/* SF_ERR_EMPTY: there is no Gaussian; SF_ERR_MEMORY. */
+SF_API sf_status sf_model_get_bounds(const sf_model *model, sf_model_bounds *bounds);
+
 /* Files that hold a model. */
 typedef enum sf_model_format {
     SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, else .ply); read: .splat by the extension,
@@ -69,8 +101,8 @@ typedef enum sf_spz_frame {
 
 /* How a model is written and read. Start from sf_model_file_options_default(). */
 typedef struct sf_model_file_options {
-    sf_model_format format;
-    int sh_degree;  /* bands above it are left out, 0..3; -1: as many as there are */
+    sf_model_format format; /* AUTO: by name or content */
+    int sh_degree;          /* bands above it are left out, 0..3; -1: as many as there are */
     int sh_bits[2]; /* .spz, written: bits kept of each SH value of band 1 and of the bands above, 1..8:
                        values lie 2^(1 - bits) apart in -1..1. Both 0: more of Gaussians that cover
                        much of a picture, fewer of the others */

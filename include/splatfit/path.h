@@ -18,8 +18,10 @@
 extern "C" {
 #endif
 
+/* Poses over time, from a file or as they arrive. */
 typedef struct sf_path sf_path;
 
+/* What a path holds so far. */
 typedef struct sf_path_info {
     char name[128];            /* for people; of udp: with the port that was taken */
     int live;                  /* poses arrive */

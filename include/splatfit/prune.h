@@ -24,8 +24,8 @@ SF_API sf_prune_options sf_prune_options_default(void);
 
 /* Means over the training views of sf_quality's psnr, dB. */
 typedef struct sf_prune_result {
-    double psnr_before, psnr_after;
-    size_t renders; /* of all training views */
+    double psnr_before, psnr_after; /* dB, of the model that came and of the one that is left */
+    size_t renders;                 /* of all training views */
 } sf_prune_result;
 
 /* Makes *pruned, the smallest model found whose PSNR over the training views of `scene` is at most

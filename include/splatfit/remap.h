@@ -15,6 +15,7 @@
 extern "C" {
 #endif
 
+/* A lens, a size and a factor, worked out. Several threads may use one. */
 typedef struct sf_remap sf_remap;
 
 /* For pictures of width x height px (1..65535) through the lens, to be made smaller by the whole factor

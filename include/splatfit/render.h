@@ -12,8 +12,10 @@
 extern "C" {
 #endif
 
+/* What rendering needs beside the model: lists and planes, kept for the next picture. */
 typedef struct sf_renderer sf_renderer;
 
+/* How a model is rendered. Start from sf_render_options_default(). */
 typedef struct sf_render_options {
     float background[3]; /* added as T_final * background */
     float near_plane;    /* world units, > 0: Gaussians with camera z <= near_plane are culled */
@@ -54,6 +56,7 @@ typedef struct sf_render_grads {
 SF_API sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                                     const sf_render_grads *grads);
 
+/* A loss and its parts, means over the weighted pixels. */
 typedef struct sf_loss_value {
     double loss; /* (1 - lambda) l1 + lambda (1 - ssim) */
     double l1;   /* mean absolute difference */
@@ -66,6 +69,7 @@ typedef struct sf_loss_value {
 SF_API sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
                          const float *weight, double lambda, sf_loss_value *value, float *d_rgb);
 
+/* How near a picture is to another. */
 typedef struct sf_quality {
     double psnr; /* dB, values clamped to 0..1, not rounded; MSE floored at 1e-10 */
     double ssim; /* as in sf_loss_value, of the clamped picture */

@@ -18,22 +18,23 @@
 extern "C" {
 #endif
 
+/* Where frames come from. One thread at a time may use it. */
 typedef struct sf_source sf_source;
 
 /* How the pixels of a frame lie in memory. Names of four letters are V4L2's; the planes of one format may lie
  * together or apart. Chroma is shared by the pixels that it covers. */
 typedef enum sf_pixel_format {
-    SF_PIXEL_RGB24, /* 3 bytes a pixel: R, G, B */
-    SF_PIXEL_BGR24, /* B, G, R */
-    SF_PIXEL_GREY,  /* 1 byte a pixel: Y */
-    SF_PIXEL_YUYV,  /* 4 bytes for two pixels: Y U Y V */
-    SF_PIXEL_UYVY,  /* U Y V Y */
-    SF_PIXEL_NV12,  /* plane 0: Y; plane 1: U V for 2 x 2 pixels (NV12M too) */
-    SF_PIXEL_YU12,  /* planes Y, U, V; chroma for 2 x 2 pixels (YM12, I420 too) */
-    SF_PIXEL_422P,  /* planes Y, U, V; chroma for 2 x 1 pixels */
-    SF_PIXEL_444P,  /* planes Y, U, V of the same size */
-    SF_PIXEL_MJPEG, /* plane 0: one JPEG file of `bytes` bytes */
-    SF_PIXEL_FORMATS
+    SF_PIXEL_RGB24,  /* 3 bytes a pixel: R, G, B */
+    SF_PIXEL_BGR24,  /* B, G, R */
+    SF_PIXEL_GREY,   /* 1 byte a pixel: Y */
+    SF_PIXEL_YUYV,   /* 4 bytes for two pixels: Y U Y V */
+    SF_PIXEL_UYVY,   /* U Y V Y */
+    SF_PIXEL_NV12,   /* plane 0: Y; plane 1: U V for 2 x 2 pixels (NV12M too) */
+    SF_PIXEL_YU12,   /* planes Y, U, V; chroma for 2 x 2 pixels (YM12, I420 too) */
+    SF_PIXEL_422P,   /* planes Y, U, V; chroma for 2 x 1 pixels */
+    SF_PIXEL_444P,   /* planes Y, U, V of the same size */
+    SF_PIXEL_MJPEG,  /* plane 0: one JPEG file of `bytes` bytes */
+    SF_PIXEL_FORMATS /* how many there are */
 } sf_pixel_format;
 
 /* "RGB24", "YUYV", ...; "MJPEG". NULL: there is no such format. */
@@ -45,12 +46,16 @@ SF_API void sf_pixel_plane(sf_pixel_format format, int32_t width, int32_t height
                            size_t *rows);
 
 /* How Y, U, V stand for R, G, B (ITU-R BT.601, BT.709, BT.2020); of no meaning to other formats. */
-typedef enum sf_yuv_matrix { SF_YUV_601, SF_YUV_709, SF_YUV_2020 } sf_yuv_matrix;
+typedef enum sf_yuv_matrix {
+    SF_YUV_601, /* BT.601: webcams, JPEG */
+    SF_YUV_709, /* BT.709: HDTV */
+    SF_YUV_2020 /* BT.2020: UHDTV */
+} sf_yuv_matrix;
 
 /* What a source gives. */
 typedef struct sf_source_info {
-    int32_t width, height; /* px */
-    sf_pixel_format format;
+    int32_t width, height;    /* px */
+    sf_pixel_format format;   /* of its frames */
     double frames_per_second; /* 0: unknown or not in real time */
     uint64_t frames;          /* 0: without end or unknown */
     int has_poses;            /* frames come with their true camera */
@@ -67,6 +72,7 @@ typedef struct sf_source_counts {
     uint64_t reopened; /* times that the device went away and came back */
 } sf_source_counts;
 
+/* The most planes of a frame: SF_FRAME_PLANES. */
 enum { SF_FRAME_PLANES = 3 };
 
 /* A frame is a lease: its memory stays valid until sf_source_release, or sf_source_close. */
@@ -75,17 +81,17 @@ typedef struct sf_frame {
     size_t stride[SF_FRAME_PLANES];        /* bytes a row of each; 0 for SF_PIXEL_MJPEG */
     size_t bytes;                          /* SF_PIXEL_MJPEG: of plane 0; otherwise 0 */
     int32_t width, height;                 /* px */
-    sf_pixel_format format;
-    sf_yuv_matrix matrix;
+    sf_pixel_format format;                /* how the planes are laid out */
+    sf_yuv_matrix matrix;                  /* of YUV */
     int full_range;          /* YUV: Y 0..255, chroma 1..255 about 128; otherwise 16..235, 16..240 */
     int limited_rgb;         /* RGB24, BGR24: 16..235, as some HDMI inputs give; otherwise 0..255 */
     uint64_t sequence;       /* the source's own count: a gap is a dropped frame */
     int64_t time_ns;         /* when it was taken; the monotonic clock for live sources, from 0 otherwise */
     double exposure_s, gain; /* 0: unknown */
     int dmabuf;              /* V4L2: file descriptor of the memory, the source's own; -1: none */
-    int has_camera;
-    sf_camera camera; /* where has_camera */
-    void *lease;      /* the source's own */
+    int has_camera;          /* the source knows where the frame was taken */
+    sf_camera camera;        /* where has_camera */
+    void *lease;             /* the source's own */
 } sf_frame;
 
 /* Opens a source by name. SF_ERR_ARGUMENT: unknown source or option, value out of range (named);
@@ -119,12 +125,13 @@ SF_API sf_status sf_frame_convert(sf_context *context, const sf_frame *frame, fl
 /* Cameras of this machine. */
 typedef struct sf_devices sf_devices;
 
+/* A camera of this machine. */
 typedef struct sf_device_info {
     char source[256]; /* opens it: "v4l2:/dev/video0" */
     char name[64];    /* the driver's words for people */
     char bus[64];     /* where it is plugged in; "": unknown */
     char serial[64];  /* "": unknown */
-    size_t modes;
+    size_t modes;     /* for sf_devices_get_mode */
 } sf_device_info;
 
 /* A format, size and range of rates that a camera offers. */

@@ -16,5 +16,6 @@
 #include "scene.h"
 #include "source.h"
 #include "status.h"
+#include "video.h"
 
 #endif

@@ -3,6 +3,7 @@
 #define SPLATFIT_STATUS_H
 
 #if defined(__GNUC__)
+/* Marks what the shared library shows. */
 #define SF_API __attribute__((visibility("default")))
 #else
 #define SF_API
@@ -12,8 +13,9 @@
 extern "C" {
 #endif
 
+/* The outcome of a call. Numbers stay what they are; new ones may come. */
 typedef enum sf_status {
-    SF_OK = 0,
+    SF_OK = 0,              /* it did what it says */
     SF_ERR_ARGUMENT = 1,    /* a value outside its documented range; nothing was changed */
     SF_ERR_MEMORY = 2,      /* an allocation failed; nothing was changed */
     SF_ERR_IO = 3,          /* the operating system refused to open, read or write */

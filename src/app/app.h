@@ -11,10 +11,13 @@
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
     command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert,
-    command_prune, command_live;
+    command_prune, command_live, command_view;
 
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
+
+/* licences.c: what is linked, and under which terms, on standard output. */
+void app_licences(void);
 
 /* Says on standard error what went wrong ("splatfit NAME: ...") and returns EXIT_FAILED. */
 int app_fail(const args *a, const sf_context *ctx);
@@ -68,6 +71,12 @@ double app_seconds(void);
 /* Makes the folders of a path: all but its last part; or all. 0 or an exit code. */
 int app_make_folders(const args *a, const char *path);
 int app_make_folder(const args *a, const char *path);
+
+/* Lines of a path as sf_path_open reads them (path.h), of at most so many bytes: what their fields are; and a
+ * pose, camera to world, its quaternion as w x y z. Both return how many bytes. */
+enum { APP_POSE_LINE = 512 };
+size_t app_pose_header(char line[APP_POSE_LINE]);
+size_t app_pose_line(char line[APP_POSE_LINE], double time, const double center[3], const double quat[4]);
 
 /* A string for JSON, which holds UTF-8 alone: where `text` is not, its bytes above 127 become ?. */
 json_t *app_json_text(const char *text);
@@ -127,6 +136,12 @@ int progress_due(progress_line *line, double seconds, int now);
 void progress_text(progress_line *line, const char *text);
 /* Ends a bar's line, so that something else can be printed. */
 void progress_break(progress_line *line);
+
+/* Whether what the library logs is kept back: of work that is done for its figures alone. */
+void app_hold_log(int hold);
+
+/* info_project.c: what splatfit info says of a project; 0 or an exit code. */
+int app_info_project(const args *a, sf_context *ctx, const char *path);
 
 /* replay.c: the log of a run as the recipe of another. What can fail gives 0 or an exit code. */
 /* What a log must hold for it: the plan of a run limited by time (null: none), the scene's fingerprint. */

@@ -1,10 +1,13 @@
-/* args.c - parses a command line by its tables, and prints them as help. */
+/* args.c - parses a command line by its tables, and says what is wrong with it. */
 #include "args.h"
 
 #include <errno.h>
+#include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <splatfit/fitter.h>
 
@@ -40,8 +43,60 @@ static int find_option(const command *cmd, const char *typed, size_t n, char let
     return 0;
 }
 
+int args_colored(FILE *to) {
+    const char *no = getenv("NO_COLOR"), *terminal = getenv("TERM");
+    return isatty(fileno(to)) && !(no && *no) && terminal && strcmp(terminal, "dumb") != 0;
+}
+
+int args_error(const command *cmd, const char *format, ...) {
+    int colored = args_colored(stderr);
+    va_list values;
+    va_start(values, format);
+    fprintf(stderr, "%ssplatfit%s%s:%s ", colored ? "\033[1;31m" : "", cmd ? " " : "", cmd ? cmd->name : "",
+            colored ? "\033[0m" : "");
+    vfprintf(stderr, format, values);
+    fprintf(stderr, "\n");
+    va_end(values);
+    return EXIT_FAILED;
+}
+
+static int within(const char *typed, const char *word, size_t most) {
+    if (!*typed || !*word) return strlen(typed) + strlen(word) <= most;
+    if (*typed == *word || (*typed == '-' && *word == '_')) return within(typed + 1, word + 1, most);
+    return most && (within(typed + 1, word, most - 1) || within(typed, word + 1, most - 1) ||
+                    within(typed + 1, word + 1, most - 1));
+}
+
+int args_near(const char *typed, const char *word) {
+    size_t n = strlen(typed);
+    return (n > 2 && !strncmp(word, typed, n)) || within(typed, word, n < 6 ? 1 : 2);
+}
+
 static int usage(const command *cmd, const char *what, const char *typed) {
-    fprintf(stderr, "splatfit %s: %s: %s (see splatfit %s --help)\n", cmd->name, typed, what, cmd->name);
+    args_error(cmd, "%s: %s (see splatfit %s --help)", typed, what, cmd->name);
+    return EXIT_USAGE;
+}
+
+/* An option that may have been meant; NULL: none. */
+static const char *near_option(const command *cmd, const char *typed) {
+    for (const arg_option *const *table = cmd->tables; *table; table++)
+        for (const arg_option *o = *table; o->name; o++)
+            if (args_near(typed, o->name)) return o->name;
+    sf_option_info info;
+    for (size_t i = 0; cmd->with_fit_options && !sf_fit_option_info(i, &info); i++)
+        if (args_near(typed, info.name)) return info.name;
+    return NULL;
+}
+
+static int unknown(const command *cmd, const char *typed) {
+    char name[64] = "";
+    if (typed[1] == '-') snprintf(name, sizeof name, "%.*s", (int)strcspn(typed + 2, "="), typed + 2);
+    const char *meant = *name ? near_option(cmd, name) : NULL;
+    if (!meant) return usage(cmd, "unknown option", typed);
+    snprintf(name, sizeof name, "%s", meant);
+    for (char *c = name; *c; c++)
+        if (*c == '_') *c = '-';
+    args_error(cmd, "%s: unknown option: is --%s meant? (see splatfit %s --help)", typed, name, cmd->name);
     return EXIT_USAGE;
 }
 
@@ -59,9 +114,9 @@ static int parse_option(args *a, int argc, char **argv, int *at) {
     if (typed[1] == '-') {
         equals = strchr(typed, '=');
         size_t n = equals ? (size_t)(equals - typed) - 2 : strlen(typed) - 2;
-        if (!find_option(a->command, typed + 2, n, 0, &f)) return usage(a->command, "unknown option", typed);
+        if (!find_option(a->command, typed + 2, n, 0, &f)) return unknown(a->command, typed);
     } else if (typed[2] || !find_option(a->command, NULL, 0, typed[1], &f)) {
-        return usage(a->command, "unknown option", typed);
+        return unknown(a->command, typed);
     }
     if (equals && !f.takes_value && !f.optional_value) return usage(a->command, "takes no value", typed);
     if (equals) return keep(a, f.name, equals + 1);
@@ -87,8 +142,7 @@ int args_parse(args *a, const command *cmd, int argc, char **argv) {
         if (error) return error;
     }
     if (args_value(a, "help") || a->positionals >= cmd->least) return 0;
-    fprintf(stderr, "splatfit %s: an argument is missing: splatfit %s %s\n", cmd->name, cmd->name,
-            cmd->synopsis);
+    args_error(cmd, "an argument is missing: splatfit %s %s", cmd->name, cmd->synopsis);
     return EXIT_USAGE;
 }
 
@@ -105,50 +159,27 @@ int args_int(const args *a, const char *name, long least, long most, int *value)
     errno = 0;
     long number = strtol(text, &end, 10);
     if (end == text || *end || errno || number < least || number > most) {
-        fprintf(stderr, "splatfit %s: --%s: \"%s\" is not a whole number in %ld..%ld\n", a->command->name,
-                name, text, least, most);
+        args_error(a->command, "--%s: \"%s\" is not a whole number in %ld..%ld", name, text, least, most);
         return EXIT_USAGE;
     }
     *value = (int)number;
     return 0;
 }
 
-/* Names are shown with dashes. */
-static void print_name(const char *name, const char *metavar) {
-    char shown[64];
-    int n = snprintf(shown, sizeof shown, "--%s%s%s", name, metavar && *metavar ? " " : "",
-                     metavar ? metavar : "");
-    for (char *c = shown; *c && *c != ' '; c++)
-        if (*c == '_') *c = '-';
-    printf("  %-28s%s", shown, n > 27 ? "\n                              " : "");
-}
-
-static void help_hyperparameters(void) {
-    sf_fit_options defaults = sf_fit_options_default();
-    sf_option_info info;
-    printf("\nHyperparameters (also with _ for -):\n");
-    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
-        char value[64];
-        sf_fit_options_get(&defaults, info.name, value, sizeof value);
-        print_name(info.name, info.kind == SF_KIND_FLAG ? NULL : info.kind == SF_KIND_ENUM ? info.unit : "X");
-        printf("%s", info.text);
-        if (info.kind == SF_KIND_ENUM)
-            printf(" (%s)\n", value);
-        else if (info.kind == SF_KIND_FLAG)
-            printf("\n");
-        else
-            printf(" (%s%s%s; %g..%g)\n", value, *info.unit ? " " : "", info.unit, info.least, info.most);
-    }
-}
-
-void args_help(const command *cmd) {
-    printf("splatfit %s %s\n\n%s\n\nOptions:\n", cmd->name, cmd->synopsis, cmd->summary);
-    for (const arg_option *const *table = cmd->tables; *table; table++)
-        for (const arg_option *o = *table; o->name; o++) {
-            print_name(o->name, o->metavar);
-            printf("%s", o->text);
-            if (o->letter) printf(" (also -%c)", o->letter);
-            printf("\n");
+int args_numbers(const args *a, const char *name, int count, double *values) {
+    const char *text = args_value(a, name), *at = text;
+    double read[16];
+    if (!text) return 0;
+    for (int k = 0; k < count; k++) {
+        char *end;
+        read[k] = strtod(at, &end);
+        if (end == at || *end != (k + 1 < count ? ',' : 0) || !isfinite(read[k])) {
+            args_error(a->command, "--%s: \"%s\" is not %d number%s", name, text, count,
+                       count > 1 ? "s set apart by commas" : "");
+            return EXIT_USAGE;
         }
-    if (cmd->with_fit_options) help_hyperparameters();
+        at = end + 1;
+    }
+    memcpy(values, read, (size_t)count * sizeof *values);
+    return 0;
 }

@@ -3,6 +3,7 @@
 #define APP_ARGS_H
 
 #include <stddef.h>
+#include <stdio.h>
 
 typedef struct arg_option {
     const char *name;    /* without the dashes */
@@ -34,7 +35,7 @@ typedef struct command {
     int (*run)(const args *a);
 } command;
 
-/* Exit codes. */
+/* Exit codes; 128 + the number of the signal that ended the work early is another. */
 enum { EXIT_FINE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2 };
 
 /* Parses what follows the command's name. 0, or EXIT_USAGE after one line on standard error. */
@@ -46,7 +47,27 @@ const char *args_value(const args *a, const char *name);
 /* An integer option: *value is left alone if it was not given. 0, or EXIT_USAGE after one line. */
 int args_int(const args *a, const char *name, long least, long most, int *value);
 
-/* Prints a command's help to standard output. */
-void args_help(const command *cmd);
+/* An option of `count` numbers, finite, set apart by commas: *values are left alone if it was not given. 0,
+ * or EXIT_USAGE after one line. */
+int args_numbers(const args *a, const char *name, int count, double *values);
+
+/* Whether what is written there may be coloured: a terminal that can, and no NO_COLOR. */
+int args_colored(FILE *to);
+
+/* One line on standard error, "splatfit NAME: ..." (cmd NULL: "splatfit: ..."), without a newline of its own.
+ * Returns EXIT_FAILED. */
+int args_error(const command *cmd, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* Whether what was typed may stand for a word: its beginning, or one or two letters put in, left out or
+ * changed. */
+int args_near(const char *typed, const char *word);
+
+/* help.c: what the tables say, on standard output: for people, as a page of the manual without what is
+ * written by hand, and for a shell that completes, one "--name VALUES" a line. */
+/* Letters of a summary's first sentence, without its stop. */
+int help_first(const char *summary);
+void help_text(const command *cmd);
+void help_man(const command *cmd);
+void help_words(const command *cmd);
 
 #endif

@@ -8,6 +8,7 @@
 
 static const arg_option own_options[] = {
     {"json", 0, "FILE", "write all figures as JSON"},
+    {"report", 0, NULL, "measure for a minute or so and print a short text to pass on, Markdown"},
     {"svg", 0, "DIR", "write the charts bench-accuracy.svg and bench-roofs.svg into a folder"},
     {"only", 0, "LIST", "measure only these of roofs,kernels,accuracy,steps"},
     {"model", 0, "FILE", "measure whole steps of this model too (needs --project)"},
@@ -20,6 +21,7 @@ static const arg_option own_options[] = {
 
 static int wants(const args *a, const char *section) {
     const char *list = args_value(a, "only");
+    if (args_value(a, "report") && !strcmp(section, "roofs")) return 0;
     return !list || strstr(list, section);
 }
 
@@ -32,7 +34,8 @@ static int check_only(const args *a) {
         for (size_t i = 0; i < sizeof sections / sizeof *sections; i++)
             known |= strlen(sections[i]) == n && !strncmp(list, sections[i], n);
         if (!known) {
-            app_say(a, "--only", "names other than roofs, kernels, accuracy, steps");
+            args_error(a->command, "--only: \"%.*s\" is none of roofs, kernels, accuracy, steps", (int)n,
+                       list);
             return EXIT_USAGE;
         }
         list += n + (list[n] == ',');
@@ -60,7 +63,7 @@ static int measure(const args *a, sf_context *ctx, const bench_options *options,
     if (!status && wants(a, "roofs")) status = bench_roofs(ctx, options, report);
     if (!status && (wants(a, "kernels") || wants(a, "accuracy")))
         status = bench_kernels(ctx, options, report);
-    if (!status && wants(a, "kernels")) status = bench_stages(ctx, options, report);
+    if (!status && wants(a, "kernels") && !options->brief) status = bench_stages(ctx, options, report);
     if (!status && wants(a, "accuracy")) status = bench_accuracies(ctx, options, report);
     if (!status && wants(a, "steps")) status = bench_steps(ctx, options, report);
     if (status) return app_fail(a, ctx);
@@ -94,7 +97,10 @@ static int measure_and_report(const args *a, sf_context *ctx, const bench_option
     int error = measure(a, ctx, options, report);
     if (!error && instructions && bench_read_instructions(ctx, instructions, report))
         error = app_fail(a, ctx);
-    if (!error && !args_value(a, "quiet")) bench_print(report, stdout);
+    if (!error && options->brief)
+        bench_markdown(report, stdout);
+    else if (!error && !args_value(a, "quiet"))
+        bench_print(report, stdout);
     if (!error && json) error = app_write_json(a, ctx, json, bench_json(report));
     if (!error && svg) error = write_charts(a, ctx, report, svg);
     free(report);
@@ -115,6 +121,7 @@ static int run(const args *a) {
     if (!isa) isa = getenv("SPLATFIT_ISA");
     bench_options options = {.isa = isa && *isa ? isa : NULL,
                              .quick = args_value(a, "quick") != NULL,
+                             .brief = args_value(a, "report") != NULL,
                              .progress = args_value(a, "quiet") ? NULL : stderr};
     if (!args_value(a, "once"))
         error = measure_and_report(a, ctx, &options);

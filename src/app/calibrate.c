@@ -49,7 +49,7 @@ static int read_tag_size(attempt *s) {
     if (!text) return 0;
     s->tag_size = strtod(text, &end) / 1e3;
     if (end != text && !*end && s->tag_size >= 0.001 && s->tag_size <= 10) return 0;
-    app_say(s->a, "--tag-size", "not a number of millimetres in 1..10000");
+    args_error(s->a->command, "--tag-size: \"%s\" is not a number of millimetres in 1..10000", text);
     return EXIT_USAGE;
 }
 
@@ -156,8 +156,10 @@ static int take_one(attempt *s, int *over) {
     *over = status == SF_ERR_END;
     if (*over) return 0;
     if (status == SF_ERR_TIMEOUT)
-        return app_seconds() - s->last_frame < WAIT_S ? 0
-                                                      : app_say(s->a, s->source_name, "no frame for 30 s");
+        return app_seconds() - s->last_frame < WAIT_S
+                   ? 0
+                   : app_say(s->a, s->source_name,
+                             "no frame for 30 s: is the camera there, and free? (splatfit devices)");
     if (status) return app_fail(s->a, s->ctx);
     s->last_frame = app_seconds();
     int error = wrong_size(s, &frame);
@@ -225,7 +227,9 @@ static int save(const args *a, sf_context *ctx, const sf_calibration *c) {
 
 static int conclude(attempt *s) {
     sf_calibration c;
-    if (!s->with_board) return app_say(s->a, s->source_name, "no frame shows a tag of the board");
+    if (!s->with_board)
+        return app_say(s->a, s->source_name,
+                       "no frame shows a tag of the board: is --board the one that was printed?");
     if (sf_calibrate(s->sightings, &s->options, &c)) return app_fail(s->a, s->ctx);
     if (!is_silent(s->a)) {
         print_lens(&c);

@@ -13,7 +13,7 @@ static const arg_option own_options[] = {
     {"seconds", 0, "S", "end after S seconds of frames"},
     {"every", 0, "N", "keep one of every N frames (1)"},
     {"sharpest", 0, NULL, "of every N frames the sharpest, not the first"},
-    {"format", 0, "NAME",
+    {"format", 0, "jpg|png|raw",
      "jpg (what comes as JPEG stays as it is), png, or raw: the frame's own bytes (jpg)"},
     {"quality", 0, "Q", "of JPEGs that are coded here, 1..100 (95)"},
     {"downscale", 0, "N", "box-average the pictures by N, 1..64 (1)"},
@@ -47,7 +47,7 @@ typedef struct capture {
 /* 1. The command line */
 
 static int usage(const char *option, const char *what) {
-    fprintf(stderr, "splatfit capture: %s: %s\n", option, what);
+    args_error(&command_capture, "%s: %s", option, what);
     return EXIT_USAGE;
 }
 
@@ -57,7 +57,7 @@ static int read_seconds(capture *c) {
     if (!text) return 0;
     c->seconds = strtod(text, &end);
     if (end != text && !*end && c->seconds > 0 && c->seconds <= 1e9) return 0;
-    return usage("--seconds", "not a number above 0");
+    return args_error(&command_capture, "--seconds: \"%s\" is not a number above 0", text), EXIT_USAGE;
 }
 
 static int read_format(capture *c) {
@@ -228,8 +228,7 @@ static int finish(capture *c) {
     sf_source_count(c->source, &s);
     int error = record_finish(&c->record, &s, &r);
     if (!error && *c->error) {
-        fprintf(stderr, "splatfit capture: %s\n", c->error);
-        error = EXIT_FAILED;
+        error = args_error(c->a->command, "%s", c->error);
     }
     if (!error && !r.kept && !app_stopped_by())
         error = app_say(c->a, c->options.source, "gave no frame that could be kept");

@@ -21,15 +21,22 @@ const arg_option common_options[] = {
 };
 
 const arg_option load_options[] = {
-    {"images", 0, "NAME", "folder of the pictures in a COLMAP project, for example images_4"},
+    {"images", 0, "NAME", "folder of the pictures in the project, for example images_4"},
     {"downscale", 0, "N", "box-average the pictures by N, 1..64 (1)"},
     {"hold-out", 0, "N", "every N-th view in name order is held out and only evaluated; 0: none (8)"},
     {"test-list", 0, "FILE", "hold out the pictures named in FILE, one a line, instead"},
+    {"sub-model", 0, "N", "of several models, COLMAP's sparse/N or OpenSfM's N-th; default: the largest"},
+    {"masks", 0, "DIR", "folder of masks, black is ignored; default: masks in the project, where it is"},
+    {"no-masks", 0, NULL, "read no masks"},
+    {"alpha", 0, "NAME",
+     "alpha channels: mask (transparent is ignored), blend (over --background), ignore, auto: blend for "
+     "Blender's "
+     "transforms_train.json, else mask (auto)"},
     {0},
 };
 
 const arg_option render_options[] = {
-    {"split", 0, "NAME", "views: test (held out), train or all"},
+    {"split", 0, "test|train|all", "views: test (held out), train or all"},
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
     {"near-plane", 0, "X", "cull Gaussians nearer than X, world units; default: as a fit of the project"},
     {0},
@@ -37,18 +44,24 @@ const arg_option render_options[] = {
 
 int app_fail(const args *a, const sf_context *ctx) {
     const char *message = sf_last_error(ctx);
-    fprintf(stderr, "splatfit %s: %s\n", a->command->name, *message ? message : "out of memory");
-    return EXIT_FAILED;
+    return args_error(a->command, "%s", *message ? message : "out of memory");
 }
 
 int app_say(const args *a, const char *subject, const char *what) {
-    fprintf(stderr, "splatfit %s: %s: %s\n", a->command->name, subject, what);
-    return EXIT_FAILED;
+    return args_error(a->command, "%s: %s", subject, what);
 }
+
+static int log_is_held;
+
+void app_hold_log(int hold) { log_is_held = hold; }
 
 static void print_log(void *user, sf_log_level level, const char *message) {
     (void)user;
-    if (level >= SF_LOG_INFO) fprintf(stderr, "%s%s\n", level == SF_LOG_WARNING ? "warning: " : "", message);
+    if (log_is_held) return;
+    if (level < SF_LOG_INFO) return;
+    int colored = level == SF_LOG_WARNING && args_colored(stderr);
+    fprintf(stderr, "%s%s%s%s\n", colored ? "\033[1;33m" : "", level == SF_LOG_WARNING ? "warning: " : "",
+            colored ? "\033[0m" : "", message);
 }
 
 int app_context(const args *a, sf_context **ctx) {
@@ -60,23 +73,43 @@ int app_context(const args *a, sf_context **ctx) {
     if (!status) return 0;
     if (status == SF_ERR_ARGUMENT || status == SF_ERR_UNSUPPORTED) {
         const char *isa = options.isa ? options.isa : getenv("SPLATFIT_ISA");
-        fprintf(stderr, "splatfit %s: isa: \"%s\" is none of this machine's:", a->command->name,
-                isa ? isa : "");
+        char usable[128] = "";
         sf_isa_info info;
-        for (size_t i = 0; !sf_isa_describe(i, &info); i++)
-            if (info.usable) fprintf(stderr, " %s", info.name);
-        fprintf(stderr, "\n");
+        for (size_t i = 0, n = 0; !sf_isa_describe(i, &info) && n < sizeof usable; i++)
+            if (info.usable) n += (size_t)snprintf(usable + n, sizeof usable - n, " %s", info.name);
+        args_error(a->command, "isa: \"%s\" is none of this machine's:%s", isa ? isa : "", usable);
         return EXIT_USAGE;
     }
     return app_say(a, "cannot start", sf_status_text(status));
 }
 
+/* What is blended stands before the background that is fitted or rendered; one that a fit draws or finds is
+ * black there. */
+static int alpha_options(const args *a, sf_load_options *options) {
+    static const char *const names[] = {"auto", "mask", "blend", "ignore"};
+    const char *alpha = args_value(a, "alpha"), *background = args_value(a, "background");
+    float color[3];
+    if (background && app_color(background, color)) memcpy(options->background, color, sizeof color);
+    for (int i = 0; alpha && i < 4; i++) {
+        if (strcmp(alpha, names[i]) != 0) continue;
+        options->alpha = (sf_alpha)i;
+        return 0;
+    }
+    if (!alpha) return 0;
+    args_error(a->command, "--alpha: \"%s\" is none of auto, mask, blend, ignore", alpha);
+    return EXIT_USAGE;
+}
+
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene) {
     sf_load_options options = sf_load_options_default();
+    options.masks = args_value(a, "masks");
+    options.no_masks = args_value(a, "no-masks") != NULL;
     options.images = args_value(a, "images");
     options.test_list = args_value(a, "test-list");
     int error = args_int(a, "downscale", 1, 64, &options.downscale);
     if (!error) error = args_int(a, "hold-out", 0, 1000000, &options.hold_out);
+    if (!error) error = args_int(a, "sub-model", 0, 1000000, &options.sub_model);
+    if (!error) error = alpha_options(a, &options);
     const char *memory = args_value(a, "memory");
     sf_fit_options fit = sf_fit_options_default();
     if (!error && memory && sf_fit_options_set(ctx, &fit, "memory", memory)) error = app_fail(a, ctx);
@@ -109,14 +142,14 @@ int app_render_options(const args *a, sf_scene *scene, sf_render_options *option
     }
     const char *near_plane = args_value(a, "near-plane"), *background = args_value(a, "background");
     if (background && !app_color(background, options->background)) {
-        app_say(a, "--background", "neither black, white nor R,G,B in 0..1");
+        args_error(a->command, "--background: \"%s\" is neither black, white nor R,G,B in 0..1", background);
         return EXIT_USAGE;
     }
     if (!near_plane) return 0;
     char *end;
     double value = strtod(near_plane, &end);
     if (end == near_plane || *end || !(value > 0 && isfinite(value))) {
-        app_say(a, "--near-plane", "not a number above 0");
+        args_error(a->command, "--near-plane: \"%s\" is not a number above 0", near_plane);
         return EXIT_USAGE;
     }
     options->near_plane = (float)value;
@@ -131,7 +164,7 @@ static const char *split_or(const args *a, const char *otherwise) {
 int app_split_check(const args *a) {
     const char *split = split_or(a, "all");
     if (!strcmp(split, "test") || !strcmp(split, "train") || !strcmp(split, "all")) return 0;
-    fprintf(stderr, "splatfit %s: --split: \"%s\" is none of test, train, all\n", a->command->name, split);
+    args_error(a->command, "--split: \"%s\" is none of test, train, all", split);
     return EXIT_USAGE;
 }
 
@@ -203,6 +236,16 @@ int app_check_output(const args *a, const char *path) {
     return error ? EXIT_FAILED : 0;
 }
 
+size_t app_pose_header(char line[APP_POSE_LINE]) {
+    return (size_t)snprintf(line, APP_POSE_LINE, "# time x y z qx qy qz qw, camera to world\n");
+}
+
+size_t app_pose_line(char line[APP_POSE_LINE], double time, const double c[3], const double q[4]) {
+    int n = snprintf(line, APP_POSE_LINE, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time, c[0], c[1], c[2],
+                     q[1], q[2], q[3], q[0]);
+    return n < APP_POSE_LINE ? (size_t)n : 0; /* of values beyond all sense */
+}
+
 json_t *app_json_text(const char *text) {
     json_t *string = json_string(text);
     if (string) return string;
@@ -267,9 +310,10 @@ int app_lens(const args *a, sf_context *ctx, const sf_source *source, sf_lens *l
     if (sf_calibration_load(ctx, path, &known)) return app_fail(a, ctx);
     sf_source_describe(source, &info);
     if (known.width && (known.width != info.width || known.height != info.height)) {
-        fprintf(stderr, "splatfit %s: %s: size: %d x %d is not the source's %d x %d\n", a->command->name,
-                path, (int)known.width, (int)known.height, (int)info.width, (int)info.height);
-        return EXIT_FAILED;
+        return args_error(a->command,
+                          "%s: size: %d x %d is not the source's %d x %d: give the lens of this size, or "
+                          "?size= of the source",
+                          path, (int)known.width, (int)known.height, (int)info.width, (int)info.height);
     }
     *lens = known.lens;
     return 0;

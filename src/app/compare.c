@@ -5,13 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* The ring: its cameras stand at RING_DISTANCE times the model's extent from its centre, a little above it
+/* The ring: its cameras stand at RING_DISTANCE times the model's radius from its centre, a little above it
  * (-y is up), and look at it. */
 #define RING_DISTANCE 2.0
 #define RING_HEIGHT   0.5
 enum { RING_WIDTH = 480, RING_HEIGHT_PX = 360 };
-/* Of the Gaussians this part is within the extent. */
-#define EXTENT_PART 0.8
 
 const arg_option compare_options[] = {
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
@@ -97,36 +95,6 @@ static sf_status over_scene(const job *j, sf_scene *scene) {
     return status;
 }
 
-static int rising(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-/* Medians of the means, and the distance from there within which EXTENT_PART of them are: far ones count
- * little. Nothing where there is no memory. */
-static double place_of(const sf_model *model, double center[3]) {
-    size_t n = sf_model_count(model);
-    float *means = malloc((4 * n + 1) * sizeof *means), *sorted = means + 3 * n;
-    const sf_gaussians g = {.means = means};
-    double extent = 0;
-    if (!means || !n || sf_model_get(model, 0, n, &g)) goto done;
-    for (size_t k = 0; k < 3; k++) {
-        for (size_t i = 0; i < n; i++) sorted[i] = means[3 * i + k];
-        qsort(sorted, n, sizeof *sorted, rising);
-        center[k] = (double)sorted[n / 2];
-    }
-    for (size_t i = 0; i < n; i++) {
-        double square = 0;
-        for (size_t k = 0; k < 3; k++) square += pow((double)means[3 * i + k] - center[k], 2);
-        sorted[i] = (float)sqrt(square);
-    }
-    qsort(sorted, n, sizeof *sorted, rising);
-    extent = (double)sorted[(size_t)(EXTENT_PART * (double)(n - 1))];
-done:
-    free(means);
-    return extent > 0 ? extent : 1;
-}
-
 /* The i-th camera of the ring: rows of R are its right, down and forward. */
 static sf_camera ring_camera(int i, const double center[3], double extent) {
     const double tau = 6.283185307179586, angle = tau * i / COMPARE_RING, c = cos(angle), s = sin(angle);
@@ -149,15 +117,16 @@ static sf_camera ring_camera(int i, const double center[3], double extent) {
 }
 
 static sf_status over_ring(job *j, int near_plane_given) {
-    double center[3] = {0, 0, 0}, extent = place_of(j->models[0], center);
-    sf_status status = SF_OK;
-    if (!near_plane_given) j->options.near_plane = (float)(extent / 100);
+    sf_model_bounds bounds;
+    sf_status status = sf_model_get_bounds(j->models[0], &bounds);
+    if (status == SF_ERR_EMPTY) status = SF_OK; /* nothing is seen, and alike */
+    if (!near_plane_given) j->options.near_plane = (float)(bounds.radius / 100);
     j->result->kinds[0].name = "ring";
     j->result->number = 1;
     for (int i = 0; i < COMPARE_RING && !status; i++) {
         char name[16];
         snprintf(name, sizeof name, "ring-%d", i);
-        sf_view_info view = {.name = name, .camera = ring_camera(i, center, extent)};
+        sf_view_info view = {.name = name, .camera = ring_camera(i, bounds.center, bounds.radius)};
         status = add_view(j, NULL, &view, &j->result->kinds[0]);
     }
     return status;

@@ -5,12 +5,13 @@
 #include <sys/stat.h>
 
 #include "compare.h"
+#include "motion.h"
 
 static const arg_option own_options[] = {
     {"sh-degree", 0, "N", "leave out the SH bands above N, 0..3"},
     {"sh-bits", 0, "A,B",
      "bits of the SH in a .spz: of band 1, of those above, 1..8 (more of Gaussians that cover much)"},
-    {"spz-frame", 0, "NAME",
+    {"spz-frame", 0, "own|rub",
      "axes in a .spz: own, as in a .ply, or rub (right, up, back): y and z are negated on the way (own)"},
     {"json", 0, "FILE", "also write bytes, ratio and what was compared as JSON"},
     {0},
@@ -24,7 +25,8 @@ static int read_bits(const args *a, int bits[2]) {
         char *end;
         long value = strtol(text, &end, 10);
         if (end == text || *end != (i ? 0 : ',') || value < 1 || value > 8) {
-            app_say(a, "--sh-bits", "not two numbers A,B in 1..8");
+            args_error(a->command, "--sh-bits: \"%s\" is not two numbers A,B in 1..8",
+                       args_value(a, "sh-bits"));
             return EXIT_USAGE;
         }
         bits[i] = (int)value;
@@ -93,13 +95,20 @@ static int check_result(const args *a, sf_context *ctx, const sf_model_file_opti
 
 static int convert(const args *a, sf_context *ctx, conversion *c) {
     sf_model_file_options options, all;
-    int error = read_options(a, &options);
+    int error = read_options(a, &options), moved = 0;
+    if (!error) error = motion_apply(a, ctx, NULL, &moved);
+    if (!error && moved && c->project) {
+        app_say(a, c->project,
+                "its views do not see the model where --up, --rotate, --scale or --move put it");
+        error = EXIT_USAGE;
+    }
     all = options;
     all.sh_degree = -1; /* the comparison is with all that was there */
     const char *json = args_value(a, "json");
     if (!error) error = app_check_output(a, c->out);
     if (!error && json) error = app_check_output(a, json);
     if (!error && sf_model_load_as(ctx, c->in, &all, &c->model)) error = app_fail(a, ctx);
+    if (!error) error = motion_apply(a, ctx, c->model, &moved);
     if (!error && sf_model_save_as(c->model, c->out, &options)) error = app_fail(a, ctx);
     /* What went down a pipe cannot be read again. */
     return error || bytes_of(c->out) < 0 ? error : check_result(a, ctx, &options, c);
@@ -117,13 +126,16 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, compare_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options,  motion_options, compare_options,
+                                           load_options, common_options, NULL};
 
 const command command_convert = {
     .name = "convert",
     .synopsis = "IN OUT [PROJECT] [OPTIONS]",
     .summary =
-        "Converts a model between .ply, .spz and .splat, as the names end, and says what that costs. Both "
+        "Converts a model between .ply, .spz and .splat, as the names end, and says what that costs. It can "
+        "be "
+        "turned, scaled, moved and cut on the way. Both "
         "files are rendered as the views of PROJECT see them, or from a ring around the model, and compared.",
     .tables = tables,
     .least = 2,

@@ -12,7 +12,7 @@ static const arg_option own_options[] = {
      "the model to write, an INRIA .ply, or a .spz or .splat by its name; - for standard output (splat.ply)"},
     {"from", 0, "MODEL", "go on from a model, of splatfit or others: full resolution from the first step"},
     {"cameras", 0, "FILE", "cameras.json to write, as refined; none for none (beside the model)"},
-    {"preset", 0, "NAME",
+    {"preset", 0, "draft|standard|high",
      "draft (seconds), standard (a minute) or high: what holds where no option says otherwise (standard)"},
     {"log", 0, "FILE", "write every hyperparameter, the curve and the result as JSON"},
     {"compare", 0, "FILE", "write a held-out picture and its render side by side, as PNG"},
@@ -20,7 +20,7 @@ static const arg_option own_options[] = {
     {"checkpoint-every", 0, "S", "seconds between checkpoints; 0: after each step (60)"},
     {"resume", 0, "FILE", "go on from a checkpoint, to the bytes of a run that was never interrupted"},
     {"replay", 0, "FILE", "repeat the run that wrote this log, to the byte, also one limited by time"},
-    {"progress", 0, "KIND", "auto, plain, json (one object a line) or none (auto)"},
+    {"progress", 0, "auto|plain|json|none", "auto, plain, json (one object a line) or none (auto)"},
     {0},
 };
 
@@ -71,7 +71,7 @@ static int first_options(fit_run *r) {
                                   resume || replay ? "preset" : NULL};
     for (int i = 0; i < 3; i++)
         if (beside[i] && args_value(r->a, beside[i])) {
-            fprintf(stderr, "splatfit fit: --%s: cannot be given beside %s\n", beside[i], other);
+            args_error(r->a->command, "--%s: cannot be given beside %s", beside[i], other);
             return EXIT_USAGE;
         }
     if (sf_fit_options_preset(r->ctx, preset ? preset : "standard", &r->options)) {

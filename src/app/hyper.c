@@ -8,7 +8,8 @@
 static int set_background(const args *a, sf_fit_options *options, const char *text) {
     float color[3];
     if (!app_color(text, color)) {
-        app_say(a, "--background", "neither R,G,B in 0..1 nor black, white, random or auto");
+        args_error(a->command,
+                   "--background: \"%s\" is neither R,G,B in 0..1 nor black, white, random or auto", text);
         return EXIT_USAGE;
     }
     options->background = SF_BACKGROUND_COLOR;

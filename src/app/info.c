@@ -79,37 +79,6 @@ static int info_model(const args *a, sf_context *ctx, const char *path) {
     return error;
 }
 
-static int info_project(const args *a, sf_context *ctx, const char *path) {
-    sf_scene *scene = NULL;
-    int error = app_load(a, ctx, path, &scene);
-    if (error) return error;
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    printf("%zu views: %zu to train on, %zu held out\n", info.views, info.train_views, info.test_views);
-    printf("%zu sparse points\n", info.points);
-    if (info.skipped_missing)
-        printf("%zu views skipped: picture missing or not readable\n", info.skipped_missing);
-    if (info.skipped_pose) printf("%zu views skipped: pose not usable\n", info.skipped_pose);
-    if (info.skipped_points) printf("%zu points skipped: not finite\n", info.skipped_points);
-    if (info.undistorted_views) printf("%zu views undistorted\n", info.undistorted_views);
-    printf("extent %.5g, centre %.5g %.5g %.5g\n", info.extent, info.center[0], info.center[1],
-           info.center[2]);
-    sf_camera last = {0};
-    for (size_t i = 0; i < info.views; i++) {
-        sf_view_info view;
-        if (sf_scene_get_view(scene, i, &view)) break;
-        const sf_camera *c = &view.camera;
-        int same = c->width == last.width && c->height == last.height && c->fx == last.fx &&
-                   c->fy == last.fy && c->cx == last.cx && c->cy == last.cy;
-        if (!same)
-            printf("from %s on: %dx%d px, fx %.2f, fy %.2f, cx %.2f, cy %.2f\n", view.name, (int)c->width,
-                   (int)c->height, c->fx, c->fy, c->cx, c->cy);
-        last = *c;
-    }
-    sf_scene_destroy(&scene);
-    return 0;
-}
-
 static int info_cpu(const sf_context *ctx) {
     sf_isa_info info;
     sf_kernel_info kernel;
@@ -138,13 +107,15 @@ static int run(const args *a) {
     if (cpu)
         error = info_cpu(ctx);
     else
-        error = app_names_model(path) ? info_model(a, ctx, path) : info_project(a, ctx, path);
+        error = app_names_model(path) ? info_model(a, ctx, path) : app_info_project(a, ctx, path);
     sf_context_destroy(&ctx);
     return error;
 }
 
 static const arg_option own_options[] = {
     {"cpu", 0, NULL, "print the threads and the kernel levels of this machine instead"},
+    {"json", 0, "FILE",
+     "of a project: also write it as JSON (- is standard output, and nothing else is there)"},
     {0},
 };
 

@@ -38,7 +38,7 @@ static const arg_option own_options[] = {
     {"token", 0, "TEXT",
      "what the page's address must hold; default: made at random for other addresses than loopback"},
     {"log", 0, "FILE", "write options, the course of the run and the result as JSON"},
-    {"progress", 0, "KIND", "auto, plain, json (one object a line) or none (auto)"},
+    {"progress", 0, "auto|plain|json|none", "auto, plain, json (one object a line) or none (auto)"},
     {0},
 };
 
@@ -50,7 +50,7 @@ static const arg_option own_options[] = {
 /* A pose that was found, for the trajectory; and how far off it is, where the frame told its own. */
 typedef struct step {
     double time;               /* s */
-    double center[3], quat[4]; /* x y z w */
+    double center[3], quat[4]; /* w x y z */
     double degrees, distance;  /* off the truth; NAN: not known */
     sf_pose_from from;
 } step;
@@ -87,7 +87,7 @@ static void cancel(void) {
 /* 1. The command line */
 
 static int usage(const char *option, const char *value, const char *what) {
-    fprintf(stderr, "splatfit live: %s: \"%s\" %s\n", option, value, what);
+    args_error(&command_live, "%s: \"%s\" %s", option, value, what);
     return EXIT_USAGE;
 }
 
@@ -239,20 +239,6 @@ static void show(live_run *r, const sf_live_progress *p, int now) {
     progress_text(&r->line, text);
 }
 
-/* The unit quaternion x y z w of a rotation, by its greatest component. */
-static void quaternion(const double R[9], double q[4]) {
-    double square[4] = {1 + R[0] - R[4] - R[8], 1 - R[0] + R[4] - R[8], 1 - R[0] - R[4] + R[8],
-                        1 + R[0] + R[4] + R[8]};
-    int k = 0;
-    for (int i = 1; i < 4; i++)
-        if (square[i] > square[k]) k = i;
-    const double row[4][4] = {{square[0], R[1] + R[3], R[2] + R[6], R[7] - R[5]},
-                              {R[1] + R[3], square[1], R[5] + R[7], R[2] - R[6]},
-                              {R[2] + R[6], R[5] + R[7], square[2], R[3] - R[1]},
-                              {R[7] - R[5], R[2] - R[6], R[3] - R[1], square[3]}};
-    for (int i = 0; i < 4; i++) q[i] = row[k][i] / (2 * sqrt(square[k]));
-}
-
 static void compare(const sf_live_frame *f, step *s) {
     double there[3], trace = 0, squares = 0;
     s->degrees = s->distance = NAN;
@@ -283,7 +269,7 @@ static int note_frame(live_run *r) {
     s->time = 1e-9 * (double)f.time_ns;
     s->from = f.from;
     sf_camera_center(&f.camera, s->center);
-    quaternion(R_wc, s->quat);
+    sf_rotation_to_quat(R_wc, s->quat);
     compare(&f, s);
     return 0;
 }
@@ -309,16 +295,12 @@ static void save_now_and_then(live_run *r, const sf_live_progress *p) {
 static int write_trajectory(const live_run *r) {
     const char *path = args_value(r->a, "trajectory");
     if (!path) return 0;
-    size_t room = 64 + 160 * r->step_count, n = 0;
+    size_t room = APP_POSE_LINE * (r->step_count + 1), n = 0;
     char *text = malloc(room);
     if (!text) return app_say(r->a, path, "out of memory");
-    n += (size_t)snprintf(text, room, "# time x y z qx qy qz qw, camera to world\n");
-    for (size_t i = 0; i < r->step_count; i++) {
-        const step *s = &r->steps[i];
-        n += (size_t)snprintf(text + n, room - n, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", s->time,
-                              s->center[0], s->center[1], s->center[2], s->quat[0], s->quat[1], s->quat[2],
-                              s->quat[3]);
-    }
+    n += app_pose_header(text);
+    for (size_t i = 0; i < r->step_count; i++)
+        n += app_pose_line(text + n, r->steps[i].time, r->steps[i].center, r->steps[i].quat);
     sf_status status = sf_write_file(r->ctx, path, text, n);
     free(text);
     return status ? app_fail(r->a, r->ctx) : 0;
@@ -391,8 +373,12 @@ static int finish(live_run *r) {
     if (p.has_fit)
         error = save_model(r);
     else
-        error = app_say(r->a, r->a->positional[0],
-                        p.looked_at ? "no model: no pose was found from enough places" : "no frame came");
+        error = app_say(
+            r->a, r->a->positional[0],
+            p.looked_at
+                ? "no model: no pose was found from enough places: show it the board of --board, or give "
+                  "--poses, and move sideways"
+                : "no frame came: is the camera there, and free? (splatfit devices)");
     if (!error) print_result(r, &p);
     int written = write_trajectory(r);
     if (!error) error = written;

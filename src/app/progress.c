@@ -2,10 +2,24 @@
  */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "app.h"
+
+/* Whether a line there can be written over. */
+static int is_terminal(FILE *out) {
+    const char *name = getenv("TERM");
+    return isatty(fileno(out)) && name && *name && strcmp(name, "dumb") != 0;
+}
+
+/* Characters of a terminal's line that may be filled: a full one would break. */
+static size_t room_of(FILE *out) {
+    struct winsize size;
+    return ioctl(fileno(out), TIOCGWINSZ, &size) || size.ws_col < 2 ? 79 : size.ws_col - 1u;
+}
 
 int progress_start(progress_line *line, const args *a, FILE *out) {
     const char *kind = args_value(a, "progress");
@@ -13,7 +27,7 @@ int progress_start(progress_line *line, const args *a, FILE *out) {
     if (args_value(a, "quiet") && !kind)
         line->kind = PROGRESS_NONE;
     else if (!kind || !strcmp(kind, "auto"))
-        line->kind = isatty(fileno(out)) ? PROGRESS_BAR : PROGRESS_PLAIN;
+        line->kind = is_terminal(out) ? PROGRESS_BAR : PROGRESS_PLAIN;
     else if (!strcmp(kind, "plain"))
         line->kind = PROGRESS_PLAIN;
     else if (!strcmp(kind, "json"))
@@ -21,8 +35,7 @@ int progress_start(progress_line *line, const args *a, FILE *out) {
     else if (!strcmp(kind, "none"))
         line->kind = PROGRESS_NONE;
     else {
-        fprintf(stderr, "splatfit %s: --progress: \"%s\" is none of auto, plain, json, none\n",
-                a->command->name, kind);
+        args_error(a->command, "--progress: \"%s\" is none of auto, plain, json, none", kind);
         return EXIT_USAGE;
     }
     return 0;
@@ -44,10 +57,23 @@ static void describe(const sf_fit_progress *p, char *text, size_t room) {
     if (p->steps) snprintf(steps, sizeof steps, "/%lld", (long long)p->steps);
     if (isfinite(p->eta_seconds) && p->eta_seconds < 3.6e6) {
         long s = (long)(p->eta_seconds + 0.5);
-        snprintf(eta, sizeof eta, "  ETA %ld:%02ld", s / 60, s % 60);
+        if (s < 3600)
+            snprintf(eta, sizeof eta, "  ETA %ld:%02ld", s / 60, s % 60);
+        else
+            snprintf(eta, sizeof eta, "  ETA %ld:%02ld:%02ld", s / 3600, s / 60 % 60, s % 60);
     }
     snprintf(text, room, "step %lld%s  loss %.4f  N %zu  %.3g steps/s%s", (long long)p->step, steps, p->loss,
              p->gaussians, p->steps_per_second, eta);
+}
+
+/* "[#####...............]  27 %  "; nothing of a run without an end. Returns its length. */
+static size_t draw_bar(const sf_fit_progress *p, char *text, size_t room) {
+    static const char full[] = "####################", empty[] = "....................";
+    enum { CELLS = sizeof full - 1 };
+    if (!(p->fraction >= 0 && p->fraction <= 1) || !isfinite(p->eta_seconds)) return 0;
+    int done = (int)(CELLS * p->fraction);
+    return (size_t)snprintf(text, room, "[%.*s%.*s] %3d %%  ", done, full, CELLS - done, empty,
+                            (int)(100 * p->fraction));
 }
 
 int progress_due(progress_line *line, double seconds, int now) {
@@ -59,19 +85,23 @@ int progress_due(progress_line *line, double seconds, int now) {
 }
 
 void progress_text(progress_line *line, const char *text) {
-    fprintf(line->out, line->kind == PROGRESS_BAR ? "\r\033[K%s" : "%s\n", text);
+    if (line->kind == PROGRESS_BAR)
+        fprintf(line->out, "\r\033[K%.*s", (int)room_of(line->out), text);
+    else
+        fprintf(line->out, "%s\n", text);
     line->open = line->kind == PROGRESS_BAR;
     fflush(line->out);
 }
 
 void progress_show(progress_line *line, const sf_fit_progress *p, int now) {
-    char text[192];
+    char text[256];
     if (!progress_due(line, p->seconds, now)) return;
     if (line->kind == PROGRESS_JSON) {
         print_json(line, p);
         fflush(line->out);
     } else {
-        describe(p, text, sizeof text);
+        size_t n = line->kind == PROGRESS_BAR ? draw_bar(p, text, sizeof text) : 0;
+        describe(p, text + n, sizeof text - n);
         progress_text(line, text);
     }
 }

@@ -43,7 +43,7 @@ typedef struct prune_run {
 } prune_run;
 
 static int wrong(const prune_run *r, const char *option, const char *text, const char *what) {
-    fprintf(stderr, "splatfit %s: --%s: \"%s\" %s\n", r->a->command->name, option, text, what);
+    args_error(r->a->command, "--%s: \"%s\" %s", option, text, what);
     return EXIT_USAGE;
 }
 
@@ -70,8 +70,7 @@ static int read_options(prune_run *r) {
     static const char *const apart[][2] = {{"loss", "to"}, {"refit", "random"}};
     for (size_t i = 0; i < sizeof apart / sizeof *apart; i++)
         if (args_value(a, apart[i][0]) && args_value(a, apart[i][1])) {
-            fprintf(stderr, "splatfit %s: --%s: cannot be given beside --%s\n", a->command->name, apart[i][0],
-                    apart[i][1]);
+            args_error(a->command, "--%s: cannot be given beside --%s", apart[i][0], apart[i][1]);
             return EXIT_USAGE;
         }
     r->options.keep = (size_t)to;

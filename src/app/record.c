@@ -569,8 +569,7 @@ static void free_record(record *r) {
 /* What failed, if anything did. 0 or an exit code. */
 static int tell(const record *r) {
     if (!*r->error) return 0;
-    fprintf(stderr, "splatfit %s: %s\n", r->a->command->name, r->error);
-    return EXIT_FAILED;
+    return args_error(r->a->command, "%s", r->error);
 }
 
 /* Nothing of it stays: there is nothing to keep from the next try. */

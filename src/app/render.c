@@ -1,97 +1,126 @@
-/* render.c - splatfit render: a model as the views of a project see it, as PNG. */
+/* render.c - splatfit render: a model as the views of a project see it, or along a path. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app.h"
+#include "pictures.h"
+#include "shots.h"
 
-static const arg_option own_options[] = {
-    {"out", 'o', "DIR", "folder for the pictures and cameras.json, made if it is missing"},
-    {0},
-};
+typedef struct job {
+    const args *a;
+    sf_context *ctx;
+    sf_model *model;
+    sf_scene *scene; /* NULL: none was given */
+    sf_renderer *renderer;
+    sf_render_options options;
+    shots along;
+    pictures to;
+} job;
 
-static int render_view(const args *a, sf_context *ctx, sf_renderer *renderer, const sf_model *model,
-                       const sf_render_options *options, const sf_view_info *view, const char *folder) {
-    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height,
-           room = strlen(folder) + strlen(view->name) + 8;
-    float *rgb = calloc(pixels, 3 * sizeof *rgb);
-    char *path = malloc(room);
-    int error = EXIT_FAILED;
-    if (rgb && path) {
-        const char *dot = strrchr(view->name, '.'), *slash = strrchr(view->name, '/');
-        int stem = dot && (!slash || dot > slash) ? (int)(dot - view->name) : (int)strlen(view->name);
-        snprintf(path, room, "%s/%.*s.png", folder, stem, view->name);
-        error = app_make_folders(a, path);
-        sf_image_out out = {.rgb = rgb};
-        if (!error && (sf_render(renderer, model, &view->camera, options, &out) ||
-                       sf_write_png(ctx, path, view->camera.width, view->camera.height, rgb)))
-            error = app_fail(a, ctx);
-    } else {
-        app_say(a, view->name, "out of memory");
+/* A view's picture takes its name. */
+static int render_view(job *j, const sf_view_info *view) {
+    const char *dot = strrchr(view->name, '.'), *slash = strrchr(view->name, '/');
+    size_t stem = dot && (!slash || dot > slash) ? (size_t)(dot - view->name) : strlen(view->name);
+    char *name = malloc(stem + 1);
+    if (!name) return app_say(j->a, view->name, "out of memory");
+    memcpy(name, view->name, stem);
+    name[stem] = 0;
+    int error = pictures_add(&j->to, j->renderer, j->model, &view->camera, &j->options, name);
+    free(name);
+    return error;
+}
+
+static int render_views(job *j) {
+    sf_scene_info info;
+    sf_scene_get_info(j->scene, &info);
+    int error = 0;
+    for (size_t i = 0; i < info.views && !error; i++) {
+        sf_view_info view;
+        if (sf_scene_get_view(j->scene, i, &view))
+            error = app_fail(j->a, j->ctx);
+        else if (app_split_wants(j->a, "all", view.split))
+            error = render_view(j, &view);
     }
-    free(rgb);
+    if (error || j->to.streams) return error;
+    size_t room = strlen(j->to.out) + 16;
+    char *path = malloc(room);
+    if (path) snprintf(path, room, "%s/cameras.json", j->to.out);
+    error = app_make_folders(j->a, path ? path : "");
+    if (!error && (!path || sf_scene_save_cameras(j->scene, path))) error = app_fail(j->a, j->ctx);
     free(path);
     return error;
 }
 
-static int render_all(const args *a, sf_context *ctx, const sf_model *model, sf_scene *scene,
-                      const char *folder) {
-    sf_render_options options;
-    sf_renderer *renderer = NULL;
-    sf_scene_info info;
-    size_t done = 0;
-    sf_scene_get_info(scene, &info);
-    int error = app_render_options(a, scene, &options);
-    if (!error && sf_renderer_create(ctx, &renderer)) error = app_fail(a, ctx);
-    for (size_t i = 0; i < info.views && !error; i++) {
-        sf_view_info view;
-        if (sf_scene_get_view(scene, i, &view))
-            error = app_fail(a, ctx);
-        else if (app_split_wants(a, "all", view.split)) {
-            error = render_view(a, ctx, renderer, model, &options, &view, folder);
-            done += !error;
-        }
+static int render_path(job *j) {
+    int error = 0;
+    for (size_t i = 0; i < j->along.count && !error; i++) {
+        char name[32];
+        snprintf(name, sizeof name, "frame_%05zu", i);
+        error = pictures_add(&j->to, j->renderer, j->model, &j->along.cameras[i], &j->options, name);
     }
-    sf_renderer_destroy(&renderer);
-    if (!error && !args_value(a, "quiet")) printf("wrote %zu pictures to %s\n", done, folder);
+    if (error || j->to.streams) return error;
+    char *text = shots_path(&j->along);
+    error = text ? pictures_note(&j->to, "path.txt", text) : app_say(j->a, "path.txt", "out of memory");
+    free(text);
     return error;
+}
+
+static int render_all(job *j) {
+    int path = args_value(j->a, "path") != NULL;
+    int error = app_render_options(j->a, j->scene, &j->options);
+    if (!error && path) error = shots_make(j->a, j->ctx, j->model, j->scene, &j->along);
+    if (!error && !j->scene && !args_value(j->a, "near-plane") && j->along.near_plane > 0)
+        j->options.near_plane = (float)j->along.near_plane;
+    if (!error && sf_renderer_create(j->ctx, &j->renderer)) error = app_fail(j->a, j->ctx);
+    if (!error) error = path ? render_path(j) : render_views(j);
+    /* Standard output may be the stream's. */
+    FILE *say = !strcmp(j->to.out, "-") ? stderr : stdout;
+    size_t count = j->to.count;
+    error = pictures_end(&j->to, error);
+    if (!error && !args_value(j->a, "quiet")) fprintf(say, "wrote %zu pictures to %s\n", count, j->to.out);
+    return error;
+}
+
+static int check(const args *a) {
+    const char *path = args_value(a, "path");
+    int error = app_split_check(a);
+    if (!error) error = shots_check(a);
+    if (error || a->positionals > 1) return error;
+    if (path && strcmp(path, "cameras")) return 0;
+    app_say(a, "PROJECT", path ? "is needed for --path cameras" : "is needed, or --path");
+    return EXIT_USAGE;
 }
 
 static int run(const args *a) {
-    const char *folder = args_value(a, "out");
-    if (!folder) {
-        app_say(a, "--out DIR", "is needed: the folder for the pictures");
-        return EXIT_USAGE;
-    }
-    sf_context *ctx = NULL;
-    sf_model *model = NULL;
-    sf_scene *scene = NULL;
-    int error = app_split_check(a);
-    if (!error) error = app_context(a, &ctx);
-    if (!error && sf_model_load(ctx, a->positional[0], &model)) error = app_fail(a, ctx);
-    if (!error) error = app_load(a, ctx, a->positional[1], &scene);
-    if (!error) error = render_all(a, ctx, model, scene, folder);
-    if (!error) {
-        size_t room = strlen(folder) + 16;
-        char *path = malloc(room);
-        if (path) snprintf(path, room, "%s/cameras.json", folder);
-        if (!path || sf_scene_save_cameras(scene, path)) error = app_fail(a, ctx);
-        free(path);
-    }
-    sf_scene_destroy(&scene);
-    sf_model_destroy(&model);
-    sf_context_destroy(&ctx);
+    job j = {.a = a};
+    int rate = 30, error = check(a);
+    if (!error) error = args_int(a, "fps", 1, 1000, &rate);
+    if (!error) error = app_context(a, &j.ctx);
+    if (!error) error = pictures_begin(a, j.ctx, rate, &j.to);
+    if (!error && sf_model_load(j.ctx, a->positional[0], &j.model)) error = app_fail(a, j.ctx);
+    if (!error && a->positionals > 1) error = app_load(a, j.ctx, a->positional[1], &j.scene);
+    if (!error) error = render_all(&j);
+    shots_free(&j.along);
+    sf_renderer_destroy(&j.renderer);
+    sf_scene_destroy(&j.scene);
+    sf_model_destroy(&j.model);
+    sf_context_destroy(&j.ctx);
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, render_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {picture_options, shot_options,   render_options,
+                                           load_options,    common_options, NULL};
 
 const command command_render = {
     .name = "render",
-    .synopsis = "MODEL PROJECT --out DIR [OPTIONS]",
-    .summary = "Renders a model as the views of a project see it. Pictures take the views' names, as PNG.",
+    .synopsis = "MODEL [PROJECT] --out WHERE [OPTIONS]",
+    .summary =
+        "Renders a model as the views of a project see it, or along a path. Pictures of views take their "
+        "names; "
+        "those of a path are frame_00000 and so on, and path.txt says where from. A turntable as a film: "
+        "splatfit render MODEL --path orbit --out - | ffmpeg -i - out.mp4",
     .tables = tables,
-    .least = 2,
+    .least = 1,
     .most = 2,
     .run = run,
 };

@@ -50,8 +50,7 @@ json_t *replay_scene_json(sf_scene *scene) {
 
 /* One line "replay.json: FIELD: what". */
 static int refuse(const args *a, const char *field, const char *what) {
-    fprintf(stderr, "splatfit %s: %s: %s: %s\n", a->command->name, args_value(a, "replay"), field, what);
-    return EXIT_FAILED;
+    return args_error(a->command, "%s: %s: %s", args_value(a, "replay"), field, what);
 }
 
 /* A regular file: a pipe has no end that can be told. */

@@ -39,8 +39,8 @@ static int read_times(watch *w) {
         double seconds = strtod(at, &end);
         if (end == at || (*end && *end != ',') || !(seconds > before) || !isfinite(seconds) ||
             w->eval_times == WATCH_TIMES) {
-            fprintf(stderr, "splatfit %s: --eval-at: \"%s\" is not a list of up to %d ascending seconds\n",
-                    w->a->command->name, list, (int)WATCH_TIMES);
+            args_error(w->a->command, "--eval-at: \"%s\" is not a list of up to %d ascending seconds", list,
+                       (int)WATCH_TIMES);
             return EXIT_USAGE;
         }
         w->eval_at[w->eval_times] = before = seconds;

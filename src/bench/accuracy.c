@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../base/clock.h"
 #include "../base/pool.h"
 #include "../base/rng.h"
 #include "bench.h"
@@ -132,10 +133,11 @@ static sf_status run_variant(trial *t, const bench_level *level, int first, benc
     return SF_OK;
 }
 
-static void list_variants(bench_report *report) {
+/* A brief report has what the library itself blends with. */
+static void list_variants(const bench_options *options, bench_report *report) {
     for (int i = 0; i < report->levels; i++)
         for (int degree = 2; degree <= 6; degree++)
-            if (report->level[i].variant[BENCH_EXP2].blend || degree == 5)
+            if (degree == 5 || (report->level[i].variant[BENCH_EXP2].blend && !options->brief))
                 report->accuracy[report->accuracies++] = (bench_accuracy){.level = i, .degree = degree};
 }
 
@@ -144,8 +146,9 @@ sf_status bench_accuracies(sf_context *ctx, const bench_options *options, bench_
     int rounds = options->quick ? 2 : 21;
     bench_say(options, "accuracy");
     sf_status status = open_trial(ctx, &report->level[0], options->quick, &t);
-    if (!status) list_variants(report);
-    for (int round = 0; round < rounds && !status; round++) {
+    if (!status) list_variants(options, report);
+    double start = sf_clock();
+    for (int round = 0; bench_goes_on(options, round, rounds, start) && !status; round++) {
         for (int i = 0; i < report->accuracies && !status; i++) {
             bench_accuracy *a = &report->accuracy[i];
             status = run_variant(&t, &report->level[a->level], round == 0, a);

@@ -3,12 +3,18 @@
 
 #include <string.h>
 
+#include "../base/clock.h"
 #include "../base/pool.h"
 
 void bench_say(const bench_options *options, const char *what) {
     if (!options->progress) return;
     fprintf(options->progress, "measuring: %s\n", what);
     fflush(options->progress);
+}
+
+int bench_goes_on(const bench_options *options, int round, int rounds, double start) {
+    if (!options->brief) return round < rounds;
+    return round == 0 || (round < 3 && round < rounds && sf_clock() - start < 15);
 }
 
 sf_status bench_context(sf_context *ctx, const char *isa, int threads, sf_context **out) {

@@ -23,6 +23,7 @@ enum {
 typedef struct bench_options {
     const char *isa; /* this level beside scalar alone; NULL: all of this machine */
     int quick;       /* small scenes and few rounds: whether all of it works, not how fast */
+    int brief;       /* full scenes, but few rounds and one size of steps: a minute or so */
     FILE *progress;  /* says what is being measured; NULL: silent */
 } bench_options;
 
@@ -97,6 +98,10 @@ void bench_end(bench_report *report);
 /* Runs each kernel once at the level of options->isa, and prints how many units that was: for tools that
  * count instructions. */
 sf_status bench_once(sf_context *ctx, const bench_options *options, FILE *out);
+
+/* Whether to go on with round `round` of `rounds` that began at `start` (sf_clock): of a brief report there
+ * is one at least, and no more than three or fifteen seconds hold. */
+int bench_goes_on(const bench_options *options, int round, int rounds, double start);
 
 /* Says what is measured next. */
 void bench_say(const bench_options *options, const char *what);

@@ -1,6 +1,7 @@
 /* kernels.c - each kernel at each level, one thread, on the scene. */
 #include <string.h>
 
+#include "../base/clock.h"
 #include "../base/pool.h"
 #include "../base/rng.h"
 #include "../scene/gaussians.h"
@@ -385,7 +386,8 @@ sf_status bench_kernels(sf_context *ctx, const bench_options *options, bench_rep
     sf_status status = open_lab(ctx, &report->level[0], options->quick, far_bytes, &lab);
     for (int i = 0; i < report->levels && !status; i++) describe(&lab, &report->level[i], report->kernel[i]);
     if (!status) note_load(&lab, &report->load);
-    for (int round = 0; round < rounds && !status; round++) {
+    double start = sf_clock();
+    for (int round = 0; bench_goes_on(options, round, rounds, start) && !status; round++) {
         for (int i = 0; i < report->levels && !status; i++)
             status = run_level(&lab, &report->level[i], round, report->kernel[i]);
         bench_machine_clock(&report->machine);

@@ -9,6 +9,9 @@
 /* The sections that have figures, as tables. */
 void bench_print(const bench_report *report, FILE *out);
 
+/* brief.c: what fits into a message: machine, levels, ns a unit, a whole step, accuracy, as Markdown. */
+void bench_markdown(const bench_report *report, FILE *out);
+
 /* One object: machine, kernels, steps, accuracy; roofs, scene, stages, update_beyond_caches and model where
  * they were measured. NULL: out of memory. */
 json_t *bench_json(const bench_report *report);

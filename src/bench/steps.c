@@ -163,7 +163,7 @@ sf_status bench_steps(sf_context *ctx, const bench_options *options, bench_repor
         for (int c = 0; c < 5 && !status; c++) {
             int compared = counts[c] == COMPARED && sizes[r][0] == BENCH_WIDTH;
             size s = {counts[c], sizes[r][0], sizes[r][1], compared ? 0 : best, best, r == 1, 0};
-            if (options->quick && (r || c)) continue;
+            if (options->quick ? r || c : options->brief && !compared) continue;
             if (options->quick) s = (size){2000, 120, 68, 0, best, 1, 0};
             status = run_if_room(ctx, options, &s, report);
             bench_machine_clock(&report->machine);

@@ -50,13 +50,19 @@ int sf_format_has_luma(sf_pixel_format format) {
     return format != SF_PIXEL_RGB24 && format != SF_PIXEL_BGR24 && format != SF_PIXEL_MJPEG;
 }
 
-sf_yuv sf_yuv_of(sf_yuv_matrix matrix, int full_range) {
+void sf_luma_weights(sf_yuv_matrix matrix, double *red, double *blue) {
     static const struct {
         double r, b;
-    } weights[] = {[SF_YUV_601] = {0.299, 0.114},
-                   [SF_YUV_709] = {0.2126, 0.0722},
-                   [SF_YUV_2020] = {0.2627, 0.0593}}; /* of R and B in Y */
-    double r = weights[matrix].r, b = weights[matrix].b, g = 1 - r - b;
+    } weights[] = {
+        [SF_YUV_601] = {0.299, 0.114}, [SF_YUV_709] = {0.2126, 0.0722}, [SF_YUV_2020] = {0.2627, 0.0593}};
+    *red = weights[matrix].r;
+    *blue = weights[matrix].b;
+}
+
+sf_yuv sf_yuv_of(sf_yuv_matrix matrix, int full_range) {
+    double r, b;
+    sf_luma_weights(matrix, &r, &b);
+    double g = 1 - r - b;
     double luma = full_range ? 255 : 219, chroma = full_range ? 255 : 224;
     return (sf_yuv){.y_zero = full_range ? 0 : 16,
                     .y_scale = (float)(1 / luma),

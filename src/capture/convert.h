@@ -17,6 +17,9 @@ int32_t sf_plane_rows(sf_pixel_format format, int plane, int32_t height);
 /* Whether matrix and range matter to the format: all that has a Y. */
 int sf_format_has_luma(sf_pixel_format format);
 
+/* The weights of R and B in Y. */
+void sf_luma_weights(sf_yuv_matrix matrix, double *red, double *blue);
+
 /* The numbers of the kernel `convert`, each the float nearest to it. */
 sf_yuv sf_yuv_of(sf_yuv_matrix matrix, int full_range);
 

@@ -11,7 +11,7 @@
 
 #include "../base/context.h"
 #include "../base/pool.h"
-#include "../io/undistort.h"
+#include "../io/optics.h"
 
 enum {
     MAX_SIDE = 65535,
@@ -29,7 +29,7 @@ typedef struct tap {
 
 struct sf_remap {
     sf_context *ctx;
-    sf_lens lens;
+    sf_optics optics;
     sf_camera camera;      /* of the result */
     int32_t width, height; /* px, of the source */
     int downscale;
@@ -53,7 +53,7 @@ static int split(double at, int32_t size, uint16_t *pixel, uint16_t *part) {
 static tap find_tap(const sf_remap *r, double limit, size_t x, size_t y) {
     double source[2];
     tap t = {0};
-    if (!sf_lens_source(&r->lens, limit, (double)x + 0.5, (double)y + 0.5, source) ||
+    if (!sf_optics_source(&r->optics, limit, (double)x + 0.5, (double)y + 0.5, source) ||
         !split(source[0], r->width, &t.x, &t.right) || !split(source[1], r->height, &t.y, &t.down))
         return (tap){.x = NOWHERE};
     return t;
@@ -65,7 +65,7 @@ static void map_row(void *arg, size_t row, int thread) {
     const sf_remap *r = arg;
     (void)thread;
     size_t n = samples_a_row(r);
-    double limit = sf_lens_limit(&r->lens);
+    double limit = sf_optics_limit(&r->optics);
     for (size_t x = 0; x < n; x++) r->map[row * n + x] = find_tap(r, limit, x, row);
 }
 
@@ -103,7 +103,7 @@ sf_status sf_remap_create(sf_context *ctx, const sf_lens *lens, int32_t width, i
     sf_camera whole = {width, height, lens->fx, lens->fy, lens->cx, lens->cy, {1, 0, 0, 0, 1, 0, 0, 0, 1},
                        {0}};
     r->ctx = ctx;
-    r->lens = *lens;
+    r->optics = sf_optics_of(lens);
     r->camera = sf_camera_downscaled(&whole, downscale);
     r->width = width;
     r->height = height;

@@ -10,7 +10,9 @@
 /* As many as structure from motion finds in a scene of this kind. */
 enum { SPARSE_POINTS = 8000, FRAME_NAME = 16 };
 
-sf_load_options sf_load_options_default(void) { return (sf_load_options){.downscale = 1, .hold_out = 8}; }
+sf_load_options sf_load_options_default(void) {
+    return (sf_load_options){.downscale = 1, .hold_out = 8, .sub_model = -1};
+}
 
 static sf_status check_options(sf_context *ctx, const char *name, const sf_sim *sim,
                                const sf_load_options *options) {
@@ -160,6 +162,7 @@ static sf_status load_simulated(sf_context *ctx, const char *name, const sf_load
     if (status == SF_OK) status = check_options(ctx, name, &sim, options);
     if (status == SF_OK) status = sf_scene_create(ctx, scene);
     if (status == SF_OK) {
+        (*scene)->kind = "simulated";
         status = fill_scene(*scene, project, &sim, options);
         if (status != SF_OK) sf_scene_destroy(scene);
     }

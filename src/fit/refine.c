@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/linear.h"
 #include "adam.h"
 
 static const double pi = 3.141592653589793;
@@ -74,39 +75,14 @@ void sf_note_depth(sf_view_state *view, const sf_workspace *ws, double otherwise
 
 /* 3. The steps */
 
-/* exp([phi]x) (Rodrigues) */
-static void exponential(const double phi[3], double R[9]) {
-    double angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2], angle = sqrt(angle2);
-    double s = angle > 1e-8 ? sin(angle) / angle : 1, half = sin(angle / 2);
-    double c = angle > 1e-8 ? 2 * half * half / angle2 : 0.5;
-    const double K[9] = {0, -phi[2], phi[1], phi[2], 0, -phi[0], -phi[1], phi[0], 0};
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            R[3 * i + j] = (i == j) + s * K[3 * i + j] + c * (phi[i] * phi[j] - (i == j ? angle2 : 0));
-}
-
-/* out = a b, with a or b transposed where asked */
-static void product(const double *a, int a_turned, const double *b, int b_turned, double out[9]) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            out[3 * i + j] = 0;
-            for (int k = 0; k < 3; k++)
-                out[3 * i + j] += a[a_turned ? 3 * k + i : 3 * i + k] * b[b_turned ? 3 * j + k : 3 * k + j];
-        }
-}
-
-static void apply(const double R[9], const double p[3], double out[3]) {
-    for (int i = 0; i < 3; i++) out[i] = R[3 * i] * p[0] + R[3 * i + 1] * p[1] + R[3 * i + 2] * p[2];
-}
-
 /* p_c' = E (p_c - pivot) + pivot + rho */
 static void move(sf_view_state *view, const double rho[3], const double phi[3]) {
     const double pivot[3] = {0, 0, view->depth};
     double E[9], R[9], arm[3], turned[3];
-    exponential(phi, E);
-    product(E, 0, view->R_cw, 0, R);
+    sf_rotation_exp(phi, E);
+    sf_mat3_mul(E, view->R_cw, R);
     for (int k = 0; k < 3; k++) arm[k] = view->t_cw[k] - pivot[k];
-    apply(E, arm, turned);
+    sf_mat3_vec(E, arm, turned);
     memcpy(view->R_cw, R, sizeof R);
     for (int k = 0; k < 3; k++) view->t_cw[k] = turned[k] + pivot[k] + rho[k];
 }
@@ -156,46 +132,73 @@ void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, con
 /* How a view was corrected: the turn in its own frame, and the centre's displacement in the world. */
 static void correction(const sf_view_state *view, double out[6]) {
     sf_camera now;
-    double E[9], from[3], to[3];
+    double given[9], E[9], from[3], to[3];
     pose_in_use(view, &now);
-    product(now.R_cw, 0, view->given.R_cw, 1, E);
+    for (int k = 0; k < 9; k++) given[k] = view->given.R_cw[k % 3 * 3 + k / 3];
+    sf_mat3_mul(now.R_cw, given, E);
     out[0] = (E[7] - E[5]) / 2, out[1] = (E[2] - E[6]) / 2, out[2] = (E[3] - E[1]) / 2;
     sf_camera_center(&view->given, from);
     sf_camera_center(&now, to);
     for (int k = 0; k < 3; k++) out[3 + k] = to[k] - from[k];
 }
 
-/* The part of the mean correction that chance does not explain: m - 4 e^2 / m where it is more than twice its
- * standard error e. Poses that are off are off each in its own way; what all share is the model's drift. */
-static void common_part(const sf_view_states *views, double common[6]) {
-    double mean[6] = {0}, square[6] = {0}, n = (double)views->count, c[6];
+/* What of a mean chance does not explain: m - 4 e^2 / m where it is more than twice its standard error e. */
+static double beyond_chance(double mean, double error2) {
+    return mean * mean > 4 * error2 ? mean - 4 * error2 / mean : 0;
+}
+
+/* What the corrections share. Poses that are off are off each in its own way; what all share is the model's
+ * drift. */
+typedef struct shared_part {
+    double turn[3], shift[3]; /* in the cameras' frames; of the centres, in the world */
+    double growth, from[3];   /* of the distances from there */
+} shared_part;
+
+static void find_shared(const sf_view_states *views, shared_part *shared) {
+    double mean[6] = {0}, square[6] = {0}, n = (double)views->count, c[6], center[3], along = 0, far = 0,
+           left = 0;
+    *shared = (shared_part){0};
     for (size_t i = 0; i < views->count; i++) {
         correction(&views->states[i], c);
+        sf_camera_center(&views->states[i].given, center);
         for (int k = 0; k < 6; k++) mean[k] += c[k] / n, square[k] += c[k] * c[k] / n;
+        for (int k = 0; k < 3; k++) shared->from[k] += center[k] / n;
     }
-    for (int k = 0; k < 6; k++) {
-        double error2 = (square[k] - mean[k] * mean[k]) / (n - 1);
-        common[k] = mean[k] * mean[k] > 4 * error2 ? mean[k] - 4 * error2 / mean[k] : 0;
+    for (int k = 0; k < 3; k++) {
+        shared->turn[k] = beyond_chance(mean[k], (square[k] - mean[k] * mean[k]) / (n - 1));
+        shared->shift[k] = beyond_chance(mean[3 + k], (square[3 + k] - mean[3 + k] * mean[3 + k]) / (n - 1));
     }
+    for (size_t i = 0; i < views->count; i++) {
+        correction(&views->states[i], c);
+        sf_camera_center(&views->states[i].given, center);
+        for (int k = 0; k < 3; k++) {
+            double arm = center[k] - shared->from[k], moved = c[3 + k] - mean[3 + k];
+            along += moved * arm, far += arm * arm, left += moved * moved;
+        }
+    }
+    if (!(far > 0)) return;
+    double growth = along / far;
+    shared->growth = beyond_chance(growth, (left / far - growth * growth) / (3 * n - 4));
 }
 
 void sf_hold_mean(sf_view_states *views) {
-    double common[6], back[9], R[9], o[3];
+    double back[9], R[9], o[3];
+    shared_part shared;
     if (views->count < 2) return;
     for (size_t i = 0; i < views->count; i++)
         if (views->states[i].held) return;
-    common_part(views, common);
-    for (int k = 0; k < 3; k++) common[k] = -common[k];
-    exponential(common, back);
+    find_shared(views, &shared);
+    const double turn[3] = {-shared.turn[0], -shared.turn[1], -shared.turn[2]};
+    sf_rotation_exp(turn, back);
     for (size_t i = 0; i < views->count; i++) {
         sf_view_state *view = &views->states[i];
         sf_camera now;
         pose_in_use(view, &now);
         sf_camera_center(&now, o);
-        for (int k = 0; k < 3; k++) o[k] = common[3 + k] - o[k];
-        product(back, 0, now.R_cw, 0, R);
+        for (int k = 0; k < 3; k++) o[k] = shared.shift[k] - o[k] + shared.growth * (o[k] - shared.from[k]);
+        sf_mat3_mul(back, now.R_cw, R);
         memcpy(view->R_cw, R, sizeof R);
-        apply(R, o, view->t_cw);
+        sf_mat3_vec(R, o, view->t_cw);
         measure(view);
     }
 }

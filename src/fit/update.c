@@ -11,7 +11,7 @@ typedef struct update_job {
     sf_adam step[SF_FIELD_COUNT];
     uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
     float most_ratio, most_scale; /* logarithms of the greatest aspect and scale */
-    float d_opacity, d_scale;     /* of the loss, by each opacity and scale */
+    float fade, shrink;           /* of logits, by the opacity, and of log-scales, in this step */
     double noise;                 /* of relocate.c */
 } update_job;
 
@@ -42,27 +42,24 @@ static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
     }
 }
 
-/* What reg_opacity and reg_scale add to the gradients, of those alone that the picture shows: what few views
- * see must not fade while others are looked at. */
-static void regularise(const update_job *job, const sf_params *grads, size_t first, size_t end) {
+/* What no picture holds up shrinks and fades: beside Adam, which would make whole steps of the least pull
+ * where nothing pulls against it, and of those alone that the picture shows, for what few views see must not
+ * fade while others are looked at. */
+static void regularise(const update_job *job, size_t first, size_t end) {
     const sf_fitter *f = job->fitter;
     const sf_params *p = &f->model->params;
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     for (size_t i = first * SF_LANES; i < last; i++) {
-        size_t k = i - first * SF_LANES;
         if (f->workspace.state[i] != SF_SEEN) continue;
-        float opacity = sf_opacity(p->field[SF_FIELD_logit_opacity][i]);
-        grads->field[SF_FIELD_logit_opacity][k] += job->d_opacity * opacity * (1 - opacity);
-        for (int axis = 0; axis < 3; axis++)
-            *sf_value(grads, SF_FIELD_log_scale, k, axis) +=
-                job->d_scale * expf(*sf_value(p, SF_FIELD_log_scale, i, axis));
+        float *logit = &p->field[SF_FIELD_logit_opacity][i];
+        *logit -= job->fade * sf_opacity(*logit);
+        for (int axis = 0; axis < 3; axis++) *sf_value(p, SF_FIELD_log_scale, i, axis) -= job->shrink;
     }
 }
 
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     const update_job *job = job_pointer;
     sf_fitter *f = job->fitter;
-    if (job->d_opacity > 0 || job->d_scale > 0) regularise(job, grads, first, end);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         /* neither what these blocks lack nor a band that is not in use yet has a gradient */
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
@@ -71,6 +68,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
                         f->model->params.field[field] + at, grads->field[field], &job->step[field],
                         job->key[field]);
     }
+    if (job->fade > 0 || job->shrink > 0) regularise(job, first, end);
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
         limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);
@@ -91,12 +89,12 @@ static uint32_t rounding_key(const sf_fitter *f, int field) {
 sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     const sf_fit_options *o = &f->options;
     double t = (double)(f->step - f->adam_before) + 1;
-    double n = (double)f->model->count;
     update_job job = {.fitter = f,
                       .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY,
                       .most_scale = SF_LOG_SCALE_MOST,
-                      .d_opacity = (float)(o->reg_opacity / n),
-                      .d_scale = (float)(o->reg_scale / (3 * n * f->extent))};
+                      .fade =
+                          (float)(o->reg_opacity * sf_scheduled_rate(f, fraction, SF_FIELD_logit_opacity)),
+                      .shrink = (float)(o->reg_scale * sf_scheduled_rate(f, fraction, SF_FIELD_log_scale))};
     if (o->max_scale > 0) job.most_scale = least_of((float)log(o->max_scale * f->extent), SF_LOG_SCALE_MOST);
     if (o->growth == SF_GROWTH_RELOCATE)
         job.noise =

@@ -1,4 +1,4 @@
-/* cameras_json.c - the views' cameras as INRIA's cameras.json. */
+/* cameras_json.c - the views' cameras as INRIA's cameras.json, out and in. */
 #include "cameras_json.h"
 
 #include <stdlib.h>
@@ -62,4 +62,88 @@ sf_status sf_save_cameras(sf_scene *scene, sf_camera_fn replace, void *user, con
 
 sf_status sf_scene_save_cameras(sf_scene *scene, const char *path) {
     return sf_save_cameras(scene, NULL, NULL, path);
+}
+
+/* ---- In ---- */
+
+enum { CAMERAS_MOST_BYTES = 64 << 20 };
+
+/* `n` numbers of an array, or (n = 1) a number. */
+static int read_numbers(const json_t *json, size_t n, double *values) {
+    if (n == 1 && json_is_number(json)) {
+        *values = json_number_value(json);
+        return 1;
+    }
+    if (json_array_size(json) != n) return 0;
+    for (size_t k = 0; k < n; k++) {
+        if (!json_is_number(json_array_get(json, k))) return 0;
+        values[k] = json_number_value(json_array_get(json, k));
+    }
+    return 1;
+}
+
+/* NULL, or the field that is wrong. */
+static const char *read_camera(const json_t *json, sf_camera *c) {
+    double size[2], center[3];
+    const json_t *rows = json_object_get(json, "rotation");
+    if (!read_numbers(json_object_get(json, "width"), 1, size) || !(size[0] >= 1 && size[0] <= 65535))
+        return "width";
+    if (!read_numbers(json_object_get(json, "height"), 1, size + 1) || !(size[1] >= 1 && size[1] <= 65535))
+        return "height";
+    if (!read_numbers(json_object_get(json, "fx"), 1, &c->fx) || !(c->fx > 0)) return "fx";
+    if (!read_numbers(json_object_get(json, "fy"), 1, &c->fy) || !(c->fy > 0)) return "fy";
+    if (!read_numbers(json_object_get(json, "position"), 3, center)) return "position";
+    if (json_array_size(rows) != 3) return "rotation";
+    for (size_t i = 0; i < 3; i++) {
+        double row[3];
+        if (!read_numbers(json_array_get(rows, i), 3, row)) return "rotation";
+        for (size_t k = 0; k < 3; k++) c->R_cw[3 * k + i] = row[k];
+    }
+    c->width = (int32_t)size[0], c->height = (int32_t)size[1];
+    c->cx = c->width / 2.0, c->cy = c->height / 2.0;
+    for (int i = 0; i < 3; i++) {
+        c->t_cw[i] = 0;
+        for (int k = 0; k < 3; k++) c->t_cw[i] -= c->R_cw[3 * i + k] * center[k];
+    }
+    return sf_camera_check(c) ? "rotation" : NULL;
+}
+
+static sf_status read_cameras(sf_context *ctx, const char *path, const json_t *list, sf_camera **cameras,
+                              size_t *count) {
+    size_t n = json_array_size(list);
+    if (!n) return sf_fail(ctx, SF_ERR_EMPTY, "%s: holds no camera", path);
+    sf_camera *all = sf_calloc(ctx, n, sizeof *all);
+    if (!all) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < n; i++) {
+        const char *field = read_camera(json_array_get(list, i), &all[i]);
+        if (!field) continue;
+        sf_free(ctx, all);
+        return sf_fail(ctx, SF_ERR_FORMAT, "%s: camera %zu: %s: is missing or makes no sense", path, i,
+                       field);
+    }
+    *cameras = all;
+    *count = n;
+    return SF_OK;
+}
+
+sf_status sf_cameras_load(sf_context *ctx, const char *path, sf_camera **cameras, size_t *count) {
+    uint8_t *data;
+    size_t size;
+    json_error_t error;
+    *cameras = NULL;
+    *count = 0;
+    sf_status status = sf_read_file(ctx, path, CAMERAS_MOST_BYTES, &data, &size);
+    if (status) return status;
+    json_t *list = json_loadb((const char *)data, size, 0, &error);
+    sf_free(ctx, data);
+    if (!list) return sf_fail(ctx, SF_ERR_FORMAT, "%s: line %d: %s", path, error.line, error.text);
+    status = json_is_array(list) ? read_cameras(ctx, path, list, cameras, count)
+                                 : sf_fail(ctx, SF_ERR_FORMAT, "%s: is not an array of cameras", path);
+    json_decref(list);
+    return status;
+}
+
+void sf_cameras_free(sf_context *ctx, sf_camera **cameras) {
+    sf_free(ctx, *cameras);
+    *cameras = NULL;
 }

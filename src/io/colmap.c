@@ -13,34 +13,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_PARAMETERS = 8 };
-
 static const uint64_t MAX_FILE_BYTES = (uint64_t)1 << 36;
-
-/* By COLMAP's number; 0 parameters: known, not supported. */
-static const struct {
-    const char *name;
-    int parameters;
-} lens_models[] = {
-    {"SIMPLE_PINHOLE", 3},
-    {"PINHOLE", 4},
-    {"SIMPLE_RADIAL", 4},
-    {"RADIAL", 5},
-    {"OPENCV", 8},
-    {"OPENCV_FISHEYE", 0},
-    {"FULL_OPENCV", 0},
-    {"FOV", 0},
-    {"SIMPLE_RADIAL_FISHEYE", 0},
-    {"RADIAL_FISHEYE", 0},
-    {"THIN_PRISM_FISHEYE", 0},
-};
-
-enum { LENS_MODELS = sizeof lens_models / sizeof *lens_models };
 
 typedef struct camera {
     uint32_t id;
     int width, height;
-    sf_lens lens;
+    sf_optics lens;
 } camera;
 
 typedef struct reader {
@@ -60,9 +38,9 @@ typedef struct reader {
 
 typedef struct camera_record {
     uint64_t width, height;
-    double parameters[MAX_PARAMETERS];
+    double parameters[SF_OPTICS_PARAMETERS];
     uint32_t id;
-    int model;
+    const sf_lens_model *model;
 } camera_record;
 
 typedef struct image_record {
@@ -76,25 +54,10 @@ typedef struct point_record {
     uint8_t rgb[3];
 } point_record;
 
-static sf_lens make_lens(const camera_record *record) {
-    const double *p = record->parameters;
-    switch (record->model) {
-    case 0:
-        return (sf_lens){.fx = p[0], .fy = p[0], .cx = p[1], .cy = p[2]};
-    case 1:
-        return (sf_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3]};
-    case 2:
-    case 3:
-        return (sf_lens){.fx = p[0], .fy = p[0], .cx = p[1], .cy = p[2], .k1 = p[3], .k2 = p[4]};
-    default:
-        return (sf_lens){p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]};
-    }
-}
-
-static sf_status check_model(reader *r, uint32_t id, int model) {
-    if (lens_models[model].parameters) return SF_OK;
+static sf_status check_model(reader *r, uint32_t id, const sf_lens_model *model) {
+    if (model->layout) return SF_OK;
     return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: camera %lu: model %s is not supported", r->file,
-                   (unsigned long)id, lens_models[model].name);
+                   (unsigned long)id, model->name);
 }
 
 static sf_status check_side(reader *r, uint32_t id, const char *side, uint64_t value) {
@@ -110,8 +73,8 @@ static sf_status add_camera(reader *r, const camera_record *record) {
         status = sf_grow(r->ctx, &r->cameras, &r->camera_capacity, r->camera_count, r->camera_count + 1,
                          sizeof *r->cameras);
     if (!status)
-        r->cameras[r->camera_count++] =
-            (camera){record->id, (int)record->width, (int)record->height, make_lens(record)};
+        r->cameras[r->camera_count++] = (camera){record->id, (int)record->width, (int)record->height,
+                                                 sf_optics_make(record->model, record->parameters)};
     return status;
 }
 
@@ -226,15 +189,15 @@ static sf_status read_camera(reader *r, sf_bytes *b, uint64_t index, uint64_t co
     camera_record record = {.id = sf_bytes_u32(b)};
     uint32_t model = sf_bytes_u32(b);
     if (b->failed) return cut_off(r, "camera", index, count);
-    if (model >= LENS_MODELS)
+    record.model = sf_lens_model_at(model);
+    if (!record.model)
         return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: camera %lu: model: number %ld is not known", r->file,
                        (unsigned long)record.id, (long)(int32_t)model);
-    record.model = (int)model;
     sf_status status = check_model(r, record.id, record.model);
     if (status) return status;
     record.width = sf_bytes_u64(b);
     record.height = sf_bytes_u64(b);
-    for (int i = 0; i < lens_models[model].parameters; i++) record.parameters[i] = sf_bytes_f64(b);
+    for (size_t i = 0; record.model->layout[i]; i++) record.parameters[i] = sf_bytes_f64(b);
     return b->failed ? cut_off(r, "camera", index, count) : add_camera(r, &record);
 }
 
@@ -368,9 +331,8 @@ static sf_status read_id(text *t, const char *field, uint32_t *id) {
 
 static sf_status read_model(text *t, camera_record *record) {
     const char *name = next_word(t);
-    for (record->model = 0; record->model < LENS_MODELS; record->model++)
-        if (!strcmp(name, lens_models[record->model].name))
-            return check_model(t->r, record->id, record->model);
+    record->model = sf_lens_model_named(name);
+    if (record->model) return check_model(t->r, record->id, record->model);
     return sf_fail(t->r->ctx, SF_ERR_FORMAT, "%s: line %lu: model: '%s' is not known", t->r->file, t->line,
                    name);
 }
@@ -381,8 +343,7 @@ static sf_status parse_camera(text *t) {
     if (!status) status = read_model(t, &record);
     if (!status) status = read_integer(t, "width", UINT64_MAX, &record.width);
     if (!status) status = read_integer(t, "height", UINT64_MAX, &record.height);
-    if (!status)
-        status = read_reals(t, "parameters", lens_models[record.model].parameters, record.parameters);
+    if (!status) status = read_reals(t, "parameters", (int)strlen(record.model->layout), record.parameters);
     if (!status && *t->at) status = bad_word(t, "end of line", t->at);
     return status ? status : add_camera(t->r, &record);
 }
@@ -513,6 +474,9 @@ static sf_status read_all(reader *r) {
 static sf_status take_one_camera(reader *r, int *width, int *height, sf_lens *lens) {
     if (!r->camera_count) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: holds no camera", r->file);
     const camera *first = r->cameras;
+    if (!sf_optics_to_lens(&first->lens, lens))
+        return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: camera %lu: model %s is not supported here", r->file,
+                       (unsigned long)first->id, first->lens.model);
     for (size_t i = 1; i < r->camera_count; i++) {
         const camera *c = &r->cameras[i];
         if (c->width != first->width || c->height != first->height ||
@@ -523,7 +487,6 @@ static sf_status take_one_camera(reader *r, int *width, int *height, sf_lens *le
     }
     *width = first->width;
     *height = first->height;
-    *lens = first->lens;
     return SF_OK;
 }
 
@@ -543,7 +506,13 @@ sf_status sf_colmap_read_camera(sf_context *ctx, const char *file, int binary, u
 
 /* The folder of the pictures. */
 
-static sf_status find_pictures(sf_context *ctx, const char *path, const char *wanted, char **pictures) {
+/* Part of a model is enough: what is missing is named when it is read. */
+static int holds_model(const char *folder) {
+    return find_file(folder, &cameras_file) || find_file(folder, &images_file);
+}
+
+/* The first of the usual folders in `path`; *pictures NULL: there is none. */
+static sf_status look_for_pictures(sf_context *ctx, const char *path, const char *wanted, char **pictures) {
     static const char *const usual[] = {"images", "images_2", "images_4", "images_8"};
     for (size_t i = 0; i < (wanted ? 1 : 4); i++) {
         const char *name = wanted ? wanted : usual[i];
@@ -558,16 +527,34 @@ static sf_status find_pictures(sf_context *ctx, const char *path, const char *wa
         sf_free(ctx, *pictures);
     }
     *pictures = NULL;
-    if (wanted) return sf_fail(ctx, SF_ERR_IO, "%s/%s: no such folder of pictures", path, wanted);
-    return sf_fail(ctx, SF_ERR_IO,
+    return SF_OK;
+}
+
+/* The path may be that of the model itself, sparse/0: its project is above then. */
+static sf_status find_pictures(sf_project *p, const char *path, const char *wanted, char **pictures) {
+    static const char *const folders[] = {".", "..", "../.."};
+    for (size_t i = 0; i < (holds_model(path) ? 3 : 1); i++) {
+        char *folder = i ? sf_path_join(p->ctx, path, folders[i]) : sf_text_copy(p->ctx, path);
+        if (!folder) return SF_ERR_MEMORY;
+        sf_status status = look_for_pictures(p->ctx, folder, wanted, pictures);
+        if (!status && *pictures) status = sf_project_set_folder(p, folder);
+        sf_free(p->ctx, folder);
+        if (status || *pictures) return status;
+    }
+    if (wanted) return sf_fail(p->ctx, SF_ERR_IO, "%s/%s: no such folder of pictures", path, wanted);
+    return sf_fail(p->ctx, SF_ERR_IO,
                    "%s: no folder of pictures: looked for images, images_2, images_4, images_8", path);
 }
 
 sf_status sf_colmap_read(sf_project *project, const char *path, const char *model,
                          const sf_load_options *options) {
-    char *pictures;
-    sf_status status = find_pictures(project->ctx, path, options->images, &pictures);
-    if (status) return status;
+    char *pictures = NULL;
+    project->kind = "COLMAP";
+    sf_status status = find_pictures(project, path, options->images, &pictures);
+    if (status) {
+        sf_free(project->ctx, pictures);
+        return status;
+    }
     reader r = {.ctx = project->ctx, .project = project, .model = model, .pictures = pictures};
     status = read_all(&r);
     sf_free(r.ctx, r.cameras);
@@ -577,11 +564,6 @@ sf_status sf_colmap_read(sf_project *project, const char *path, const char *mode
 }
 
 /* The folder of the model. */
-
-/* Part of a model is enough: what is missing is named when it is read. */
-static int holds_model(const char *folder) {
-    return find_file(folder, &cameras_file) || find_file(folder, &images_file);
-}
 
 static uint64_t count_lines(char *data) {
     uint64_t count = 0;
@@ -633,6 +615,7 @@ typedef struct choice {
     unsigned long number;
     uint64_t images;
     size_t models;
+    int wanted; /* the number that must be taken; -1: any */
 } choice;
 
 /* Of models with as many images, the one with the lowest number: not the one that the file system lists
@@ -642,7 +625,7 @@ static int is_better(const choice *best, unsigned long number, uint64_t images) 
 }
 
 static sf_status consider(sf_context *ctx, const char *sparse, const char *name, choice *best) {
-    if (name[strspn(name, "0123456789")]) return SF_OK;
+    if (name[strspn(name, "0123456789")] || strlen(name) > 9) return SF_OK;
     char *folder = sf_path_join(ctx, sparse, name);
     if (!folder) return SF_ERR_MEMORY;
     unsigned long number = strtoul(name, NULL, 10);
@@ -652,14 +635,15 @@ static sf_status consider(sf_context *ctx, const char *sparse, const char *name,
     if (holds_model(folder)) {
         best->models++;
         status = count_images(ctx, folder, &images);
-        better = !status && is_better(best, number, images);
+        better = !status &&
+                 (best->wanted < 0 ? is_better(best, number, images) : number == (unsigned long)best->wanted);
     }
     if (!better) {
         sf_free(ctx, folder);
         return status;
     }
     sf_free(ctx, best->folder);
-    *best = (choice){folder, number, images, best->models};
+    *best = (choice){folder, number, images, best->models, best->wanted};
     return SF_OK;
 }
 
@@ -676,24 +660,27 @@ static sf_status consider_all(sf_context *ctx, const char *sparse, DIR *folder, 
     return status;
 }
 
-static sf_status choose_model(sf_context *ctx, const char *sparse, char **model) {
+static sf_status choose_model(sf_context *ctx, const char *sparse, int number, char **model) {
     DIR *folder = opendir(sparse);
     if (!folder) return SF_OK;
-    choice best = {0};
+    choice best = {.wanted = number};
     sf_status status = consider_all(ctx, sparse, folder, &best);
     closedir(folder);
-    if (best.models > 1)
+    if (!status && best.models && !best.folder)
+        return sf_fail(ctx, SF_ERR_IO, "%s: sub_model: none of its %zu models is %d", sparse, best.models,
+                       number);
+    if (best.models > 1 && number < 0)
         sf_log(ctx, SF_LOG_INFO, "%s: of %zu models, %lu is taken: it has most images, %llu", sparse,
                best.models, best.number, (unsigned long long)best.images);
     *model = best.folder;
     return status;
 }
 
-sf_status sf_colmap_find(sf_context *ctx, const char *path, char **model) {
+sf_status sf_colmap_find(sf_context *ctx, const char *path, int number, char **model) {
     *model = NULL;
     char *sparse = sf_path_join(ctx, path, "sparse");
     if (!sparse) return SF_ERR_MEMORY;
-    sf_status status = choose_model(ctx, sparse, model);
+    sf_status status = choose_model(ctx, sparse, number, model);
     const char *others[] = {sparse, path};
     for (int i = 0; i < 2 && !status && !*model; i++) {
         if (!holds_model(others[i])) continue;

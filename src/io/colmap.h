@@ -5,8 +5,9 @@
 #include "project.h"
 
 /* The folder of the model in a project: sparse/N (of several the one with most images, said in the log),
- * sparse, or the project itself. *model is sf_free'd by the caller; NULL where there is none. */
-sf_status sf_colmap_find(sf_context *ctx, const char *path, char **model);
+ * sparse, or the project itself; with `number` >= 0 sparse/<number> alone. *model is sf_free'd by the caller;
+ * NULL where there is none. SF_ERR_IO: there are models, but none of that number. */
+sf_status sf_colmap_find(sf_context *ctx, const char *path, int number, char **model);
 
 /* Reads cameras, images and points of that model into an empty project. */
 sf_status sf_colmap_read(sf_project *project, const char *path, const char *model,

@@ -260,14 +260,32 @@ static int is_png(const uint8_t *data, size_t size) {
     return size >= 8 && !memcmp(data, "\x89PNG\r\n\x1a\n", 8);
 }
 
-static sf_status unknown_kind(sf_picture *p, size_t size) {
+/* Kinds that are known by their first bytes, to be named. */
+static const char *other_kind(const uint8_t *data, size_t size) {
+    static const struct {
+        const char *name;
+        size_t at, length;
+        const char *bytes;
+    } kinds[] = {{"WebP", 8, 4, "WEBP"},      {"HEIC or AVIF", 4, 4, "ftyp"}, {"TIFF", 0, 4, "II*\0"},
+                 {"TIFF", 0, 4, "MM\0*"},     {"GIF", 0, 4, "GIF8"},          {"BMP", 0, 2, "BM"},
+                 {"JPEG 2000", 4, 4, "jP  "}, {"JPEG XL", 4, 4, "JXL "},      {"OpenEXR", 0, 4, "v/1\1"}};
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)
+        if (size >= kinds[i].at + kinds[i].length &&
+            !memcmp(data + kinds[i].at, kinds[i].bytes, kinds[i].length))
+            return kinds[i].name;
+    return NULL;
+}
+
+static sf_status unknown_kind(sf_picture *p, const uint8_t *data, size_t size) {
+    const char *kind = other_kind(data, size);
+    if (kind) return fault(p, SF_ERR_UNSUPPORTED, "is %s: only JPEG and PNG are read", kind);
     return fault(p, SF_ERR_FORMAT, size ? "is neither a JPEG nor a PNG picture" : "is empty");
 }
 
 static sf_status load(sf_context *ctx, const uint8_t *data, size_t size, sf_picture *p) {
     if (is_jpeg(data, size)) return load_jpeg(ctx, data, size, p);
     if (is_png(data, size)) return load_png(ctx, data, size, p);
-    return unknown_kind(p, size);
+    return unknown_kind(p, data, size);
 }
 
 /* The reason in a few words of why sf_read_file failed. */
@@ -298,7 +316,7 @@ sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture
 /* SF_ERR_FORMAT also where the header goes on beyond `size`. */
 static sf_status header_size(const uint8_t *data, size_t size, sf_picture *p) {
     if (is_png(data, size)) return png_size(data, size, p);
-    if (!is_jpeg(data, size)) return unknown_kind(p, size);
+    if (!is_jpeg(data, size)) return unknown_kind(p, data, size);
     sf_bytes b = {.data = data, .size = size};
     segment s;
     while (next_segment(&b, &s))
@@ -366,11 +384,12 @@ static sf_status copy_file(sf_context *ctx, const void *data, size_t size, uint8
     return SF_OK;
 }
 
-static sf_status png_file(sf_context *ctx, struct spng_ihdr *header, const uint8_t *pixels, uint8_t **file,
+static sf_status png_file(sf_context *ctx, struct spng_ihdr *header, const void *pixels, uint8_t **file,
                           size_t *size) {
     spng_ctx *png = spng_ctx_new(SPNG_CTX_ENCODER);
     if (!png) return sf_fail(ctx, SF_ERR_MEMORY, "PNG: out of memory");
-    size_t bytes = (size_t)header->width * header->height * 3;
+    size_t a_pixel = header->color_type == SPNG_COLOR_TYPE_TRUECOLOR ? 3 : 1;
+    size_t bytes = (size_t)header->width * header->height * a_pixel * header->bit_depth / 8;
     int error = spng_set_option(png, SPNG_ENCODE_TO_BUFFER, 1);
     if (!error) error = spng_set_ihdr(png, header);
     if (!error) error = spng_encode_image(png, pixels, bytes, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE);
@@ -460,6 +479,22 @@ sf_status sf_write_png(sf_context *ctx, const char *path, int width, int height,
     uint8_t *file;
     size_t size;
     sf_status status = sf_encode_png(ctx, width, height, rgb, &file, &size);
+    if (status) return name_path(ctx, status, path);
+    status = sf_write_file(ctx, path, file, size);
+    sf_encoded_free(ctx, &file);
+    return status;
+}
+
+sf_status sf_write_png_grey16(sf_context *ctx, const char *path, int width, int height,
+                              const uint16_t *values) {
+    uint8_t *file = NULL;
+    size_t size;
+    struct spng_ihdr header = {.width = (uint32_t)width,
+                               .height = (uint32_t)height,
+                               .bit_depth = 16,
+                               .color_type = SPNG_COLOR_TYPE_GRAYSCALE};
+    sf_status status = check_size(ctx, width, height);
+    if (!status) status = png_file(ctx, &header, values, &file, &size);
     if (status) return name_path(ctx, status, path);
     status = sf_write_file(ctx, path, file, size);
     sf_encoded_free(ctx, &file);

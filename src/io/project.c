@@ -2,12 +2,13 @@
 #include "project.h"
 
 #include "../base/file.h"
-#include "../base/memory.h"
-#include "../base/pool.h"
-#include "../scene/scene.h"
 #include "colmap.h"
+#include "mask.h"
+#include "opensfm.h"
 #include "transforms.h"
+#include "zip.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <limits.h>
 #include <stdio.h>
@@ -15,10 +16,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum {
-    MAX_DOWNSCALE = 64,
-    NAMES_IN_LOG = 5 /* of skipped pictures; the rest is counted */
-};
+enum { MAX_DOWNSCALE = 64, MOST_AROUND = 8 /* folders around the project of an archive */ };
 
 static const uint64_t MAX_LIST_BYTES = 1 << 28;
 
@@ -85,7 +83,7 @@ static const char *without_dot(const char *name) {
 
 /* Entries. */
 
-static void free_project(sf_project *p) {
+void sf_project_free(sf_project *p) {
     for (size_t i = 0; i < p->count; i++) {
         sf_free(p->ctx, p->entries[i].name);
         sf_free(p->ctx, p->entries[i].path);
@@ -94,6 +92,13 @@ static void free_project(sf_project *p) {
     sf_free(p->ctx, p->entries);
     sf_free(p->ctx, p->xyz);
     sf_free(p->ctx, p->rgb);
+    sf_free(p->ctx, p->folder);
+}
+
+sf_status sf_project_set_folder(sf_project *p, const char *folder) {
+    sf_free(p->ctx, p->folder);
+    p->folder = sf_text_copy(p->ctx, folder);
+    return p->folder ? SF_OK : SF_ERR_MEMORY;
 }
 
 sf_status sf_project_add(sf_project *p, const char *file, const char *folder, const char *name,
@@ -108,6 +113,22 @@ sf_status sf_project_add(sf_project *p, const char *file, const char *folder, co
                     .path = sf_path_join(p->ctx, folder, name)};
     *entry = e;
     return e->name && e->path ? SF_OK : SF_ERR_MEMORY;
+}
+
+sf_status sf_entry_complete(sf_context *ctx, sf_entry *e, const char *const *endings) {
+    for (; *endings; endings++) {
+        size_t size = strlen(e->path) + strlen(*endings) + 1;
+        char *path = sf_alloc(ctx, size, 1);
+        if (!path) return SF_ERR_MEMORY;
+        snprintf(path, size, "%s%s", e->path, *endings);
+        if (sf_is_file(path)) {
+            sf_free(ctx, e->path);
+            e->path = path;
+            return SF_OK;
+        }
+        sf_free(ctx, path);
+    }
+    return SF_OK;
 }
 
 static int by_name(const void *a, const void *b) {
@@ -210,322 +231,127 @@ static sf_status choose_splits(sf_project *p, const sf_load_options *options) {
     return status;
 }
 
-/* From a picture to a view. */
-
-/* The lens for the picture's own size. */
-static sf_lens scaled_lens(const sf_entry *e, const sf_picture *p) {
-    sf_lens lens = e->lens;
-    double x = (double)p->width / e->width, y = (double)p->height / e->height;
-    lens.fx *= x;
-    lens.cx *= x;
-    lens.fy *= y;
-    lens.cy *= y;
-    return lens;
-}
-
-/* Lowers the weights to the mask's. */
-static sf_status take_mask(sf_context *ctx, const sf_picture *mask, sf_picture *p) {
-    if (mask->width != p->width || mask->height != p->height) {
-        snprintf(p->fault, sizeof p->fault, "mask: size: %d x %d is not the picture's %d x %d", mask->width,
-                 mask->height, p->width, p->height);
-        return SF_ERR_FORMAT;
-    }
-    size_t n = (size_t)p->width * (size_t)p->height;
-    if (!p->weight) {
-        p->weight = sf_alloc(ctx, n, 1);
-        if (!p->weight) return SF_ERR_MEMORY;
-        memset(p->weight, 255, n);
-    }
-    for (size_t i = 0; i < n; i++)
-        if (mask->rgb[i] < p->weight[i]) p->weight[i] = mask->rgb[i];
-    return SF_OK;
-}
-
-static sf_status apply_mask(sf_context *ctx, const char *path, sf_picture *p) {
-    sf_picture mask;
-    sf_status status = sf_picture_load(ctx, path, &mask);
-    if (status)
-        snprintf(p->fault, sizeof p->fault, "mask: %.*s", SF_PICTURE_FAULT_BYTES - 7, mask.fault);
-    else
-        status = take_mask(ctx, &mask, p);
-    sf_picture_free(ctx, &mask);
-    return status;
-}
-
-/* One pixel of the view: the mean over a box of the picture, by weight where that is known. */
-static void average_box(const sf_picture *p, size_t x, size_t y, size_t factor, const sf_view *v) {
-    size_t from_plane = (size_t)p->width * (size_t)p->height, at = y * (size_t)v->camera.width + x;
-    size_t to_plane = (size_t)v->camera.width * (size_t)v->camera.height;
-    uint32_t sum[3] = {0}, weighted[3] = {0}, weight = 0, n = (uint32_t)(factor * factor);
-    for (size_t i = 0; i < n; i++) {
-        size_t from = (y * factor + i / factor) * (size_t)p->width + x * factor + i % factor;
-        uint32_t w = p->weight ? p->weight[from] : 0;
-        weight += w;
-        for (size_t c = 0; c < 3; c++) {
-            sum[c] += p->rgb[c * from_plane + from];
-            weighted[c] += w * p->rgb[c * from_plane + from];
-        }
-    }
-    for (size_t c = 0; c < 3; c++)
-        v->rgb[c * to_plane + at] =
-            (uint8_t)(weight ? (weighted[c] + weight / 2) / weight : (sum[c] + n / 2) / n);
-    if (v->weight) v->weight[at] = (uint8_t)((weight + n / 2) / n);
-}
-
-static void fill_view(const sf_picture *p, int factor, const sf_view *v) {
-    size_t plane = (size_t)p->width * (size_t)p->height;
-    if (factor == 1) {
-        memcpy(v->rgb, p->rgb, 3 * plane);
-        if (v->weight) memcpy(v->weight, p->weight, plane);
-        return;
-    }
-    for (size_t y = 0; y < (size_t)v->camera.height; y++)
-        for (size_t x = 0; x < (size_t)v->camera.width; x++) average_box(p, x, y, (size_t)factor, v);
-}
-
-static sf_camera pinhole(const sf_entry *e, const sf_lens *lens, const sf_picture *p) {
-    sf_camera camera = {.width = p->width,
-                        .height = p->height,
-                        .fx = lens->fx,
-                        .fy = lens->fy,
-                        .cx = lens->cx,
-                        .cy = lens->cy};
-    memcpy(camera.R_cw, e->R_cw, sizeof camera.R_cw);
-    memcpy(camera.t_cw, e->t_cw, sizeof camera.t_cw);
-    return camera;
-}
-
-typedef struct result {
-    sf_view *view; /* NULL if skipped */
-    sf_status status;
-    int bad_pose, rotated, undistorted;
-    char fault[SF_PICTURE_FAULT_BYTES];
-} result;
-
-typedef struct loading {
-    sf_context *ctx;
-    const sf_project *project;
-    const sf_load_options *options;
-    result *results; /* one an entry */
-} loading;
-
-static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
-    sf_lens lens = scaled_lens(e, p);
-    sf_camera camera = pinhole(e, &lens, p);
-    if (!sf_lens_is_valid(&lens) || sf_camera_check(&camera)) {
-        r->bad_pose = 1;
-        return SF_OK;
-    }
-    int factor = l->options->downscale;
-    if (p->width < factor || p->height < factor) {
-        snprintf(r->fault, sizeof r->fault, "downscale: %d leaves nothing of %d x %d", factor, p->width,
-                 p->height);
-        return SF_ERR_ARGUMENT;
-    }
-    r->undistorted = sf_lens_is_distorted(&lens);
-    sf_status status = r->undistorted ? sf_undistort(l->ctx, &lens, p) : SF_OK;
-    if (status) return status;
-    camera = sf_camera_downscaled(&camera, factor);
-    status = sf_view_create(l->ctx, e->name, &camera, e->split, p->weight != NULL, &r->view);
-    if (!status) fill_view(p, factor, r->view);
-    return status;
-}
-
-static void load_entry(void *arg, size_t task, int thread) {
-    const loading *l = arg;
-    const sf_entry *e = &l->project->entries[task];
-    result *r = &l->results[task];
-    (void)thread;
-    r->bad_pose = e->bad_pose;
-    if (r->bad_pose) return;
-    sf_picture p;
-    r->status = sf_picture_load(l->ctx, e->path, &p);
-    if (!r->status && e->mask) r->status = apply_mask(l->ctx, e->mask, &p);
-    memcpy(r->fault, p.fault, sizeof r->fault);
-    r->rotated = !r->status && p.orientation != 1;
-    if (!r->status) r->status = make_view(l, e, &p, r);
-    sf_picture_free(l->ctx, &p);
-}
-
-/* The scene from what was loaded. */
-
-static sf_status take_result(const loading *l, size_t i, sf_scene *scene) {
-    result *r = &l->results[i];
-    if (r->bad_pose) {
-        scene->skipped_pose++;
-    } else if (r->status) {
-        if (scene->skipped_missing++ < NAMES_IN_LOG)
-            sf_log(l->ctx, SF_LOG_WARNING, "%s: skipped: %s", l->project->entries[i].path, r->fault);
-    } else {
-        scene->undistorted_views += (size_t)r->undistorted;
-        sf_view *view = r->view;
-        r->view = NULL;
-        return sf_scene_take_view(scene, view);
-    }
-    return SF_OK;
-}
-
-/* What ends the whole, whatever became of other pictures; said again, since those may have failed later. */
-static sf_status fatal_result(const loading *l) {
-    for (size_t i = 0; i < l->project->count; i++) {
-        const char *path = l->project->entries[i].path;
-        sf_status status = l->results[i].status;
-        if (status == SF_ERR_MEMORY) return sf_fail(l->ctx, status, "%s: out of memory", path);
-        if (status == SF_ERR_ARGUMENT) return sf_fail(l->ctx, status, "%s: %s", path, l->results[i].fault);
-    }
-    return SF_OK;
-}
-
-static const char *first_bad_pose(const loading *l) {
-    for (size_t i = 0; i < l->project->count; i++)
-        if (l->results[i].bad_pose) return l->project->entries[i].path;
-    return "";
-}
-
-static void report(const loading *l, const char *path, const sf_scene *scene) {
-    size_t rotated = 0;
-    for (size_t i = 0; i < l->project->count; i++) rotated += (size_t)l->results[i].rotated;
-    if (rotated)
-        sf_log(l->ctx, SF_LOG_WARNING,
-               "%s: %zu pictures carry an EXIF orientation: it is ignored, as poses assume", path, rotated);
-    if (scene->skipped_missing)
-        sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu of %zu pictures skipped: missing or not decodable", path,
-               scene->skipped_missing, l->project->count);
-    if (scene->skipped_pose)
-        sf_log(l->ctx, SF_LOG_WARNING,
-               "%s: %zu of %zu views skipped: pose or intrinsics not usable (first: %s)", path,
-               scene->skipped_pose, l->project->count, first_bad_pose(l));
-    if (scene->skipped_points)
-        sf_log(l->ctx, SF_LOG_WARNING, "%s: skipped %zu of %zu points that are not finite (first: #%zu)",
-               path, scene->skipped_points, scene->skipped_points + scene->point_count,
-               scene->first_skipped_point);
-    if (scene->undistorted_views)
-        sf_log(l->ctx, SF_LOG_INFO, "%s: %zu views undistorted", path, scene->undistorted_views);
-}
-
-static sf_status check_training(const sf_project *p, const char *path, const sf_scene *scene) {
-    for (size_t i = 0; i < scene->view_count; i++)
-        if (scene->views[i]->split == SF_SPLIT_TRAIN) return SF_OK;
-    return sf_fail(
-        p->ctx, SF_ERR_EMPTY,
-        "%s: no training view is left: of %zu views %zu lack a readable picture, %zu a usable pose, "
-        "%zu are held out",
-        path, p->count, scene->skipped_missing, scene->skipped_pose, scene->view_count);
-}
-
-/* The pictures' size together and of the largest, px: as the cameras have them, or as the files do. */
-static double count_pixels(const loading *l, int of_files, double *largest) {
-    double sum = 0;
-    *largest = 0;
-    for (size_t i = 0; i < l->project->count; i++) {
-        const sf_entry *e = &l->project->entries[i];
-        int width = e->width, height = e->height;
-        if (e->bad_pose || (of_files && sf_picture_size(l->ctx, e->path, &width, &height))) continue;
-        sum += (double)width * height;
-        if ((double)width * height > *largest) *largest = (double)width * height;
-    }
-    return sum;
-}
-
-/* What is kept, and what each thread holds of a picture while it is decoded: pixels of 4 bytes, planes, and
- * planes once more where they are resampled. */
-static double bytes_of_pictures(const loading *l, int of_files) {
-    enum { KEPT = 3, AT_WORK = 4 + 3 + 3 };
-    double largest, factor = l->options->downscale, sum = count_pixels(l, of_files, &largest);
-    return KEPT * sum / (factor * factor) + AT_WORK * largest * sf_pool_threads(l->ctx->pool);
-}
-
-/* Pictures that the memory cannot hold are refused before one is read. */
-static sf_status check_memory(const loading *l, const char *path) {
-    const double mega = 1048576;
-    double budget = (double)sf_memory_budget((uint64_t)l->options->memory),
-           before = (double)sf_memory_resident();
-    /* the files' own sizes, which may be smaller, are looked up only where they matter */
-    if (!(budget > 0) || before + bytes_of_pictures(l, 0) <= budget) return SF_OK;
-    double bytes = bytes_of_pictures(l, 1);
-    if (before + bytes <= budget) return SF_OK;
-    return sf_fail(
-        l->ctx, SF_ERR_MEMORY,
-        "%s: memory: %.0f MB are not enough: the pictures take about %.0f MB beside the %.0f in use "
-        "(downscale makes them smaller)",
-        path, budget / mega, bytes / mega, before / mega);
-}
-
-static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene) {
-    const sf_project *p = l->project;
-    sf_status fits = check_memory(l, path);
-    if (fits) return fits;
-    sf_pool_run(l->ctx->pool, p->count, load_entry, (void *)l);
-    sf_status status = fatal_result(l);
-    for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
-    if (!status && p->points) status = sf_scene_add_points(scene, p->points, p->xyz, p->rgb);
-    if (status) return status;
-    report(l, path, scene);
-    return check_training(p, path, scene);
-}
-
-static sf_status build_scene(const sf_project *p, const char *path, const sf_load_options *options,
-                             sf_scene **scene) {
-    loading l = {.ctx = p->ctx, .project = p, .options = options};
-    l.results = sf_calloc(p->ctx, p->count, sizeof *l.results);
-    if (!l.results) return SF_ERR_MEMORY;
-    sf_status status = sf_scene_create(p->ctx, scene);
-    if (!status) {
-        status = fill_scene(&l, path, *scene);
-        if (status) sf_scene_destroy(scene);
-    }
-    for (size_t i = 0; i < p->count; i++)
-        if (l.results[i].view) sf_view_release(l.results[i].view);
-    sf_free(p->ctx, l.results);
-    return status;
-}
-
 /* Which kind of project. */
+
+/* Reads "folder/name" by `read`. */
+static sf_status read_in(sf_project *p, const char *folder, const char *name, const sf_load_options *options,
+                         sf_status (*read)(sf_project *, const char *, const sf_load_options *)) {
+    char *file = sf_path_join(p->ctx, folder, name);
+    sf_status status = file ? read(p, file, options) : SF_ERR_MEMORY;
+    sf_free(p->ctx, file);
+    return status;
+}
 
 static sf_status read_folder(sf_project *p, const char *path, const sf_load_options *options) {
     char *model;
-    sf_status status = sf_colmap_find(p->ctx, path, &model);
+    sf_status status = sf_colmap_find(p->ctx, path, options->sub_model, &model);
     if (status) return status;
     if (model) {
         if (sf_holds_file(path, "transforms.json"))
             sf_log(p->ctx, SF_LOG_INFO, "%s: COLMAP's model is taken, transforms.json is not read", path);
         status = sf_colmap_read(p, path, model, options);
     } else if (sf_holds_file(path, "transforms.json")) {
-        char *file = sf_path_join(p->ctx, path, "transforms.json");
-        status = file ? sf_transforms_read(p, file) : SF_ERR_MEMORY;
-        sf_free(p->ctx, file);
+        status = read_in(p, path, "transforms.json", options, sf_transforms_read);
     } else if (sf_holds_file(path, "transforms_train.json")) {
-        status = sf_transforms_read_pair(p, path);
+        status = sf_transforms_read_pair(p, path, options);
+    } else if (sf_holds_file(path, "reconstruction.json")) {
+        status = read_in(p, path, "reconstruction.json", options, sf_opensfm_read);
+    } else if (sf_holds_file(path, "opensfm/reconstruction.json")) {
+        status = read_in(p, path, "opensfm/reconstruction.json", options, sf_opensfm_read);
     } else {
         status = sf_fail(p->ctx, SF_ERR_IO,
                          "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for "
-                         "transforms.json and transforms_train.json",
+                         "transforms.json, transforms_train.json and reconstruction.json",
                          path);
     }
     sf_free(p->ctx, model);
     return status;
 }
 
+/* By its content: transforms have an object, OpenSfM has an array. */
+static sf_status read_json(sf_project *p, const char *path, const sf_load_options *options) {
+    return sf_opensfm_is(path) ? sf_opensfm_read(p, path, options) : sf_transforms_read(p, path, options);
+}
+
 static sf_status read_project(sf_project *p, const char *path, const sf_load_options *options) {
     struct stat st;
     if (stat(path, &st)) return sf_fail(p->ctx, SF_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
+    sf_status status = sf_project_set_folder(p, path);
+    if (status) return status;
     if (S_ISDIR(st.st_mode)) return read_folder(p, path, options);
     const char *dot = strrchr(path, '.');
-    if (S_ISREG(st.st_mode) && dot && !strcmp(dot, ".json")) return sf_transforms_read(p, path);
-    return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: is neither a folder nor a .json file", path);
+    if (S_ISREG(st.st_mode) && dot && !strcmp(dot, ".json")) return read_json(p, path, options);
+    return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: is neither a folder nor a .json or .zip file", path);
+}
+
+static sf_status load_from(sf_project *p, const char *path, const sf_load_options *options,
+                           sf_scene **scene) {
+    sf_status status = read_project(p, path, options);
+    if (status) return status;
+    if (!p->count) return sf_fail(p->ctx, SF_ERR_EMPTY, "%s: the project names no picture", p->path);
+    if (options->max_views && p->count > (size_t)options->max_views)
+        return sf_fail(p->ctx, SF_ERR_ARGUMENT, "%s: max_views: %zu views are more than %d", p->path,
+                       p->count, options->max_views);
+    status = sf_project_sort(p, p->path);
+    if (!status) status = choose_splits(p, options);
+    if (!status) status = sf_masks_find(p, options);
+    return status ? status : sf_project_build(p, options, scene);
+}
+
+/* In an archive. */
+
+static int is_project(const char *folder) {
+    static const char *const files[] = {"cameras.bin",         "cameras.txt",
+                                        "transforms.json",     "transforms_train.json",
+                                        "reconstruction.json", "opensfm/reconstruction.json"};
+    char sparse[PATH_MAX];
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++)
+        if (sf_holds_file(folder, files[i])) return 1;
+    int size = snprintf(sparse, sizeof sparse, "%s/sparse", folder);
+    return size > 0 && (size_t)size < sizeof sparse && sf_is_folder(sparse);
+}
+
+/* The name of the only entry of a folder; 0: there is none, or another. */
+static int only_entry(const char *path, char name[NAME_MAX + 1]) {
+    DIR *folder = opendir(path);
+    const struct dirent *e;
+    size_t count = 0;
+    while (folder && (e = readdir(folder))) {
+        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, "..")) continue;
+        snprintf(name, NAME_MAX + 1, "%s", e->d_name);
+        count++;
+    }
+    if (folder) closedir(folder);
+    return count == 1;
+}
+
+/* Archives often hold the project's folder, not what is in it. */
+static sf_status go_inside(sf_context *ctx, char **path) {
+    char name[NAME_MAX + 1];
+    for (int i = 0; i < MOST_AROUND && !is_project(*path) && only_entry(*path, name); i++) {
+        char *inside = sf_path_join(ctx, *path, name);
+        if (!inside) return SF_ERR_MEMORY;
+        if (!sf_is_folder(inside)) {
+            sf_free(ctx, inside);
+            break;
+        }
+        sf_free(ctx, *path);
+        *path = inside;
+    }
+    return SF_OK;
 }
 
 static sf_status load_project(sf_project *p, const char *path, const sf_load_options *options,
                               sf_scene **scene) {
-    sf_status status = read_project(p, path, options);
+    char *folder, *inside;
+    if (!sf_is_file(path) || !sf_zip_is(path)) return load_from(p, path, options, scene);
+    sf_status status = sf_zip_unpack(p->ctx, path, &folder, &inside);
     if (status) return status;
-    if (!p->count) return sf_fail(p->ctx, SF_ERR_EMPTY, "%s: the project names no picture", path);
-    if (options->max_views && p->count > (size_t)options->max_views)
-        return sf_fail(p->ctx, SF_ERR_ARGUMENT, "%s: max_views: %zu views are more than %d", path, p->count,
-                       options->max_views);
-    status = sf_project_sort(p, path);
-    if (!status) status = choose_splits(p, options);
-    return status ? status : build_scene(p, path, options, scene);
+    status = go_inside(p->ctx, &inside);
+    if (!status) status = load_from(p, inside, options, scene);
+    sf_zip_remove(p->ctx, folder);
+    sf_free(p->ctx, inside);
+    return status;
 }
 
 static sf_status check_options(sf_context *ctx, const sf_load_options *options) {
@@ -538,6 +364,14 @@ static sf_status check_options(sf_context *ctx, const sf_load_options *options) 
         return sf_fail(ctx, SF_ERR_ARGUMENT, "memory: %lld is below 0", (long long)options->memory);
     if (options->max_views < 0)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "max_views: %d is below 0", options->max_views);
+    if (options->sub_model < -1)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "sub_model: %d is below -1", options->sub_model);
+    if ((int)options->alpha < SF_ALPHA_AUTO || options->alpha > SF_ALPHA_IGNORE)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "alpha: %d is no sf_alpha", (int)options->alpha);
+    for (int c = 0; c < 3; c++)
+        if (!(options->background[c] >= 0 && options->background[c] <= 1))
+            return sf_fail(ctx, SF_ERR_ARGUMENT, "background: %g is not in 0..1",
+                           (double)options->background[c]);
     return SF_OK;
 }
 
@@ -548,45 +382,8 @@ sf_status sf_project_load(sf_context *ctx, const char *path, const sf_load_optio
     if (!options) options = &defaults;
     sf_status status = check_options(ctx, options);
     if (status) return status;
-    sf_project project = {.ctx = ctx};
+    sf_project project = {.ctx = ctx, .path = path};
     status = load_project(&project, path, options, scene);
-    free_project(&project);
-    return status;
-}
-
-/* One picture of the caller's. */
-
-static sf_status add_picture(sf_scene *scene, const char *name, const sf_camera *camera, sf_split split,
-                             const sf_picture *p, uint32_t *id) {
-    sf_camera scaled = *camera;
-    double x = (double)p->width / camera->width, y = (double)p->height / camera->height;
-    scaled.width = p->width;
-    scaled.height = p->height;
-    scaled.fx *= x;
-    scaled.cx *= x;
-    scaled.fy *= y;
-    scaled.cy *= y;
-    sf_view *view;
-    sf_status status = sf_view_create(scene->ctx, name, &scaled, split, p->weight != NULL, &view);
-    if (status) return status;
-    fill_view(p, 1, view);
-    sf_view_retain(view); /* another thread may take it out of the scene at once */
-    status = sf_scene_take_view(scene, view);
-    if (!status && id) *id = view->id;
-    sf_view_release(view);
-    return status;
-}
-
-sf_status sf_scene_add_file(sf_scene *scene, const char *path, const sf_camera *camera, sf_split split,
-                            uint32_t *id) {
-    if (sf_camera_check(camera))
-        return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "%s: camera: size, focal length or pose out of range",
-                       path);
-    sf_picture p;
-    sf_status status = sf_picture_load(scene->ctx, path, &p);
-    if (status) return status;
-    const char *slash = strrchr(path, '/');
-    status = add_picture(scene, slash ? slash + 1 : path, camera, split, &p, id);
-    sf_picture_free(scene->ctx, &p);
+    sf_project_free(&project);
     return status;
 }

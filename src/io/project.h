@@ -3,7 +3,8 @@
 #ifndef SF_IO_PROJECT_H
 #define SF_IO_PROJECT_H
 
-#include "undistort.h"
+#include "optics.h"
+#include "picture.h"
 
 #include <splatfit/scene.h>
 
@@ -11,9 +12,9 @@
 typedef struct sf_entry {
     char *name;        /* the view's: the picture's path inside the folder of the pictures */
     char *path;        /* the picture's */
-    char *mask;        /* path of a picture of the same size: black is ignored; NULL: none */
+    char *mask;        /* path of its mask (mask.h); NULL: none */
     int width, height; /* px, the size that the lens is for; the picture's own may differ */
-    sf_lens lens;
+    sf_optics lens;
     double R_cw[9], t_cw[3];
     int bad_pose;   /* not finite or not a rotation: the view is skipped */
     sf_split split; /* where the project has_split */
@@ -23,9 +24,13 @@ typedef struct sf_project {
     sf_context *ctx;
     sf_entry *entries;
     size_t count, capacity;
-    int has_split; /* the project itself says what is held out */
-    float *xyz;    /* [points][3] */
-    uint8_t *rgb;  /* [points][3] */
+    const char *kind; /* static: what sf_scene_info calls it */
+    int has_split;    /* the project itself says what is held out */
+    int blends;       /* alpha means what lies behind, not what is ignored, unless the options say so */
+    const char *path; /* as the caller named it */
+    char *folder;     /* where the project's folders (masks) are */
+    float *xyz;       /* [points][3] */
+    uint8_t *rgb;     /* [points][3] */
     size_t points;
 } sf_project;
 
@@ -33,6 +38,10 @@ typedef struct sf_project {
  * SF_ERR_FORMAT, naming `file`: the name is empty, absolute or leads out of the folder. */
 sf_status sf_project_add(sf_project *project, const char *file, const char *folder, const char *name,
                          sf_entry **entry);
+
+/* The entry's path with the first of the endings, NULL at their end, with which there is such a file; as it
+ * is where there is none, so that what is missing is reported by its name. */
+sf_status sf_entry_complete(sf_context *ctx, sf_entry *entry, const char *const *endings);
 
 /* Sorts by name (strcmp). SF_ERR_FORMAT, naming `file`: a name appears twice. */
 sf_status sf_project_sort(sf_project *project, const char *file);
@@ -45,6 +54,15 @@ sf_entry *sf_project_find(const sf_project *project, const char *name);
  * SF_ERR_ARGUMENT: an option out of range, more than max_views. */
 sf_status sf_project_load(sf_context *ctx, const char *path, const sf_load_options *options,
                           sf_scene **scene);
+
+/* Sets project->folder, a copy. */
+sf_status sf_project_set_folder(sf_project *project, const char *folder);
+
+/* Frees what the project holds. */
+void sf_project_free(sf_project *project);
+
+/* views.c: the scene of a project whose entries are sorted and split. Pictures are decoded by all threads. */
+sf_status sf_project_build(const sf_project *project, const sf_load_options *options, sf_scene **scene);
 
 /* Says which of the names, sorted by strcmp, are held out: those that options->test_list names, in full or by
  * what follows their last '/'; without a list every n-th. */

@@ -1,18 +1,16 @@
 /* transforms.c - see transforms.h. */
 #include "transforms.h"
 
-#include "../base/file.h"
+#include "json_read.h"
 #include "ply.h"
 
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 enum {
-    WHERE_BYTES = 64,    /* "frames[18446744073709551615]: " */
-    POLISH_STEPS = 6,    /* of a rotation within 1e-2: each squares the error */
-    MAX_ENDING_BYTES = 8 /* ".jpeg" */
+    WHERE_BYTES = 64, /* "frames[18446744073709551615]: " */
+    POLISH_STEPS = 6, /* of a rotation within 1e-2: each squares the error */
 };
 
 static const uint64_t MAX_FILE_BYTES = 1 << 26; /* as JSON a hundred times that at most */
@@ -22,6 +20,7 @@ typedef struct reader {
     sf_context *ctx;
     sf_project *project;
     const char *file;
+    const sf_load_options *options;
     char *folder; /* of the file: its paths start there */
     const json_t *root;
     sf_split split; /* of the frames, unless the file lists names */
@@ -79,28 +78,37 @@ static sf_status get_side(const frame *f, const char *key, int *side) {
 
 /* Lens. */
 
-static sf_status check_model(const frame *f) {
-    static const char *const known[] = {"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"};
-    const char *model;
-    sf_status status = get_text(f, "camera_model", &model);
+/* The model that a file names, or that its flags mean; where it says nothing, what all terms describe. */
+static sf_status find_model(const frame *f, const sf_lens_model **model) {
+    const char *name;
+    sf_status status = get_text(f, "camera_model", &name);
     if (status) return status;
-    if (json_is_true(lookup(f, "is_fisheye"))) model = "OPENCV_FISHEYE";
-    for (size_t i = 0; model && i < sizeof known / sizeof *known; i++)
-        if (!strcmp(model, known[i])) model = NULL;
-    if (!model) return SF_OK;
+    if (json_is_true(lookup(f, "is_fisheye"))) name = "OPENCV_FISHEYE";
+    if (lookup(f, "ftheta_p0")) name = "FTHETA";
+    *model = sf_lens_model_named(name ? name : "OPENCV");
+    if (*model && (*model)->layout && (*model)->projection != SF_FIELD_OF_VIEW) return SF_OK;
     return sf_fail(f->r->ctx, SF_ERR_UNSUPPORTED, "%s: frames[%zu]: camera_model: %s is not supported",
-                   f->r->file, f->index, model);
+                   f->r->file, f->index, name);
 }
 
-static sf_status check_higher_terms(const frame *f) {
-    static const char *const keys[] = {"k3", "k4"};
-    for (int i = 0; i < 2; i++) {
-        double value = 0;
-        sf_status status = get_number(f, keys[i], &value);
+static int is_rational(const sf_lens_model *model) { return strchr(model->layout, '5') != NULL; }
+
+/* Terms that are there count whatever the model's name; a rational one shares k4 out otherwise. */
+static sf_status find_terms(const frame *f, const sf_lens_model *model, sf_optics *o) {
+    static const struct {
+        char letter, rational;
+        const char *key;
+    } terms[] = {{'1', '1', "k1"}, {'2', '2', "k2"}, {'3', '3', "k3"}, {'4', '5', "k4"},
+                 {0, '6', "k5"},   {0, '7', "k6"},   {'a', 'a', "p1"}, {'b', 'b', "p2"}};
+    for (size_t i = 0; i < sizeof terms / sizeof *terms; i++) {
+        double other = 0;
+        char letter = is_rational(model) ? terms[i].rational : terms[i].letter;
+        sf_status status = get_number(f, terms[i].key, letter ? sf_optics_value(o, letter) : &other);
+        if (!status && other != 0)
+            return sf_fail(f->r->ctx, SF_ERR_UNSUPPORTED,
+                           "%s: frames[%zu]: %s: %g is not supported, only 0, but for FULL_OPENCV",
+                           f->r->file, f->index, terms[i].key, other);
         if (status) return status;
-        if (value != 0)
-            return sf_fail(f->r->ctx, SF_ERR_UNSUPPORTED, "%s: frames[%zu]: %s: %g is not supported, only 0",
-                           f->r->file, f->index, keys[i], value);
     }
     return SF_OK;
 }
@@ -119,7 +127,7 @@ static sf_status find_size(const frame *f, sf_entry *e) {
 static double focal(double side, double angle) { return side / 2 / tan(angle / 2); }
 
 static sf_status find_focal(const frame *f, sf_entry *e) {
-    sf_lens *lens = &e->lens;
+    sf_optics *lens = &e->lens;
     double angle_x = 0, angle_y = 0;
     sf_status status = get_number(f, "fl_x", &lens->fx);
     if (!status) status = get_number(f, "fl_y", &lens->fy);
@@ -135,19 +143,17 @@ static sf_status find_focal(const frame *f, sf_entry *e) {
 }
 
 static sf_status find_lens(const frame *f, sf_entry *e) {
-    sf_lens *lens = &e->lens;
-    sf_status status = check_model(f);
-    if (!status) status = check_higher_terms(f);
+    const sf_lens_model *model;
+    sf_status status = find_model(f, &model);
     if (!status) status = find_size(f, e);
-    if (!status) status = find_focal(f, e);
-    lens->cx = e->width / 2.0;
-    lens->cy = e->height / 2.0;
-    if (!status) status = get_number(f, "cx", &lens->cx);
-    if (!status) status = get_number(f, "cy", &lens->cy);
-    if (!status) status = get_number(f, "k1", &lens->k1);
-    if (!status) status = get_number(f, "k2", &lens->k2);
-    if (!status) status = get_number(f, "p1", &lens->p1);
-    if (!status) status = get_number(f, "p2", &lens->p2);
+    if (status) return status;
+    e->lens = (sf_optics){
+        .model = model->name, .projection = model->projection, .cx = e->width / 2.0, .cy = e->height / 2.0};
+    status = find_focal(f, e);
+    if (!status) status = get_number(f, "cx", &e->lens.cx);
+    if (!status) status = get_number(f, "cy", &e->lens.cy);
+    if (!status) status = find_terms(f, model, &e->lens);
+    if (!lookup(f, "camera_model") && !sf_optics_is_distorted(&e->lens)) e->lens.model = "PINHOLE";
     return status;
 }
 
@@ -215,20 +221,17 @@ static sf_status find_pose(const frame *f, sf_entry *e) {
 
 /* Files. */
 
-/* Blender leaves the ending out. A picture that is not there keeps its name, to be reported by it. */
-static sf_status complete_path(sf_context *ctx, sf_entry *e) {
-    static const char *const endings[] = {"", ".png", ".jpg", ".jpeg"};
-    size_t size = strlen(e->path) + MAX_ENDING_BYTES;
-    char *path = sf_alloc(ctx, size, 1);
+/* Pictures of another size stand in images_4/ under the same names. */
+static sf_status choose_images(const reader *r, sf_entry *e) {
+    static const char usual[] = "images/";
+    const char *wanted = r->options->images;
+    if (!wanted || strncmp(e->name, usual, sizeof usual - 1) != 0) return SF_OK;
+    size_t size = strlen(r->folder) + strlen(wanted) + strlen(e->name) + 2;
+    char *path = sf_alloc(r->ctx, size, 1);
     if (!path) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < sizeof endings / sizeof *endings; i++) {
-        snprintf(path, size, "%s%s", e->path, endings[i]);
-        if (!sf_is_file(path)) continue;
-        sf_free(ctx, e->path);
-        e->path = path;
-        return SF_OK;
-    }
-    sf_free(ctx, path);
+    snprintf(path, size, "%s/%s/%s", r->folder, wanted, e->name + sizeof usual - 1);
+    sf_free(r->ctx, e->path);
+    e->path = path;
     return SF_OK;
 }
 
@@ -243,6 +246,8 @@ static sf_status find_mask(const frame *f, sf_entry *e) {
 }
 
 static sf_status read_frame(reader *r, size_t index, const json_t *json) {
+    /* Blender leaves the ending out. */
+    static const char *const endings[] = {"", ".png", ".jpg", ".jpeg", NULL};
     frame f = {.r = r, .json = json, .index = index};
     sf_entry *e;
     if (!json_is_object(json))
@@ -253,7 +258,8 @@ static sf_status read_frame(reader *r, size_t index, const json_t *json) {
     sf_status status = sf_project_add(r->project, r->file, r->folder, json_string_value(name), &e);
     if (status) return status;
     e->split = r->split;
-    status = complete_path(r->ctx, e);
+    status = choose_images(r, e);
+    if (!status) status = sf_entry_complete(r->ctx, e, endings);
     if (!status) status = find_pose(&f, e);
     if (!status) status = find_lens(&f, e);
     return status ? status : find_mask(&f, e);
@@ -320,24 +326,12 @@ static sf_status read_points(reader *r) {
 
 /* The whole. */
 
-static sf_status parse(reader *r, json_t **root) {
-    uint8_t *data;
-    size_t size;
-    json_error_t error;
-    sf_status status = sf_read_file(r->ctx, r->file, MAX_FILE_BYTES, &data, &size);
-    if (status) return status;
-    *root = json_loadb((const char *)data, size, 0, &error);
-    sf_free(r->ctx, data);
-    if (!*root)
-        return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: line %d: JSON: %s", r->file, error.line, error.text);
-    r->root = *root;
-    if (json_is_object(*root)) return SF_OK;
-    return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: JSON: the top level is not an object", r->file);
-}
-
 static sf_status read_all(reader *r) {
     json_t *root = NULL;
-    sf_status status = parse(r, &root);
+    sf_status status = sf_json_read(r->ctx, r->file, MAX_FILE_BYTES, &root);
+    if (!status && !json_is_object(root))
+        status = sf_fail(r->ctx, SF_ERR_FORMAT, "%s: JSON: the top level is not an object", r->file);
+    r->root = root;
     if (!status) status = read_frames(r);
     if (!status) status = read_split(r);
     if (!status && !r->project->points) status = read_points(r);
@@ -345,29 +339,39 @@ static sf_status read_all(reader *r) {
     return status;
 }
 
-static sf_status read_part(sf_project *project, const char *file, sf_split split) {
-    reader r = {.ctx = project->ctx, .project = project, .file = file, .split = split};
+static sf_status read_part(sf_project *project, const char *file, const sf_load_options *options,
+                           sf_split split) {
+    reader r = {.ctx = project->ctx, .project = project, .file = file, .options = options, .split = split};
     r.folder = sf_path_folder(r.ctx, file);
     if (!r.folder) return SF_ERR_MEMORY;
-    sf_status status = read_all(&r);
+    sf_status status = sf_project_set_folder(project, r.folder);
+    if (!status) status = read_all(&r);
     sf_free(r.ctx, r.folder);
     return status;
 }
 
-sf_status sf_transforms_read(sf_project *project, const char *file) {
-    return read_part(project, file, SF_SPLIT_TRAIN);
+sf_status sf_transforms_read(sf_project *project, const char *file, const sf_load_options *options) {
+    project->kind = "transforms.json";
+    return read_part(project, file, options, SF_SPLIT_TRAIN);
 }
 
-sf_status sf_transforms_read_pair(sf_project *project, const char *folder) {
-    sf_context *ctx = project->ctx;
-    char *train = sf_path_join(ctx, folder, "transforms_train.json");
-    char *test = sf_path_join(ctx, folder, "transforms_test.json");
-    sf_status status = train && test ? read_part(project, train, SF_SPLIT_TRAIN) : SF_ERR_MEMORY;
-    if (!status && sf_is_file(test)) {
-        status = read_part(project, test, SF_SPLIT_TEST);
-        project->has_split = 1;
-    }
-    sf_free(ctx, train);
-    sf_free(ctx, test);
+static sf_status read_named(sf_project *project, const char *folder, const char *name,
+                            const sf_load_options *options, sf_split split) {
+    char *file = sf_path_join(project->ctx, folder, name);
+    sf_status status = file ? read_part(project, file, options, split) : SF_ERR_MEMORY;
+    sf_free(project->ctx, file);
     return status;
+}
+
+sf_status sf_transforms_read_pair(sf_project *project, const char *folder, const sf_load_options *options) {
+    static const char test[] = "transforms_test.json", val[] = "transforms_val.json";
+    const char *held_out = sf_holds_file(folder, test) ? test : sf_holds_file(folder, val) ? val : NULL;
+    project->kind = "Blender";
+    project->blends = 1;
+    if (held_out == test && sf_holds_file(folder, val))
+        sf_log(project->ctx, SF_LOG_INFO, "%s: %s is held out, %s is not read", folder, test, val);
+    sf_status status = read_named(project, folder, "transforms_train.json", options, SF_SPLIT_TRAIN);
+    if (status || !held_out) return status;
+    project->has_split = 1;
+    return read_named(project, folder, held_out, options, SF_SPLIT_TEST);
 }

@@ -4,10 +4,12 @@
 
 #include "project.h"
 
-/* Appends the frames of a file, and takes its points where it names some. */
-sf_status sf_transforms_read(sf_project *project, const char *file);
+/* Appends the frames of a file, and takes its points where it names some. options->images stands for the
+ * folder images/ of its pictures. */
+sf_status sf_transforms_read(sf_project *project, const char *file, const sf_load_options *options);
 
-/* Reads Blender's transforms_train.json and, if it is there, transforms_test.json of a folder, split so. */
-sf_status sf_transforms_read_pair(sf_project *project, const char *folder);
+/* Reads Blender's transforms_train.json and, if it is there, transforms_test.json of a folder, else
+ * transforms_val.json, split so. */
+sf_status sf_transforms_read_pair(sf_project *project, const char *folder, const sf_load_options *options);
 
 #endif

@@ -3,27 +3,38 @@
 
 #include <math.h>
 
-int sf_lens_is_distorted(const sf_lens *lens) {
-    return lens->k1 != 0 || lens->k2 != 0 || lens->p1 != 0 || lens->p2 != 0;
+static const double PI = 3.14159265358979323846;
+
+/* The frame. */
+
+/* Pixels by which a side of the frame lies beyond that of the picture, which is `extent` px from the axis. */
+static int margin(const sf_optics *o, double extent, double focal) {
+    double angle = fmin(sf_optics_angle(o, fmax(extent, 0) / focal), PI / 3);
+    return (int)lround(focal * tan(angle) - fmax(extent, 0));
 }
 
-int sf_lens_is_valid(const sf_lens *lens) {
-    return isfinite(lens->fx) && isfinite(lens->fy) && isfinite(lens->cx) && isfinite(lens->cy) &&
-           isfinite(lens->k1) && isfinite(lens->k2) && isfinite(lens->p1) && isfinite(lens->p2) &&
-           lens->fx > 0 && lens->fy > 0;
+/* Lenses that no camera has get no frame of their own: it would be much larger than the picture. */
+sf_undistorted sf_undistort_frame(const sf_optics *o, int width, int height) {
+    sf_undistorted same = {width, height, o->cx, o->cy}, f;
+    double most = fmax(fmax(o->fx, o->fy), fmax(fabs(o->cx), fabs(o->cy)));
+    if (o->projection == SF_PERSPECTIVE || !sf_optics_is_valid(o) || most > SF_PICTURE_MAX_PIXELS)
+        return same;
+    int left = margin(o, o->cx, o->fx), top = margin(o, o->cy, o->fy);
+    int right = margin(o, width - o->cx, o->fx), bottom = margin(o, height - o->cy, o->fy);
+    f = (sf_undistorted){width + left + right, height + top + bottom, o->cx + left, o->cy + top};
+    if (f.width < 1 || f.height < 1 || f.width > 2 * width || f.height > 2 * height ||
+        f.width > SF_PICTURE_MAX_SIDE || f.height > SF_PICTURE_MAX_SIDE ||
+        (int64_t)f.width * f.height > SF_PICTURE_MAX_PIXELS)
+        return same;
+    return f;
 }
 
-/* The least positive root of the derivative of r d(r), 1 + 3 k1 r2 + 5 k2 r2^2. */
-double sf_lens_limit(const sf_lens *lens) {
-    double a = 5 * lens->k2, b = 3 * lens->k1, inside = b * b - 4 * a;
-    if (a == 0) return b < 0 ? -1 / b : INFINITY;
-    if (inside < 0) return INFINITY;
-    /* q has the sign of -b: no cancellation. The roots are q/a and 1/q; their product is 1/a. */
-    double q = b < 0 ? (-b + sqrt(inside)) / 2 : (-b - sqrt(inside)) / 2;
-    double first = q / a, second = 1 / q, least = INFINITY;
-    if (first > 0) least = first;
-    if (second > 0 && second < least) least = second;
-    return least;
+static double degrees(double radians) { return radians * 180 / PI; }
+
+void sf_undistort_field(const sf_optics *o, int width, int height, double *seen, double *kept) {
+    sf_undistorted f = sf_undistort_frame(o, width, height);
+    *seen = degrees(sf_optics_angle(o, o->cx / o->fx) + sf_optics_angle(o, (width - o->cx) / o->fx));
+    *kept = fmin(*seen, degrees(atan(f.cx / o->fx) + atan((f.width - f.cx) / o->fx)));
 }
 
 /* Where a pixel of the new picture comes from: four taps and their weights. */
@@ -31,17 +42,6 @@ typedef struct taps {
     size_t at[4];
     double part[4];
 } taps;
-
-int sf_lens_source(const sf_lens *lens, double limit, double u, double v, double source[2]) {
-    double x = (u - lens->cx) / lens->fx, y = (v - lens->cy) / lens->fy, r2 = x * x + y * y;
-    if (!(r2 < limit)) return 0;
-    double d = 1 + r2 * (lens->k1 + r2 * lens->k2);
-    double xd = x * d + 2 * lens->p1 * x * y + lens->p2 * (r2 + 2 * x * x);
-    double yd = y * d + 2 * lens->p2 * x * y + lens->p1 * (r2 + 2 * y * y);
-    source[0] = lens->fx * xd + lens->cx - 0.5;
-    source[1] = lens->fy * yd + lens->cy - 0.5;
-    return 1;
-}
 
 static int find_taps(const sf_picture *p, const double source[2], taps *t) {
     if (!(source[0] >= 0 && source[1] >= 0 && source[0] <= p->width - 1 && source[1] <= p->height - 1))
@@ -57,6 +57,7 @@ static int find_taps(const sf_picture *p, const double source[2], taps *t) {
 /* Colours are averaged by their weights: what a mask hides must not seep into what it shows. */
 static void resample(const sf_picture *from, taps *t, const sf_picture *to, size_t at) {
     size_t plane = (size_t)from->width * (size_t)from->height;
+    size_t to_plane = (size_t)to->width * (size_t)to->height;
     double total = 1;
     if (from->weight) {
         double sum = 0;
@@ -73,18 +74,18 @@ static void resample(const sf_picture *from, taps *t, const sf_picture *to, size
         const uint8_t *source = from->rgb + c * plane;
         double sum = 0;
         for (int i = 0; i < 4; i++) sum += t->part[i] * source[t->at[i]];
-        to->rgb[c * plane + at] = (uint8_t)(sum / total + 0.5);
+        to->rgb[c * to_plane + at] = (uint8_t)(sum / total + 0.5);
     }
 }
 
-static void resample_all(const sf_lens *lens, const sf_picture *from, const sf_picture *to) {
-    size_t width = (size_t)from->width, plane = width * (size_t)from->height;
-    double limit = sf_lens_limit(lens);
+static void resample_all(const sf_optics *optics, const sf_undistorted *frame, const sf_picture *from,
+                         const sf_picture *to) {
+    size_t width = (size_t)to->width, plane = width * (size_t)to->height;
+    double limit = sf_optics_limit(optics), x = optics->cx - frame->cx, y = optics->cy - frame->cy;
     for (size_t at = 0; at < plane; at++) {
-        double source[2];
+        double source[2], u = (double)(at % width) + 0.5 + x, v = (double)(at / width) + 0.5 + y;
         taps t;
-        if (sf_lens_source(lens, limit, (double)(at % width) + 0.5, (double)(at / width) + 0.5, source) &&
-            find_taps(from, source, &t)) {
+        if (sf_optics_source(optics, limit, u, v, source) && find_taps(from, source, &t)) {
             resample(from, &t, to, at);
         } else {
             to->weight[at] = 0;
@@ -93,16 +94,19 @@ static void resample_all(const sf_lens *lens, const sf_picture *from, const sf_p
     }
 }
 
-sf_status sf_undistort(sf_context *ctx, const sf_lens *lens, sf_picture *picture) {
-    size_t plane = (size_t)picture->width * (size_t)picture->height;
+sf_status sf_undistort(sf_context *ctx, const sf_optics *optics, sf_picture *picture) {
+    sf_undistorted frame = sf_undistort_frame(optics, picture->width, picture->height);
+    size_t plane = (size_t)frame.width * (size_t)frame.height;
     sf_picture to = *picture;
+    to.width = frame.width;
+    to.height = frame.height;
     to.rgb = sf_alloc(ctx, plane, 3);
     to.weight = sf_alloc(ctx, plane, 1);
     if (!to.rgb || !to.weight) {
         sf_picture_free(ctx, &to);
         return SF_ERR_MEMORY;
     }
-    resample_all(lens, picture, &to);
+    resample_all(optics, &frame, picture, &to);
     sf_picture_free(ctx, picture);
     *picture = to;
     return SF_OK;

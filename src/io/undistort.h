@@ -1,26 +1,31 @@
-/* undistort.h - lenses, and pictures resampled to what a pinhole camera would have taken. */
+/* undistort.h - pictures resampled to what a pinhole camera would have taken.
+ *
+ * The pinhole camera has the lens' own focal lengths: the middle keeps its resolution, whatever the lens. Of
+ * a perspective lens it has the picture's size too. Of a fisheye it shows all that the lens sees across and
+ * down, up to 60 degrees on each side: what lies beyond would be stretched more than fourfold, and is
+ * cropped.
+ */
 #ifndef SF_IO_UNDISTORT_H
 #define SF_IO_UNDISTORT_H
 
+#include "optics.h"
 #include "picture.h"
 
-#include <splatfit/camera.h>
+/* The picture of the pinhole camera. */
+typedef struct sf_undistorted {
+    int width, height; /* px */
+    double cx, cy;     /* px; a whole number of pixels off the lens' */
+} sf_undistorted;
 
-int sf_lens_is_distorted(const sf_lens *lens);
+/* Of a picture of that size. */
+sf_undistorted sf_undistort_frame(const sf_optics *optics, int width, int height);
 
-/* All values finite, focal lengths > 0. */
-int sf_lens_is_valid(const sf_lens *lens);
+/* Degrees across the middle of a picture of that size: that the lens sees, that the pinhole camera keeps. */
+void sf_undistort_field(const sf_optics *optics, int width, int height, double *seen, double *kept);
 
-/* r2 = x^2 + y^2 up to which the polynomial still grows: beyond, it would show the inside once more. */
-double sf_lens_limit(const sf_lens *lens);
-
-/* Where the lens shows what a pinhole camera of its fx, fy, cx, cy shows at (u, v), px; of the source whole
- * numbers are the centres of pixels. 0, and no source, from the limit on. */
-int sf_lens_source(const sf_lens *lens, double limit, double u, double v, double source[2]);
-
-/* Resamples the picture, in place and at its size, to the pinhole camera of the lens' fx, fy, cx, cy. Weights
- * come along, and are 0 where the source lies outside of the picture or where the polynomial has turned back,
- * so that no pixel is invented. SF_ERR_MEMORY leaves the picture as it was. */
-sf_status sf_undistort(sf_context *ctx, const sf_lens *lens, sf_picture *picture);
+/* Resamples the picture, in place, to the frame of its pinhole camera. Weights come along, and are 0 where
+ * the source lies outside of the picture or where the lens has turned back, so that no pixel is invented.
+ * SF_ERR_MEMORY leaves the picture as it was. */
+sf_status sf_undistort(sf_context *ctx, const sf_optics *optics, sf_picture *picture);
 
 #endif

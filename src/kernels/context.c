@@ -7,7 +7,7 @@
 #include "../base/pool.h"
 #include "kernels.h"
 
-const char *sf_version(void) { return "0.1.0"; }
+const char *sf_version(void) { return SF_VERSION; }
 
 static sf_status choose_kernels(sf_context *ctx, const char *isa) {
     unsigned mask = sf_cpu_detect();

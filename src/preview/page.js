@@ -37,7 +37,7 @@ function wanted() {
 }
 
 async function poll() {
-  let pause = document.hidden ? 3000 : 250;
+  let pause = document.hidden || (status.still && newest.model) ? 3000 : 250;
   try {
     const answer = await ask(`status?want=${wanted()}`, 8000), all = await answer.json();
     lastAnswer = Date.now();
@@ -136,13 +136,15 @@ const FIGURES = [
 const SOURCES = { board: 'pose: board', track: 'pose: tracked', file: 'pose: file', known: 'pose: known', none: 'no pose' };
 const GOOD = /fitting|track|done|saved|finish/i, WARN = /wait|pause|throttl|slow|settl/i, BAD = /lost|fail|error|stop/i;
 const number = v => typeof v === 'number' && Number.isFinite(v);
-const pose = () => {
-  const p = status.pose, keys = ['fx', 'fy', 'cx', 'cy', 'width', 'height'];
+const sound = p => {
+  const keys = ['fx', 'fy', 'cx', 'cy', 'width', 'height'];
   const whole = p && Array.isArray(p.R_cw) && p.R_cw.length === 9 && Array.isArray(p.t_cw) && p.t_cw.length === 3;
-  const sound = whole && [...p.R_cw, ...p.t_cw, ...keys.map(k => p[k])].every(number) && p.fx > 0 && p.fy > 0 && p.width > 0 && p.height > 0;
-  const turned = sound && dot(cross(rowOf(p.R_cw, 0), rowOf(p.R_cw, 1)), rowOf(p.R_cw, 2)); // 1 of a rotation
-  return sound && Math.abs(turned - 1) < 0.01 ? p : null;
+  const valid = whole && [...p.R_cw, ...p.t_cw, ...keys.map(k => p[k])].every(number) && p.fx > 0 && p.fy > 0 && p.width > 0 && p.height > 0;
+  const turned = valid && dot(cross(rowOf(p.R_cw, 0), rowOf(p.R_cw, 1)), rowOf(p.R_cw, 2)); // 1 of a rotation
+  return valid && Math.abs(turned - 1) < 0.01 ? p : null;
 };
+const pose = () => sound(status.pose);
+const views = () => Array.isArray(status.views) ? status.views.filter(sound) : [];
 
 function showState(text, kind) {
   $('state').textContent = text;
@@ -165,8 +167,17 @@ function showStatus() {
   $('lock').textContent = status.exposure_locked ? 'Unlock exposure' : 'Lock exposure';
   $('lock').hidden = typeof status.exposure_locked !== 'boolean';
   $('to-pose').disabled = !pose();
+  document.body.classList.toggle('still', status.still === true);
+  showViews();
   if ($('follow').checked && pose()) orbit.fromPose(pose());
   else if (!placed && pose() && view.count) placed = firstView();
+}
+
+// Places to choose from, where the status has some.
+function showViews() {
+  const count = views().length;
+  $('views-label').hidden = !count;
+  if ($('views').options.length !== count) $('views').replaceChildren(...Array.from({ length: count }, (_, i) => new Option(i + 1, i)));
 }
 
 function show(element, text) {
@@ -325,6 +336,7 @@ $('lock').onclick = () => status.exposure_locked ? command('unlock-exposure', 'T
 $('reset').onclick = reset;
 $('to-pose').onclick = () => { orbit.byHand = false; placed = true; orbit.fromPose(pose()); };
 $('follow').onchange = () => { orbit.byHand = false; if ($('follow').checked && pose()) orbit.fromPose(pose()); };
+$('views').onchange = () => { orbit.byHand = false; placed = true; orbit.fromPose(views()[$('views').value]); };
 $('to-model').onclick = () => { orbit.all(); };
 
 // ---- The start ----

@@ -64,6 +64,8 @@ int sf_preview_wants(sf_preview *preview, int parts);
  *     corners               [[x, y], ...] px, of a board's tags in the camera's picture, four a tag
  *     background            [3] 0..1, behind the model that the page draws; missing: black
  *     throttled             true: the machine slows itself down
+ *     still                 true: a finished model, of which the page shows nothing but the model
+ *     views                 [pose, ...], each as `pose`: places to choose from
  *     buttons               true: commands are taken; missing or false: the page shows no buttons
  *
  * and does with any of them missing. SF_ERR_ARGUMENT: not an object, or longer than 64 KiB; SF_ERR_MEMORY:

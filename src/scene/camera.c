@@ -33,3 +33,25 @@ sf_status sf_camera_check(const sf_camera *c) {
         if (!isfinite(c->t_cw[k])) return SF_ERR_ARGUMENT;
     return SF_OK;
 }
+
+void sf_rotation_to_quat(const double R[9], double q[4]) {
+    double square[4] = {1 + R[0] + R[4] + R[8], 1 + R[0] - R[4] - R[8], 1 - R[0] + R[4] - R[8],
+                        1 - R[0] - R[4] + R[8]};
+    const double row[4][4] = {{square[0], R[7] - R[5], R[2] - R[6], R[3] - R[1]},
+                              {R[7] - R[5], square[1], R[1] + R[3], R[2] + R[6]},
+                              {R[2] - R[6], R[1] + R[3], square[2], R[5] + R[7]},
+                              {R[3] - R[1], R[2] + R[6], R[5] + R[7], square[3]}};
+    int k = 0;
+    for (int i = 1; i < 4; i++)
+        if (square[i] > square[k]) k = i;
+    for (int i = 0; i < 4; i++) q[i] = row[k][i] / (2 * sqrt(square[k]));
+}
+
+void sf_rotation_from_quat(const double q[4], double R[9]) {
+    double norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    double w = q[0] / norm, x = q[1] / norm, y = q[2] / norm, z = q[3] / norm;
+    const double rows[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+                            2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                            2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+    for (int k = 0; k < 9; k++) R[k] = rows[k];
+}

@@ -97,11 +97,28 @@ static sf_status points_from_views(sf_context *ctx, const sf_view *const *views,
     return status;
 }
 
+/* The scene's own points, none where they are too few or lie nowhere in particular. */
+static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, size_t n,
+                                 const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    if (info.points < ENOUGH) return SF_OK;
+    sf_status status = choose_points(scene, options->max_gaussians, rng, c);
+    if (status || sf_points_agree(views, n, c)) return status;
+    sf_log(scene->ctx, SF_LOG_WARNING,
+           "first: the scene's points are not where the pictures show anything: they are left out (points "
+           "takes them)");
+    sf_cloud_destroy(scene->ctx, c);
+    return SF_OK;
+}
+
 static sf_status find_points(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
     held_views held;
     sf_status status = hold_views(scene, &held);
     if (status) return status;
-    status = points_from_views(scene->ctx, (const sf_view *const *)held.views, held.n, options, rng, c);
+    const sf_view *const *views = (const sf_view *const *)held.views;
+    if (options->from == SF_FIRST_AUTO) status = points_of_scene(scene, views, held.n, options, rng, c);
+    if (!status && !c->n) status = points_from_views(scene->ctx, views, held.n, options, rng, c);
     release_views(scene->ctx, &held);
     return status;
 }
@@ -111,8 +128,7 @@ static sf_status gather_points(sf_scene *scene, const sf_first_options *options,
     sf_scene_get_info(scene, &info);
     if (options->from == SF_FIRST_POINTS && !info.points)
         return sf_fail(scene->ctx, SF_ERR_EMPTY, "first: points: the scene has none");
-    if (options->from == SF_FIRST_POINTS || (options->from == SF_FIRST_AUTO && info.points >= ENOUGH))
-        return choose_points(scene, options->max_gaussians, rng, c);
+    if (options->from == SF_FIRST_POINTS) return choose_points(scene, options->max_gaussians, rng, c);
     return find_points(scene, options, rng, c);
 }
 

@@ -22,8 +22,8 @@ typedef struct sf_first_options {
 /* Makes a model from points, as options->from says: the scene's sparse ones, those that a sweep finds
  * (sweep.h), or random ones along the rays of the training views. Colour from the point, scale from the mean
  * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes what there is enough of, in
- * that order; a sweep that finds too little gives way to random ones. SF_ERR_EMPTY: no training view, or
- * SF_FIRST_POINTS in a scene without points. */
+ * that order, but sparse points only where they lie on what the pictures show; a sweep that finds too little
+ * gives way to random ones. SF_ERR_EMPTY: no training view, or SF_FIRST_POINTS in a scene without points. */
 sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
 
 /* Gaussian i of a model becomes that of a point: a ball of standard deviation `scale`, world units,

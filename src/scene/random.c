@@ -15,8 +15,11 @@ enum {
     LOOKS = 8,             /* views that are asked about its colour */
     MOST_DIFFERENCE = 120, /* of two colours, the sum over the channels, of 3 x 255 */
     CELLS = 24,            /* across and down a picture: what a point in them covers */
-    TRIALS = 1000,         /* pixels drawn for one that is not covered */
+    TRIALS = 1000,         /* pixels drawn for one that is not covered; points that are asked about */
+    FEWEST_ASKED = 50,     /* of them that a picture has, to judge by */
+    NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
 };
+#define LEAST_AGREE 0.2 /* of the points: at random it is a twentieth */
 
 /* The pixel that shows a point; 0 if none does. */
 static int pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) {
@@ -63,35 +66,50 @@ static int difference(const sf_view *view, const float *xyz, const uint8_t *rgb)
 
 static size_t clamped(int at, int size) { return (size_t)(at < 0 ? 0 : at < size ? at : size - 1); }
 
-/* The point behind a pixel at that one of a few random depths, from a third to three times the distance that
- * the view looks, where a few other views agree best about its colour and those of four pixels about it. */
-static void choose_depth(const sf_view *const *views, size_t n, const sf_view *view, size_t x, size_t y,
-                         double distance, sf_rng *rng, float *xyz, uint8_t *rgb) {
-    static const int across[AROUND] = {0, 1, -1, 0, 0}, down[AROUND] = {0, 0, 0, 1, -1};
-    const sf_camera *c = &view->camera;
-    const sf_view *others[LOOKS];
+/* A pixel and a few about it, and other views that are asked about their colours. */
+typedef struct question {
+    const sf_view *view, *others[LOOKS];
     size_t xs[AROUND], ys[AROUND];
     uint8_t colors[AROUND][3];
+    double distance; /* of what the view looks at, world units */
+} question;
+
+static question ask(const sf_view *const *views, size_t n, const sf_view *view, size_t x, size_t y,
+                    double distance, sf_rng *rng) {
+    static const int across[AROUND] = {0, 1, -1, 0, 0}, down[AROUND] = {0, 0, 0, 1, -1};
+    const sf_camera *c = &view->camera;
+    question q = {.view = view, .distance = distance};
     int step = 1 + (c->width > c->height ? c->width : c->height) / SPREAD;
     for (int i = 0; i < AROUND; i++) {
-        xs[i] = clamped((int)x + step * across[i], c->width);
-        ys[i] = clamped((int)y + step * down[i], c->height);
-        color_at(view, xs[i], ys[i], colors[i]);
+        q.xs[i] = clamped((int)x + step * across[i], c->width);
+        q.ys[i] = clamped((int)y + step * down[i], c->height);
+        color_at(view, q.xs[i], q.ys[i], q.colors[i]);
     }
-    for (int k = 0; k < LOOKS; k++) others[k] = views[sf_rng_below(rng, n)];
-    memcpy(rgb, colors[0], sizeof colors[0]);
-    for (int trial = 0, least = INT_MAX; trial < DEPTHS; trial++) {
-        double depth = distance * pow(9, sf_rng_uniform(rng)) / 3;
-        float p[AROUND][3];
-        int sum = 0;
-        for (int i = 0; i < AROUND; i++) {
-            behind_pixel(c, xs[i], ys[i], depth, p[i]);
-            for (int k = 0; k < LOOKS; k++) sum += difference(others[k], p[i], colors[i]);
-        }
-        if (sum >= least) continue;
-        least = sum;
-        memcpy(xyz, p[0], sizeof p[0]);
+    for (int k = 0; k < LOOKS; k++) q.others[k] = views[sf_rng_below(rng, n)];
+    return q;
+}
+
+/* How much the colours differ from those that the others have at a depth, where the point is then. */
+static int answer(const question *q, double depth, float xyz[3]) {
+    float p[AROUND][3];
+    int sum = 0;
+    for (int i = 0; i < AROUND; i++) {
+        behind_pixel(&q->view->camera, q->xs[i], q->ys[i], depth, p[i]);
+        for (int k = 0; k < LOOKS; k++) sum += difference(q->others[k], p[i], q->colors[i]);
     }
+    memcpy(xyz, p[0], sizeof p[0]);
+    return sum;
+}
+
+/* The least difference at a few random depths, from a third to three times the distance. */
+static int best_answer(const question *q, sf_rng *rng, float *xyz) {
+    int least = INT_MAX;
+    for (int trial = 0; trial < DEPTHS; trial++) {
+        float p[3];
+        int sum = answer(q, q->distance * pow(9, sf_rng_uniform(rng)) / 3, p);
+        if (sum < least) least = sum, memcpy(xyz, p, sizeof p);
+    }
+    return least;
 }
 
 static size_t cell_of(const sf_camera *c, size_t x, size_t y) {
@@ -134,11 +152,33 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
         sf_focus_point(cameras, n, focus);
         size_t wanted = cloud->n + (size_t)((double)count * cover(views, n, cloud, covered)), x, y;
         const sf_view *view;
-        for (; cloud->n < wanted && random_pixel(views, n, covered, rng, &view, &x, &y); cloud->n++)
-            choose_depth(views, n, view, x, y, sf_look_distance(&view->camera, focus, extent), rng,
-                         cloud->xyz + 3 * cloud->n, cloud->rgb + 3 * cloud->n);
+        for (; cloud->n < wanted && random_pixel(views, n, covered, rng, &view, &x, &y); cloud->n++) {
+            question q = ask(views, n, view, x, y, sf_look_distance(&view->camera, focus, extent), rng);
+            best_answer(&q, rng, cloud->xyz + 3 * cloud->n);
+            memcpy(cloud->rgb + 3 * cloud->n, q.colors[0], sizeof q.colors[0]);
+        }
     }
     sf_free(ctx, covered);
     sf_free(ctx, cameras);
     return status;
+}
+
+int sf_points_agree(const sf_view *const *views, size_t n, const sf_cloud *cloud) {
+    sf_rng rng;
+    size_t asked = 0, agree = 0;
+    sf_rng_seed(&rng, 1);
+    for (int trial = 0; trial < TRIALS && cloud->n; trial++) {
+        const float *xyz = cloud->xyz + 3 * sf_rng_below(&rng, cloud->n);
+        const sf_view *view = views[sf_rng_below(&rng, n)];
+        const double *R = view->camera.R_cw + 6;
+        double depth = view->camera.t_cw[2];
+        size_t x, y;
+        float at[3];
+        if (!pixel_of(&view->camera, xyz, &x, &y) || !counts(view, x, y)) continue;
+        for (int k = 0; k < 3; k++) depth += R[k] * (double)xyz[k];
+        question q = ask(views, n, view, x, y, depth, &rng);
+        agree += answer(&q, depth, at) <= best_answer(&q, &rng, at) + NO_MATTER;
+        asked++;
+    }
+    return asked < FEWEST_ASKED || (double)agree >= LEAST_AGREE * (double)asked;
 }

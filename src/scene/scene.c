@@ -65,6 +65,8 @@ void sf_scene_destroy(sf_scene **scene_pointer) {
     *scene_pointer = NULL;
 }
 
+int sf_lens_is_cropped(const sf_lens_note *lens) { return lens->seen - lens->kept >= 3; }
+
 sf_status sf_scene_take_view(sf_scene *scene, sf_view *view) {
     pthread_mutex_lock(&scene->lock);
     sf_status status = sf_grow(scene->ctx, &scene->views, &scene->view_capacity, scene->view_count,
@@ -263,7 +265,15 @@ void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
         .skipped_pose = scene->skipped_pose,
         .skipped_points = scene->skipped_points,
         .undistorted_views = scene->undistorted_views,
+        .rotated_views = scene->rotated_views,
+        .kind = scene->kind,
     };
+    for (size_t i = 0; i < scene->view_count; i++) {
+        const sf_view *v = scene->views[i];
+        info->masked_views += (size_t)v->masked;
+        info->alpha_views += (size_t)v->alpha;
+        info->cropped_views += (size_t)sf_lens_is_cropped(&v->lens);
+    }
     info->train_views = count_training(scene);
     info->test_views = info->views - info->train_views;
     measure_extent(scene, info);
@@ -275,7 +285,15 @@ sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
     size_t count = scene->view_count;
     if (index < count) {
         const sf_view *view = scene->views[index];
-        *info = (sf_view_info){view->id, view->name, view->split, view->camera, view->weight != NULL};
+        *info = (sf_view_info){.id = view->id,
+                               .name = view->name,
+                               .split = view->split,
+                               .camera = view->camera,
+                               .has_mask = view->weight != NULL,
+                               .lens = view->lens.model,
+                               .undistorted = view->lens.undistorted,
+                               .field_seen = view->lens.seen,
+                               .field_kept = view->lens.kept};
     }
     pthread_mutex_unlock(&scene->lock);
     if (index < count) return SF_OK;

@@ -9,6 +9,13 @@
 
 #include <splatfit/scene.h>
 
+/* What is known of the lens that took a picture, before it was made a pinhole camera's. */
+typedef struct sf_lens_note {
+    const char *model; /* static; NULL: not known */
+    double seen, kept; /* degrees across: by the lens, by the pinhole camera */
+    int undistorted;
+} sf_lens_note;
+
 /* A picture and its camera; const once it is in a scene. Counted: a step holds the view that it works on, so
  * that a removal from another thread takes nothing away from it. */
 typedef struct sf_view {
@@ -18,6 +25,8 @@ typedef struct sf_view {
     sf_split split;
     sf_camera camera;
     char *name;
+    sf_lens_note lens;
+    int masked, alpha;          /* had a mask's file, an alpha channel */
     uint8_t *rgb;               /* [3][height][width], 8-bit sRGB values, planar */
     uint8_t *weight;            /* [height][width], 255 counts in full; NULL: all do */
     atomic_uint_least64_t hash; /* of rgb and weight, made when first asked for; 0: not yet */
@@ -32,7 +41,8 @@ struct sf_scene {
     float *points;         /* [n][3], world units */
     uint8_t *point_colors; /* [n][3] */
     size_t point_count, point_capacity, color_capacity;
-    size_t skipped_missing, skipped_pose, skipped_points, undistorted_views;
+    const char *kind; /* static; NULL: made by hand */
+    size_t skipped_missing, skipped_pose, skipped_points, undistorted_views, rotated_views;
     size_t first_skipped_point; /* in the order of adding */
 };
 
@@ -41,6 +51,9 @@ sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *cam
                          int with_weight, sf_view **view);
 sf_view *sf_view_retain(sf_view *view);
 void sf_view_release(sf_view *view);
+
+/* Whether a pinhole camera shows less, by three degrees or more. */
+int sf_lens_is_cropped(const sf_lens_note *lens);
 
 /* Gives the caller's reference to the scene; sets view->id. On failure the view is released. */
 sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);

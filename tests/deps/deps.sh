@@ -63,6 +63,7 @@ need_optional() {
     need g++ program "${CXX%% *}"
     need libcamera-dev pkg-config --exists libcamera
     need libapriltag-dev pkg-config --exists apriltag
+    need libzip-dev pkg-config --exists libzip
     need libzstd-dev pkg-config --exists libzstd
     need libcivetweb-dev compiles '#include <civetweb.h>'
 }
@@ -83,6 +84,9 @@ need_ci() {
     need libclang-rt-dev links_with_clang -fsanitize=address,undefined
     need clang-format program clang-format
     need shellcheck program shellcheck
+    need python3 program python3
+    need mandoc program mandoc
+    need lintian program lintian
     need qemu-user-static program qemu-x86_64-static
 }
 

@@ -27,6 +27,7 @@
     F(jpeg_cut, NULL)                                                                                        \
     F(list, NULL)                                                                                            \
     F(log, NULL)                                                                                             \
+    F(opensfm, NULL)                                                                                         \
     F(options, NULL)                                                                                         \
     F(picture, fuzz_repair_png)                                                                              \
     F(pipe, NULL)                                                                                            \
@@ -37,7 +38,8 @@
     F(splat, NULL)                                                                                           \
     F(spz, NULL)                                                                                             \
     F(transforms, NULL)                                                                                      \
-    F(y4m, NULL)
+    F(y4m, NULL)                                                                                             \
+    F(zip, NULL)
 
 /* Reads an input; returns whether it was taken for what it should be. */
 #define FUZZ_DECLARE(name, repair) int fuzz_##name(const uint8_t *data, size_t size);

@@ -1,4 +1,4 @@
-/* projects.c - targets colmap, transforms, list: projects, their cameras and their splits. */
+/* projects.c - targets colmap, transforms, opensfm, zip, list: projects, their cameras and their splits. */
 #include <string.h>
 
 #include "fuzz.h"
@@ -70,6 +70,31 @@ int fuzz_transforms(const uint8_t *data, size_t size) {
     }
     put(folder, "transforms.json", &json);
     int well = load(ctx, fuzz_path(folder), 8);
+    fuzz_end();
+    return well;
+}
+
+/* As JSON does. */
+int fuzz_opensfm(const uint8_t *data, size_t size) {
+    sf_bytes json = {.data = data, .size = size};
+    sf_context *ctx = fuzz_begin(size, 1 << 20, 128);
+    fuzz_subfolder("opensfm");
+    fuzz_subfolder("opensfm/images");
+    if (!sf_is_file(fuzz_path("opensfm/images/a.png"))) {
+        put_picture(ctx, "opensfm/images/a.png");
+        put_picture(ctx, "opensfm/images/c.png");
+    }
+    put("opensfm", "reconstruction.json", &json);
+    int well = load(ctx, fuzz_path("opensfm"), 0);
+    fuzz_end();
+    return well;
+}
+
+/* What an archive unpacks to is bounded by its own size; of that what JSON and pictures take. */
+int fuzz_zip(const uint8_t *data, size_t size) {
+    sf_context *ctx = fuzz_begin(size, (size_t)1 << 28, 1 << 14);
+    const char *path = fuzz_file("project.zip", data, size);
+    int well = load(ctx, path, 0);
     fuzz_end();
     return well;
 }

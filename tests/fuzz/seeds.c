@@ -243,6 +243,62 @@ static void put_colmap(void) {
     put("colmap", "binary", all.data, all.size, "", 0);
 }
 
+/* An archive of one stored file. */
+static void put_zip(void) {
+    static const char
+        name[] = "transforms.json",
+        json[] = "{\"w\":4,\"h\":3,\"fl_x\":4,\"frames\":[{\"file_path\":\"a.png\",\"transform_matrix\":"
+                 "[[1,0,0,0],[0,1,0,0],[0,0,1,3],[0,0,0,1]]}]}";
+    static const float rgb[4 * 3 * 3] = {0.5f};
+    sf_context *ctx = fuzz_begin(0, 1 << 20, 0);
+    const char *path = fuzz_path("a.png");
+    FUZZ_CHECK(!sf_write_png(ctx, path, 4, 3, rgb), "%s", sf_last_error(ctx));
+    size_t png_size;
+    uint8_t *png = read_file(path, &png_size);
+    const struct {
+        const char *name;
+        const uint8_t *data;
+        size_t size;
+    } entries[] = {{name, (const uint8_t *)json, sizeof json - 1}, {"a.png", png, png_size}};
+    file all = {0}, directory = {0};
+    for (int i = 0; i < 2; i++) {
+        uint32_t crc = (uint32_t)crc32(0, entries[i].data, (unsigned)entries[i].size);
+        size_t at = all.size;
+        for (int central = 0; central < 2; central++) {
+            file *f = central ? &directory : &all;
+            put_uint(f, central ? 0x02014b50 : 0x04034b50, 4);
+            if (central) put_uint(f, 20, 2);
+            put_uint(f, 20, 2); /* version; then flags, stored, time, date */
+            put_uint(f, 0, 4);
+            put_uint(f, 0x210000, 4);
+            put_uint(f, crc, 4);
+            put_uint(f, entries[i].size, 4);
+            put_uint(f, entries[i].size, 4);
+            put_uint(f, strlen(entries[i].name), 2);
+            put_uint(f, 0, central ? 8 : 2); /* extra; comment, disk, attributes inside */
+            if (central) put_uint(f, 0, 4);
+            if (central) put_uint(f, at, 4);
+            memcpy(f->data + f->size, entries[i].name, strlen(entries[i].name));
+            f->size += strlen(entries[i].name);
+        }
+        memcpy(all.data + all.size, entries[i].data, entries[i].size);
+        all.size += entries[i].size;
+    }
+    size_t at = all.size;
+    memcpy(all.data + all.size, directory.data, directory.size);
+    all.size += directory.size;
+    put_uint(&all, 0x06054b50, 4);
+    put_uint(&all, 0, 4);
+    put_uint(&all, 2, 2);
+    put_uint(&all, 2, 2);
+    put_uint(&all, directory.size, 4);
+    put_uint(&all, at, 4);
+    put_uint(&all, 0, 2);
+    put("zip", "stored", all.data, all.size, "", 0);
+    free(png);
+    fuzz_end();
+}
+
 /* A log's recipe: of the empty scene, limited by time. */
 static void put_replay(sf_context *ctx) {
     char text[16384], value[64];
@@ -280,4 +336,7 @@ void fuzz_write_seeds(const char *to) {
     put_colmap();
     put_replay(ctx);
     fuzz_end();
+#ifdef SF_HAVE_LIBZIP
+    put_zip();
+#endif
 }

@@ -13,7 +13,7 @@ report() { # PREFIX FILE: says each line of FILE
 
 grep -hv '^#define' include/splatfit/*.h | tr '\n' ' ' | grep -o 'SF_API [^(;]*(' |
     sed 's/.*[ *]\(sf_[a-z0-9_]*\)($/\1/' | sort >"$scratch/declared"
-"${NM:-nm}" -D --defined-only "$SO" | awk '{ print $3 }' | sort >"$scratch/exported"
+"${NM:-nm}" -D --defined-only --without-symbol-versions "$SO" | awk '$2 != "A" { print $3 }' | sort >"$scratch/exported"
 comm -13 "$scratch/declared" "$scratch/exported" >"$scratch/undeclared"
 comm -23 "$scratch/declared" "$scratch/exported" >"$scratch/undefined"
 report "$SO exports, but no public header declares," "$scratch/undeclared"

@@ -2,54 +2,18 @@
 # splat_transform.sh - a reader and writer of others, PlayCanvas's splat-transform, on our files and we on its.
 #
 # npm installs it, and a node new enough for it, into build/outside. Where that cannot be done all is skipped.
-#
-# RUN      runs a program of another machine here
-# PROGRAM  the program
+# RUN and PROGRAM as common.sh says.
 set -uo pipefail
 
+name=splat-transform
 version=3.7.0
-node=22
-program=$(realpath "${PROGRAM:-build/splatfit}")
 dir=build/outside
-passed=0 failed=0 skipped=0
+# shellcheck source=tests/outside/common.sh
+. tests/outside/common.sh
 
-finish() {
-    echo "$passed passed, $failed failed, $skipped skipped"
-    [ $failed = 0 ]
-    exit
-}
-
-check() { # NAME COMMAND...
-    local name=$1 said
-    shift
-    if said=$("$@" 2>&1); then
-        passed=$((passed + 1))
-        printf 'passed  %s\n' "$name"
-    else
-        failed=$((failed + 1))
-        printf 'FAILED  %s\n%s\n' "$name" "$said"
-    fi
-}
-
-skip_all() { # WHY
-    skipped=1
-    printf 'SKIPPED splat-transform: %s\n' "$1"
-    finish
-}
-
-command -v npm >/dev/null || skip_all 'npm is not installed'
 command -v python3 >/dev/null || skip_all 'python3 is not installed'
-mkdir -p "$dir"
+install "$dir" "@playcanvas/splat-transform@$version"
 tool=$dir/node_modules/.bin/splat-transform
-if ! [ -e "$dir/$version-$node" ]; then
-    (cd "$dir" && npm install --no-audit --no-fund --no-package-lock --prefix . \
-        "@playcanvas/splat-transform@$version" "node@$node") >"$dir/npm.log" 2>&1 ||
-        skip_all "npm cannot install it: $(tail -n 1 "$dir/npm.log")"
-    touch "$dir/$version-$node"
-fi
-# The package "node" brings its program by a script that npm may be told not to run.
-interpreter=$dir/node_modules/node/bin/node
-[ -x "$interpreter" ] || interpreter=$(command -v node) || skip_all 'there is no node'
 "$interpreter" "$tool" --version >"$dir/version.log" 2>&1 ||
     skip_all "it does not run: $(tail -n 1 "$dir/version.log")"
 
@@ -58,9 +22,6 @@ trap 'rm -rf "$work"' EXIT
 # Called through check.
 # shellcheck disable=SC2317
 theirs() { "$interpreter" "$tool" -q -w "$@"; }
-# RUN is a command and its arguments.
-# shellcheck disable=SC2086,SC2317
-ours() { ${RUN:-} "$program" "$@"; }
 # shellcheck disable=SC2317
 alike() { python3 tests/outside/alike.py "$@"; }
 
@@ -80,6 +41,13 @@ check 'we write .splat' ours convert "$work/model.ply" "$work/ours.splat" -q
 check 'we read it' ours convert "$work/ours.splat" "$work/splat.ply" -q
 check 'reads our .splat' theirs "$work/ours.splat" "$work/splat-theirs.ply"
 check 'as we do, but for its own rounding of rotations' alike splat "$work/splat.ply" "$work/splat-theirs.ply"
+
+# Moved alike: means, rotations, scales and all bands of the SH. It moves in the axes of its engine, where x and y of a .ply are
+# negated.
+check 'we turn, scale and move' ours convert "$work/model.ply" "$work/moved.ply" --rotate=-30,40,70 --scale 1.5 \
+    --move=-1,2,3 -q
+check 'it does' theirs "$work/model.ply" -r 30,-40,70 -s 1.5 -t 1,-2,3 "$work/moved-theirs.ply"
+check 'as we do' alike rounded "$work/moved.ply" "$work/moved-theirs.ply"
 
 # The other's, read by us.
 for v in 3 4; do

@@ -1,8 +1,10 @@
 /* test_browser.c - the page in a real browser: what it draws is what the library renders, its figures move,
  * its buttons work, it comes back by itself. */
 #include "browser.h"
+#include "../program.h"
 
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -110,9 +112,9 @@ static double likeness(fixture *f, const sf_model *model, sf_camera camera) {
 }
 
 /* The page's address with the view of a camera in it: of a picture of the aspect 1. */
-static const char *address_of(const fixture *f, const sf_camera *c, double focal) {
+static const char *address_of(const char *page, const sf_camera *c, double focal) {
     static char url[1024];
-    int used = snprintf(url, sizeof url, "%s#view=", sf_preview_url(f->p));
+    int used = snprintf(url, sizeof url, "%s#view=", page);
     for (int i = 0; i < 9; i++) used += snprintf(url + used, sizeof url - (size_t)used, "%.9g,", c->R_cw[i]);
     for (int i = 0; i < 3; i++) used += snprintf(url + used, sizeof url - (size_t)used, "%.9g,", c->t_cw[i]);
     snprintf(url + used, sizeof url - (size_t)used, "%.9g,1,0,0", focal);
@@ -127,6 +129,15 @@ static void await_drawing(void) {
     browser_await(&shared, settled);
 }
 
+/* The canvas' size, of an address with such a focal length. */
+static void fit_to_canvas(sf_camera *camera, double focal) {
+    camera->width = (int)browser_number(&shared, "document.querySelector('#view').clientWidth");
+    camera->height = (int)browser_number(&shared, "document.querySelector('#view').clientHeight");
+    camera->fx = camera->fy = focal * (camera->width < camera->height ? camera->width : camera->height);
+    camera->cx = camera->width / 2.0;
+    camera->cy = camera->height / 2.0;
+}
+
 static void test_model_is_drawn(void **state) {
     fixture f = start();
     (void)state;
@@ -136,13 +147,9 @@ static void test_model_is_drawn(void **state) {
         sf_model_set_antialiased(model, antialiased);
         assert_ok(f.ctx, sf_preview_set_model(f.p, model));
         browser_open(&shared, "about:blank");
-        browser_open(&shared, address_of(&f, &camera, 0.9));
+        browser_open(&shared, address_of(sf_preview_url(f.p), &camera, 0.9));
         await_drawing();
-        camera.width = (int)browser_number(&shared, "document.querySelector('#view').clientWidth");
-        camera.height = (int)browser_number(&shared, "document.querySelector('#view').clientHeight");
-        camera.fx = camera.fy = 0.9 * (camera.width < camera.height ? camera.width : camera.height);
-        camera.cx = camera.width / 2.0;
-        camera.cy = camera.height / 2.0;
+        fit_to_canvas(&camera, 0.9);
         double psnr = likeness(&f, model, camera);
         print_message("%d x %d, antialiased %d: %.1f dB\n", camera.width, camera.height, antialiased, psnr);
         assert_true(psnr > 35);
@@ -154,6 +161,83 @@ static void test_model_is_drawn(void **state) {
                         "400 Gaussians");
     /* The token is not left in the address. */
     assert_null(strstr(browser_text(&shared, "location.href"), token));
+    sf_model_destroy(&model);
+    end(&f);
+}
+
+/* ---- A finished model, shown by the program ---- */
+
+/* Two cameras of the ring as cameras.json. */
+static void write_cameras(void) {
+    char text[4096] = "[";
+    for (int i = 0; i < 2; i++) {
+        sf_camera c = test_camera_around(3 * i, 8, 100, 100);
+        const double *R = c.R_cw;
+        double at[3];
+        size_t used = strlen(text);
+        sf_camera_center(&c, at);
+        snprintf(text + used, sizeof text - used,
+                 "%s{\"width\": 100, \"height\": 100, \"fx\": 90, \"fy\": 90, \"position\": [%.12g, %.12g, "
+                 "%.12g], "
+                 "\"rotation\": [[%.12g, %.12g, %.12g], [%.12g, %.12g, %.12g], [%.12g, %.12g, %.12g]]}",
+                 i ? ", " : "", at[0], at[1], at[2], R[0], R[3], R[6], R[1], R[4], R[7], R[2], R[5], R[8]);
+    }
+    strcat(text, "]");
+    write_text("cameras.json", text);
+}
+
+/* The address that the program says. */
+static void wait_for_page(pid_t pid, char url[256]) {
+    double since = now();
+    int status, there = 0;
+    while (!there) {
+        assert_false(has_ended(pid, since, &status));
+        outcome o = take_outcome(0);
+        there = strchr(o.out, '\n') && sscanf(o.out, "page: %255s", url) == 1;
+        free_outcome(&o);
+        test_pause_ms(20);
+    }
+}
+
+static int is_shown(const char *selector) {
+    char text[256];
+    snprintf(text, sizeof text, "document.querySelector('%s').getClientRects().length > 0", selector);
+    return browser_number(&shared, text) != 0;
+}
+
+static void test_finished_model(void **state) {
+    fixture f = start();
+    char url[256], before[1024];
+    (void)state;
+    if (program_set_up(NULL)) fail_msg("there is no program");
+    sf_model *model = make_blobs(f.ctx);
+    sf_camera camera = test_camera_around(1, 8, 100, 100);
+    assert_ok(f.ctx, sf_model_save(model, work("blobs.ply")));
+    write_cameras();
+    pid_t pid = start_program(ARGS("view", "blobs.ply", "--listen", "127.0.0.1:0"), NULL);
+    wait_for_page(pid, url);
+    browser_open(&shared, address_of(url, &camera, 0.9));
+    await_drawing();
+    fit_to_canvas(&camera, 0.9);
+    double psnr = likeness(&f, model, camera);
+    print_message("%d x %d: %.1f dB\n", camera.width, camera.height, psnr);
+    assert_true(psnr > 30);
+    /* Nothing but the model, and places to see it from. */
+    assert_true(is_shown("#view") && is_shown("#to-model") && is_shown("#views-label"));
+    assert_false(is_shown("#camera") || is_shown("#quality") || is_shown("#numbers") ||
+                 is_shown("#to-pose") || is_shown("#follow") || is_shown("#buttons"));
+    assert_int_equal(browser_number(&shared, "document.querySelector('#views').options.length"), 2);
+    snprintf(before, sizeof before, "%s", browser_text(&shared, "orbit.toText()"));
+    browser_number(&shared, "$('views').value = 1, $('views').onchange(), 1");
+    assert_string_not_equal(browser_text(&shared, "orbit.toText()"), before);
+    camera = test_camera_around(3, 8, 100, 100);
+    await_drawing();
+    fit_to_canvas(&camera, 0.9);
+    assert_true(likeness(&f, model, camera) > 30);
+    assert_int_equal(kill(pid, SIGINT), 0);
+    outcome o = wait_for(pid);
+    assert_true(o.code == 0 && o.signal == 0);
+    free_outcome(&o);
     sf_model_destroy(&model);
     end(&f);
 }
@@ -343,9 +427,13 @@ static void test_it_comes_back(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_model_is_drawn),       cmocka_unit_test(test_figures_and_buttons),
-        cmocka_unit_test(test_pictures_and_overlay), cmocka_unit_test(test_hands),
-        cmocka_unit_test(test_small_screens),        cmocka_unit_test(test_it_comes_back),
+        cmocka_unit_test(test_model_is_drawn),
+        cmocka_unit_test(test_finished_model),
+        cmocka_unit_test(test_figures_and_buttons),
+        cmocka_unit_test(test_pictures_and_overlay),
+        cmocka_unit_test(test_hands),
+        cmocka_unit_test(test_small_screens),
+        cmocka_unit_test(test_it_comes_back),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     if (shared.pid) browser_stop(&shared);

@@ -6,7 +6,7 @@
 
 #define STUDIO "sim:studio?width=160&height=120&frames=24"
 
-enum { STEPS = 1500, GAUSSIANS = 4000 };
+enum { STEPS = 2500, GAUSSIANS = 4000 };
 
 typedef struct refined {
     test_cameras cameras;
@@ -36,7 +36,7 @@ enum { NOISES = sizeof noises / sizeof *noises };
 
 /* Right poses lose a little where they are free to move. */
 static void right_poses(stab_run *run, sf_context *ctx) {
-    enum { SEEDS = 2 };
+    enum { SEEDS = 4 };
     static refined r;
     double fall = 0;
     for (int seed = 1; seed <= SEEDS; seed++)

@@ -135,6 +135,22 @@ static void write_transforms(sf_context *ctx) {
     write_text("transforms/held-out.txt", "1.jpg\n");
 }
 
+/* A fisheye's pictures, one of them with a mask. */
+static void write_opensfm(sf_context *ctx) {
+    float rgb[3 * WIDTH * HEIGHT] = {0};
+    mkdir(test_path("opensfm"), 0777);
+    write_pictures(ctx, "opensfm/images");
+    mkdir(test_path("opensfm/masks"), 0777);
+    assert_ok(ctx, sf_write_png(ctx, test_path("opensfm/masks/1.jpg.png"), WIDTH, HEIGHT, rgb));
+    write_text(
+        "opensfm/reconstruction.json",
+        "[{'cameras':{'v':{'projection_type':'fisheye','width':24,'height':16,'focal':0.8,'k1':0,'k2':0}},"
+        "'shots':{'0.jpg':{'rotation':[0,0,0],'translation':[0,0,4],'camera':'v'},"
+        "'1.jpg':{'rotation':[0,0,0],'translation':[1,0,4],'camera':'v'},"
+        "'2.jpg':{'rotation':[0,0,0],'translation':[2,0,4],'camera':'v'}},"
+        "'points':{'1':{'coordinates':[0,0,0],'color':[9,8,7]}}}]");
+}
+
 /* Jobs: projects. */
 
 static sf_status load_scene(world *w, const char *path, const sf_load_options *options) {
@@ -158,6 +174,8 @@ static sf_status load_binary_colmap(world *w) { return load_scene(w, test_path("
 static sf_status load_studio(world *w) {
     return load_scene(w, "sim:studio?width=16&height=16&frames=3", NULL);
 }
+
+static sf_status load_opensfm(world *w) { return load_scene(w, test_path("opensfm"), NULL); }
 
 static sf_status load_transforms(world *w) {
     sf_load_options options = sf_load_options_default();
@@ -419,6 +437,7 @@ static const job jobs[] = {
     {"colmap", load_colmap, 0, 1},
     {"binary colmap", load_binary_colmap, 0, 1},
     {"transforms", load_transforms, 0, 1},
+    {"opensfm", load_opensfm, 0, 1},
     {"studio", load_studio, 0, 1},
     {"ply", convert_ply, 0, 1},
     {"spz", convert_spz, 0, 1},
@@ -479,6 +498,7 @@ static int open_world(void **state) {
     write_colmap(w.ctx);
     write_binary_colmap(w.ctx);
     write_transforms(w.ctx);
+    write_opensfm(w.ctx);
     assert_ok(w.ctx, sf_scene_load(w.ctx, SCENE, NULL, &w.scene));
     make_model(&w);
     *state = &w;

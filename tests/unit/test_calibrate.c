@@ -833,7 +833,7 @@ static void test_commands(void **state) {
         {2, 0, "board -o x.pdf --board a5", "\"a5\" is none of"},
         {2, 0, "calibrate", "one of the two is needed"},
         {2, 0, "calibrate sim:studio --convert x.yaml", "one of the two is needed"},
-        {2, 0, "calibrate sim:studio --tag-size 0", "--tag-size: not a number"},
+        {2, 0, "calibrate sim:studio --tag-size 0", "--tag-size: \"0\" is not a number"},
         {2, 0, "calibrate sim:studio --radial 3", "--radial"},
         {2, 1, "calibrate nothing:", "unknown source"},
         {1, 0, "calibrate --convert no-such-file", "no-such-file"},

@@ -149,6 +149,64 @@ static void test_to_where_no_file_can_be(void **state) {
     sf_context_destroy(&ctx);
 }
 
+static void test_read_again(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    sf_camera *cameras;
+    size_t count;
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    add_view(ctx, scene, "a.jpg", SF_SPLIT_TRAIN);
+    add_view(ctx, scene, "b.jpg", SF_SPLIT_TEST);
+    assert_ok(ctx, sf_scene_save_cameras(scene, test_path("again.json")));
+    assert_ok(ctx, sf_cameras_load(ctx, test_path("again.json"), &cameras, &count));
+    assert_int_equal(count, 2);
+    const sf_camera *c = &cameras[1];
+    assert_true(c->width == 4 && c->height == 2 && c->cx == 2 && c->cy == 1);
+    assert_float_equal(c->fx, turned.fx, 1e-12);
+    assert_float_equal(c->fy, turned.fy, 1e-9);
+    for (int k = 0; k < 9; k++) assert_float_equal(c->R_cw[k], turned.R_cw[k], 1e-12);
+    for (int k = 0; k < 3; k++) assert_float_equal(c->t_cw[k], turned.t_cw[k], 1e-12);
+    sf_cameras_free(ctx, &cameras);
+    assert_null(cameras);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+static void test_files_that_are_wrong(void **state) {
+    (void)state;
+#define CAMERA(w, h, rotation)                                                                               \
+    "{\"width\": " w ", \"height\": " h                                                                      \
+    ", \"fx\": 1, \"fy\": 1, \"position\": [0, 0, 0], \"rotation\": " rotation "}"
+#define UPRIGHT "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+    static const struct {
+        const char *text, *named;
+        sf_status status;
+    } cases[] = {
+        {"", "line 1", SF_ERR_FORMAT},
+        {"{}", "is not an array", SF_ERR_FORMAT},
+        {"[]", "holds no camera", SF_ERR_EMPTY},
+        {"[7]", "camera 0: width", SF_ERR_FORMAT},
+        {"[" CAMERA("1e9", "4", UPRIGHT) "]", "camera 0: width", SF_ERR_FORMAT},
+        {"[" CAMERA("4", "\"4\"", UPRIGHT) "]", "camera 0: height", SF_ERR_FORMAT},
+        {"[" CAMERA("4", "4", UPRIGHT) ", " CAMERA("4", "4", "[1, 2, 3]") "]", "camera 1: rotation",
+         SF_ERR_FORMAT},
+        {"[" CAMERA("4", "4", "[[1, 0, 0], [0, 1, 0], [0, 0, -1]]") "]", "camera 0: rotation", SF_ERR_FORMAT},
+        {"[" CAMERA("4", "4", "[[1, 0, 0], [0, 1, 0]]") "]", "camera 0: rotation", SF_ERR_FORMAT},
+    };
+    sf_context *ctx = test_context();
+    const char *path = test_path("wrong.json");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        sf_camera *cameras;
+        size_t count;
+        test_write(path, cases[i].text, strlen(cases[i].text));
+        assert_status(ctx, sf_cameras_load(ctx, path, &cameras, &count), cases[i].status);
+        assert_error_names(ctx, cases[i].named);
+        assert_null(cameras);
+    }
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_fields),
@@ -156,6 +214,8 @@ int main(void) {
         cmocka_unit_test(test_names_of_any_bytes),
         cmocka_unit_test(test_no_views),
         cmocka_unit_test(test_to_where_no_file_can_be),
+        cmocka_unit_test(test_read_again),
+        cmocka_unit_test(test_files_that_are_wrong),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -516,7 +516,9 @@ static void test_help(void **state) {
                  {{"fit", "--help"}, "--eval-every"},
                  {{"fit", "-h"}, "--eval-every"},
                  {{"eval", "--help"}, "--json"},
-                 {{"render", "--help"}, "--out"},
+                 {{"render", "--help"}, "--path"},
+                 {{"convert", "--help"}, "--crop"},
+                 {{"view", "--help"}, "--listen"},
                  {{"info", "--help"}, "--downscale"},
                  {{"--version"}, "splatfit 0."}};
     for (size_t i = 0; i < COUNT(cases); i++) {
@@ -728,12 +730,26 @@ static void test_info(void **state) {
     free_outcome(&o);
     o = run_ok("info", "good");
     test_assert_contains(o.out, "4 views: 3 to train on, 1 held out", __FILE__, __LINE__);
+    test_assert_contains(o.out, "COLMAP: ", __FILE__, __LINE__);
     test_assert_contains(o.out, "12 sparse points", __FILE__, __LINE__);
-    test_assert_contains(o.out, "32x24 px", __FILE__, __LINE__);
+    test_assert_contains(o.out, "PINHOLE, 32x24 px", __FILE__, __LINE__);
+    test_assert_contains(o.out, "held out: ", __FILE__, __LINE__);
+    test_assert_contains(o.out, "a fit with the defaults takes up to ", __FILE__, __LINE__);
     assert_string_equal(o.err, "");
     free_outcome(&o);
     o = run_ok("info", SCENE, "--hold-out", "0");
     test_assert_contains(o.out, "9 views: 9 to train on, 0 held out", __FILE__, __LINE__);
+    free_outcome(&o);
+    o = run_ok("info", "good", "--json", "-");
+    json_error_t error;
+    json_t *json = json_loads(o.out, 0, &error);
+    assert_non_null(json);
+    assert_string_equal(json_string_value(json_object_get(json, "kind")), "COLMAP");
+    assert_int_equal((int)test_number(json, "views"), 4);
+    assert_int_equal((int)json_array_size(json_object_get(json, "held_out")), 1);
+    assert_true(test_number(json_array_get(json_object_get(json, "cameras"), 0), "fx") > 0);
+    assert_true(test_number(json_object_get(json, "fit_memory"), "total") > 1e6);
+    json_decref(json);
     free_outcome(&o);
 }
 

@@ -91,7 +91,7 @@ static void test_fit_refuses(void **state) {
         {USAGE,
          "out/l.json: is named for two outputs",
          {FIT, "--log", "out/l.json", "--checkpoint", "out/l.json"}},
-        {USAGE, "--background: neither R,G,B", {FIT, "--background", "2,0,0"}},
+        {USAGE, "--background: \"2,0,0\" is neither R,G,B", {FIT, "--background", "2,0,0"}},
         {USAGE, "preset: \"slow\"", {FIT, "--preset", "slow"}},
         {FAILED, "link: is a symbolic link to nothing", {FIT, "--log", "link"}},
         {FAILED, "none.ply: holds no Gaussian to go on from", {FIT, "--from", "none.ply"}},
@@ -171,7 +171,7 @@ static void test_bench_of_a_model(void **state) {
 static void test_bench_refuses(void **state) {
     (void)state;
     static const bad_input cases[] = {
-        {USAGE, "--only: names other than roofs", {"bench", "--only", "kernels,roof"}},
+        {USAGE, "--only: \"roof\" is none of roofs", {"bench", "--only", "kernels,roof"}},
         {USAGE, "--model and --project: go together", {"bench", "--model", "a.ply"}},
         {USAGE, "--model and --project: go together", {"bench", "--project", SCENE}},
         {FAILED,

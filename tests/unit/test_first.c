@@ -479,6 +479,45 @@ static void test_from_where_asked(void **state) {
 }
 
 /* Asked for points that are not there, it says so. */
+/* Points that are anywhere are not begun with, and that is said; where they are asked for, they are. */
+static void test_wrong_points(void **state) {
+    (void)state;
+    enum { POINTS = 2000 };
+    static float xyz[3 * POINTS];
+    sf_context *ctx = test_context();
+    sf_scene *right, *wrong;
+    sf_scene_info info;
+    sf_rng rng;
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=80&height=60&frames=18", NULL, &right));
+    assert_ok(ctx, sf_scene_create(ctx, &wrong));
+    test_copy_views(ctx, right, wrong, NULL, NULL);
+    sf_scene_get_info(right, &info);
+    sf_rng_seed(&rng, 3);
+    for (size_t i = 0; i < 3 * POINTS; i++)
+        xyz[i] = (float)(info.center[i % 3] + 2 * info.extent * (sf_rng_uniform(&rng) - 0.5));
+    assert_ok(ctx, sf_scene_add_points(wrong, POINTS, xyz, NULL));
+    for (int asked = 0; asked < 2; asked++)
+        for (int is_wrong = 0; is_wrong < 2; is_wrong++) {
+            sf_first_options options = {.from = asked ? SF_FIRST_POINTS : SF_FIRST_AUTO,
+                                        .max_gaussians = 1000000,
+                                        .random_count = 1,
+                                        .opacity = 0.1,
+                                        .scale = 1,
+                                        .extent = info.extent,
+                                        .nearest = 0.01};
+            sf_model *model;
+            test_log_clear();
+            assert_ok(ctx, sf_first_gaussians(is_wrong ? wrong : right, &options, &rng, &model));
+            int left_out = is_wrong && !asked;
+            assert_int_equal(strstr(test_log, "left out") != NULL, left_out);
+            assert_int_equal(model->count == (is_wrong ? POINTS : info.points), !left_out);
+            sf_model_destroy(&model);
+        }
+    sf_scene_destroy(&wrong);
+    sf_scene_destroy(&right);
+    sf_context_destroy(&ctx);
+}
+
 static void test_no_points_to_start_from(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -509,6 +548,7 @@ int main(void) {
         cmocka_unit_test(test_random_count_is_capped),
         cmocka_unit_test(test_nothing_to_start_from),
         cmocka_unit_test(test_from_where_asked),
+        cmocka_unit_test(test_wrong_points),
         cmocka_unit_test(test_no_points_to_start_from),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

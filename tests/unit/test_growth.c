@@ -383,7 +383,7 @@ static void test_regularisers(void **state) {
     static const ball balls[] = {{{0, 0, 0}, 0.3f, 0.5f, 0.9f}, {{0, 0, 50}, 0.3f, 0.5f, 0.9f}};
     sf_context *ctx = test_context();
     sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
-    options.reg_opacity = options.reg_scale = 100; /* more than the loss has to say */
+    options.reg_opacity = options.reg_scale = 10; /* more than the loss has to say */
     options.grow_start = 1;
     sf_scene *scene = scene_of(ctx, balls, 2, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, 2, &options);

@@ -392,7 +392,14 @@ static void test_other_content(void **state) {
     sf_picture p;
     int width, height;
     assert_refused(ctx, "", 0, SF_ERR_FORMAT, "is empty");
-    assert_refused(ctx, "GIF89a, say", 11, SF_ERR_FORMAT, "neither a JPEG nor a PNG");
+    assert_refused(ctx, "some text", 9, SF_ERR_FORMAT, "neither a JPEG nor a PNG");
+    assert_refused(ctx, "GIF89a, say", 11, SF_ERR_UNSUPPORTED, "is GIF: only JPEG and PNG are read");
+    assert_refused(ctx, "RIFFsizeWEBPVP8 ", 16, SF_ERR_UNSUPPORTED, "is WebP");
+    assert_refused(ctx,
+                   "\0\0\0\x18"
+                   "ftypheic",
+                   12, SF_ERR_UNSUPPORTED, "is HEIC or AVIF");
+    assert_refused(ctx, "MM\0*\0\0", 6, SF_ERR_UNSUPPORTED, "is TIFF");
     assert_refused(ctx, "\xff\xd8\xff", 3, SF_ERR_FORMAT, "0 x 0");
     assert_refused(ctx, "\x89PNG\r\n\x1a\n", 8, SF_ERR_FORMAT, "PNG");
     assert_status(ctx, sf_picture_load(ctx, test_path("absent"), &p), SF_ERR_IO);
@@ -558,6 +565,31 @@ static void test_encode_reads_back(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Big-endian in the file, whatever the machine: the high byte is what 8 bits show. */
+static void test_grey_of_16_bits(void **state) {
+    (void)state;
+    enum { SIDE = 16 };
+    static uint16_t values[SIDE * SIDE];
+    sf_context *ctx = test_context();
+    sf_picture p;
+    const char *path = test_path("grey16.png");
+    for (size_t i = 0; i < SIDE * SIDE; i++) values[i] = (uint16_t)(257 * i);
+    assert_ok(ctx, sf_write_png_grey16(ctx, path, SIDE, SIDE, values));
+    assert_ok(ctx, sf_picture_load(ctx, path, &p));
+    assert_true(p.width == SIDE && p.height == SIDE);
+    for (size_t i = 0; i < SIDE * SIDE; i++) assert_int_equal(p.rgb[i], i);
+    sf_picture_free(ctx, &p);
+    for (size_t i = 0; i < SIDE * SIDE; i++) values[i] = (uint16_t)i; /* low bytes alone: black */
+    assert_ok(ctx, sf_write_png_grey16(ctx, path, SIDE, SIDE, values));
+    assert_ok(ctx, sf_picture_load(ctx, path, &p));
+    assert_true(p.rgb[0] == 0 && p.rgb[SIDE * SIDE - 1] <= 1);
+    sf_picture_free(ctx, &p);
+    assert_status(ctx, sf_write_png_grey16(ctx, test_path("none.png"), 0, 4, values), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "none.png: size: 0 x 4");
+    assert_status(ctx, sf_write_png_grey16(ctx, test_path("no/such.png"), 4, 4, values), SF_ERR_IO);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_png_plain),
@@ -576,6 +608,7 @@ int main(void) {
         cmocka_unit_test(test_scans_are_limited),
         cmocka_unit_test(test_write_png_reads_back),
         cmocka_unit_test(test_encode_reads_back),
+        cmocka_unit_test(test_grey_of_16_bits),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -31,6 +31,11 @@ static void direction(const sf_lens *l, double u, double v, double out[2]) {
     }
 }
 
+static sf_status undistort(sf_context *ctx, const sf_lens *l, sf_picture *p) {
+    sf_optics optics = sf_optics_of(l);
+    return sf_undistort(ctx, &optics, p);
+}
+
 typedef double (*scene_fn)(double x, double y, int channel);
 
 static sf_picture photograph(sf_context *ctx, const sf_lens *l, scene_fn scene) {
@@ -63,7 +68,7 @@ static void check_lens(const sf_lens *l, int least_inside) {
     sf_context *ctx = test_context();
     sf_picture p = photograph(ctx, l, shade);
     int inside = 0;
-    assert_ok(ctx, sf_undistort(ctx, l, &p));
+    assert_ok(ctx, undistort(ctx, l, &p));
     assert_int_equal(p.width, WIDTH);
     assert_int_equal(p.height, HEIGHT);
     for (int i = 0; i < PIXELS; i++) {
@@ -106,7 +111,7 @@ static void test_straight_lines_come_out_straight(void **state) {
     double worst_before = 0, worst = 0;
     uint8_t before[PIXELS];
     memcpy(before, p.rgb, PIXELS);
-    assert_ok(ctx, sf_undistort(ctx, &strong, &p));
+    assert_ok(ctx, undistort(ctx, &strong, &p));
     for (int row = 10; row < HEIGHT - 10; row++) {
         double sum = 0, moment = 0, sum_before = 0, moment_before = 0;
         for (int x = 0; x < WIDTH; x++) {
@@ -132,7 +137,7 @@ static void test_no_distortion_changes_nothing(void **state) {
     sf_picture p = photograph(ctx, &plain, shade);
     uint8_t before[3 * PIXELS];
     memcpy(before, p.rgb, sizeof before);
-    assert_ok(ctx, sf_undistort(ctx, &plain, &p));
+    assert_ok(ctx, undistort(ctx, &plain, &p));
     for (int i = 0; i < PIXELS; i++) {
         int x = i % WIDTH, y = i / WIDTH; /* rounding may put the border's sources outside */
         if (x && y && x < WIDTH - 1 && y < HEIGHT - 1) assert_int_equal(p.weight[i], 255);
@@ -149,7 +154,7 @@ static void check_turning_back(const sf_lens *l, double limit) {
     sf_picture p = {.width = WIDTH, .height = HEIGHT, .orientation = 1};
     int beyond = 0, kept = 0;
     p.rgb = sf_calloc(ctx, PIXELS, 3);
-    assert_ok(ctx, sf_undistort(ctx, l, &p));
+    assert_ok(ctx, undistort(ctx, l, &p));
     for (int i = 0; i < PIXELS; i++) {
         double at[2];
         pinhole_direction(l, i, at);
@@ -185,7 +190,7 @@ static void test_weights_come_along(void **state) {
         p.weight[i] = i % WIDTH < WIDTH / 2 ? 0 : 200;
         for (int c = 0; c < 3; c++) p.rgb[c * PIXELS + i] = p.weight[i] ? 10 : 255;
     }
-    assert_ok(ctx, sf_undistort(ctx, &mild, &p));
+    assert_ok(ctx, undistort(ctx, &mild, &p));
     int hidden = 0, shown = 0;
     for (int i = 0; i < PIXELS; i++) {
         if (!is_inside(&mild, i)) assert_int_equal(p.weight[i], 0);
@@ -207,7 +212,7 @@ static void test_smallest_picture(void **state) {
     sf_picture p = {.width = 1, .height = 1, .orientation = 1};
     p.rgb = sf_alloc(ctx, 1, 3);
     memset(p.rgb, 77, 3);
-    assert_ok(ctx, sf_undistort(ctx, &tiny, &p));
+    assert_ok(ctx, undistort(ctx, &tiny, &p));
     assert_int_equal(p.rgb[1], 77);
     assert_int_equal(p.weight[0], 255);
     sf_picture_free(ctx, &p);

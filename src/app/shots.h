@@ -1,0 +1,38 @@
+/* shots.h - the cameras along a path: around a model, through a project's cameras, or as a file says. */
+#ifndef APP_SHOTS_H
+#define APP_SHOTS_H
+
+#include "app.h"
+
+typedef struct shots {
+    sf_camera *cameras; /* [count] */
+    size_t count;
+    double rate;       /* a second */
+    double near_plane; /* what suits an orbit, world units; 0: as in a fit of the project */
+} shots;
+
+/* --path and all that goes with it. */
+extern const arg_option shot_options[];
+
+/* Refuses options that go with --path where that is not given. 0 or an exit code. */
+int shots_check(const args *a);
+
+/* The cameras that the options say; scene may be NULL. 0 or an exit code; shots_free in both cases. */
+int shots_make(const args *a, sf_context *ctx, const sf_model *model, sf_scene *scene, shots *s);
+void shots_free(shots *s);
+
+/* The lines of a path that leads along the same poses; free() it. NULL: out of memory. */
+char *shots_path(const shots *s);
+
+/* The cameras that are known: of the scene's views that --split wants, else of the file that --cameras names,
+ * else of a cameras.json beside the model; *count 0 where there are none. free() them. 0 or an exit code. */
+int shots_known(const args *a, sf_context *ctx, sf_scene *scene, sf_camera **cameras, size_t *count);
+
+/* A camera at `from` that looks at `at`, with `up` upwards in the picture, of c's size and lens. */
+void shots_look(const double from[3], const double at[3], const double up[3], sf_camera *c);
+
+/* orbit.c: cameras around a model; count of them, whose sizes and lenses are set. */
+int shots_orbit(const args *a, sf_context *ctx, const sf_model *model, const sf_camera *known,
+                size_t known_count, shots *s);
+
+#endif

@@ -1,0 +1,127 @@
+/* view.c - splatfit view: a finished model on a page in the browser. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "../preview/preview.h"
+#include "shots.h"
+
+/* Views to choose from on the page, evenly chosen where there are more. */
+enum { VIEWS = 60, WIDTH = 960, HEIGHT = 720 };
+
+static const arg_option own_options[] = {
+    {"listen", 0, "ADDRESS:PORT", "serve the page there (127.0.0.1:8090; where that is taken, another port)"},
+    {"token", 0, "TEXT",
+     "what the page's address must hold; default: made at random for other addresses than loopback"},
+    {"cameras", 0, "FILE",
+     "cameras.json: views to begin at (cameras.json beside the model, where there is one)"},
+    {"up", 0, "AXIS", "x, -x, y, -y, z or -z; default: as in the cameras, else off the model's plane"},
+    {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
+    {0},
+};
+
+static json_t *numbers(const double *values, int n) {
+    json_t *array = json_array();
+    for (int i = 0; i < n; i++) json_array_append_new(array, json_real(values[i]));
+    return array;
+}
+
+static json_t *pose_json(const sf_camera *c) {
+    return json_pack("{s:o, s:o, s:f, s:f, s:f, s:f, s:i, s:i}", "R_cw", numbers(c->R_cw, 9), "t_cw",
+                     numbers(c->t_cw, 3), "fx", c->fx, "fy", c->fy, "cx", c->cx, "cy", c->cy, "width",
+                     (int)c->width, "height", (int)c->height);
+}
+
+/* The view from which the whole model is seen. */
+static int first_camera(const args *a, sf_context *ctx, const sf_model *model, const sf_camera *known,
+                        size_t count, sf_camera *first) {
+    shots one = {.cameras = first, .count = 1};
+    *first = (sf_camera){.width = WIDTH, .height = HEIGHT, .cx = WIDTH / 2.0, .cy = HEIGHT / 2.0};
+    first->fx = first->fy = HEIGHT;
+    return shots_orbit(a, ctx, model, known, count, &one);
+}
+
+/* What the page is told: it never changes. */
+static int show_status(const args *a, sf_context *ctx, sf_preview *preview, const sf_model *model) {
+    sf_camera *known, first;
+    size_t count;
+    sf_render_options options;
+    int error = shots_known(a, ctx, NULL, &known, &count);
+    if (!error) error = app_render_options(a, NULL, &options);
+    if (!error) error = first_camera(a, ctx, model, known, count, &first);
+    if (!error) {
+        const double background[3] = {options.background[0], options.background[1], options.background[2]};
+        size_t shown = count < VIEWS ? count : VIEWS;
+        json_t *views = json_array();
+        for (size_t i = 0; i < shown; i++)
+            json_array_append_new(views, pose_json(&known[shown > 1 ? i * (count - 1) / (shown - 1) : 0]));
+        json_t *status =
+            json_pack("{s:b, s:s, s:I, s:o, s:o, s:o}", "still", 1, "state", "finished", "gaussians",
+                      (json_int_t)sf_model_count(model), "background", numbers(background, 3), "pose",
+                      pose_json(count ? &known[0] : &first), "views", views);
+        char *text = status ? json_dumps(status, JSON_COMPACT | JSON_REAL_PRECISION(8)) : NULL;
+        json_decref(status);
+        if (!text)
+            error = app_say(a, "page", "out of memory");
+        else if (sf_preview_set_status(preview, text))
+            error = app_fail(a, ctx);
+        free(text);
+    }
+    free(known);
+    return error;
+}
+
+static int open_page(const args *a, sf_context *ctx, sf_preview **preview) {
+    const char *listen = args_value(a, "listen"), *slash = strrchr(a->positional[0], '/');
+    sf_preview_options options = {listen, args_value(a, "token"), slash ? slash + 1 : a->positional[0]};
+    sf_status status = sf_preview_open(ctx, &options, preview);
+    if (status == SF_ERR_IO && !listen) {
+        options.listen = "127.0.0.1:0";
+        status = sf_preview_open(ctx, &options, preview);
+    }
+    return status ? app_fail(a, ctx) : 0;
+}
+
+static int serve(const args *a, sf_context *ctx, const sf_model *model) {
+    const struct timespec moment = {.tv_nsec = 100 * 1000 * 1000};
+    sf_preview *preview = NULL;
+    int error = open_page(a, ctx, &preview);
+    if (!error) error = show_status(a, ctx, preview, model);
+    if (!error && sf_preview_set_model(preview, model)) error = app_fail(a, ctx);
+    if (!error) {
+        app_catch_signals(NULL);
+        printf("page: %s\n", sf_preview_url(preview));
+        fflush(stdout);
+        while (!app_stopped_by()) nanosleep(&moment, NULL);
+    }
+    sf_preview_close(&preview);
+    return error;
+}
+
+static int run(const args *a) {
+    sf_context *ctx = NULL;
+    sf_model *model = NULL;
+    int error = app_context(a, &ctx);
+    if (!error && sf_model_load(ctx, a->positional[0], &model)) error = app_fail(a, ctx);
+    if (!error) error = serve(a, ctx, model);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {own_options, common_options, NULL};
+
+const command command_view = {
+    .name = "view",
+    .synopsis = "MODEL [OPTIONS]",
+    .summary = "Shows a model (.ply, .spz, .splat) on a page that it serves. It prints the page's address "
+               "for a browser, "
+               "with the token that others than this machine need, and ends with SIGINT (Ctrl-C) or SIGTERM. "
+               "Colours "
+               "there do not depend on the direction: SH bands above 0 are left out.",
+    .tables = tables,
+    .least = 1,
+    .most = 1,
+    .run = run,
+};

@@ -1,0 +1,180 @@
+/* mask.c - see mask.h. */
+#include "mask.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Which file. */
+
+/* "folder/name" without the last `cut` bytes, and `ending` behind; NULL: no memory. */
+static char *candidate(sf_context *ctx, const char *folder, const char *name, size_t cut,
+                       const char *ending) {
+    size_t size = strlen(folder) + strlen(name) + strlen(ending) + 2;
+    char *path = sf_alloc(ctx, size, 1);
+    if (path) snprintf(path, size, "%s/%.*s%s", folder, (int)(strlen(name) - cut), name, ending);
+    return path;
+}
+
+static size_t ending_of(const char *name) {
+    const char *slash = strrchr(name, '/'), *dot = strrchr(slash ? slash : name, '.');
+    return dot ? strlen(dot) : 0;
+}
+
+static sf_status look_for(sf_context *ctx, const char *folder, const char *name, char **mask) {
+    const struct {
+        size_t cut;
+        const char *ending;
+    } forms[] = {{0, ".png"}, {ending_of(name), ".png"}, {0, ""}};
+    for (size_t i = 0; i < sizeof forms / sizeof *forms; i++) {
+        char *path = candidate(ctx, folder, name, forms[i].cut, forms[i].ending);
+        if (!path) return SF_ERR_MEMORY;
+        if (sf_is_file(path)) {
+            *mask = path;
+            return SF_OK;
+        }
+        sf_free(ctx, path);
+    }
+    return SF_OK;
+}
+
+static sf_status find_for(sf_context *ctx, const char *folder, sf_entry *e, size_t *found) {
+    const char *slash = strchr(e->name, '/');
+    sf_status status = look_for(ctx, folder, e->name, &e->mask);
+    if (!status && !e->mask && slash) status = look_for(ctx, folder, slash + 1, &e->mask);
+    *found += e->mask != NULL;
+    return status;
+}
+
+/* A missing folder is none: NULL. */
+static sf_status find_folder(sf_project *p, const char *wanted, char **folder) {
+    *folder = sf_path_join(p->ctx, p->folder, wanted ? wanted : "masks");
+    if (!*folder) return SF_ERR_MEMORY;
+    if (sf_is_folder(*folder)) return SF_OK;
+    sf_free(p->ctx, *folder);
+    *folder = NULL;
+    if (!wanted) return SF_OK;
+    if (!sf_is_folder(wanted))
+        return sf_fail(p->ctx, SF_ERR_IO, "%s/%s: no such folder of masks", p->folder, wanted);
+    *folder = sf_text_copy(p->ctx, wanted);
+    return *folder ? SF_OK : SF_ERR_MEMORY;
+}
+
+static sf_status find_all(sf_project *p, const char *folder, int must) {
+    size_t found = 0, open = 0;
+    sf_status status = SF_OK;
+    for (size_t i = 0; !status && i < p->count; i++) {
+        if (p->entries[i].mask) continue;
+        open++;
+        status = find_for(p->ctx, folder, &p->entries[i], &found);
+    }
+    if (status || !open) return status;
+    if (!found && must)
+        return sf_fail(p->ctx, SF_ERR_IO, "%s: holds no mask: looked for %s.png among others", folder,
+                       p->entries[0].name);
+    if (found)
+        sf_log(p->ctx, SF_LOG_INFO, "%s: masks of %zu of %zu pictures: black is ignored", folder, found,
+               open);
+    return SF_OK;
+}
+
+static void forget_all(sf_project *p) {
+    for (size_t i = 0; i < p->count; i++) {
+        sf_free(p->ctx, p->entries[i].mask);
+        p->entries[i].mask = NULL;
+    }
+}
+
+sf_status sf_masks_find(sf_project *p, const sf_load_options *options) {
+    if (options->no_masks) {
+        forget_all(p);
+        return SF_OK;
+    }
+    char *folder;
+    sf_status status = find_folder(p, options->masks, &folder);
+    if (!status && folder) status = find_all(p, folder, options->masks != NULL);
+    sf_free(p->ctx, folder);
+    return status;
+}
+
+/* What it does. */
+
+static sf_status make_weights(sf_context *ctx, sf_picture *p) {
+    if (p->weight) return SF_OK;
+    size_t n = (size_t)p->width * (size_t)p->height;
+    p->weight = sf_alloc(ctx, n, 1);
+    if (!p->weight) return SF_ERR_MEMORY;
+    memset(p->weight, 255, n);
+    return SF_OK;
+}
+
+static int is_same_shape(const sf_picture *a, const sf_picture *b) {
+    double x = (double)a->width / b->width, y = (double)a->height / b->height;
+    return fabs(a->height - x * b->height) <= fmax(x, 1) || fabs(a->width - y * b->width) <= fmax(y, 1);
+}
+
+static sf_status lower_weights(sf_context *ctx, const sf_picture *mask, sf_picture *p) {
+    if (!is_same_shape(mask, p)) {
+        snprintf(p->fault, sizeof p->fault, "mask: size: %d x %d is not the picture's %d x %d, nor its shape",
+                 mask->width, mask->height, p->width, p->height);
+        return SF_ERR_FORMAT;
+    }
+    if (make_weights(ctx, p)) return SF_ERR_MEMORY;
+    size_t width = (size_t)p->width, height = (size_t)p->height;
+    for (size_t y = 0; y < height; y++) {
+        const uint8_t *row =
+            mask->rgb + (2 * y + 1) * (size_t)mask->height / (2 * height) * (size_t)mask->width;
+        for (size_t x = 0; x < width; x++) {
+            uint8_t value = row[(2 * x + 1) * (size_t)mask->width / (2 * width)];
+            if (value < p->weight[y * width + x]) p->weight[y * width + x] = value;
+        }
+    }
+    return SF_OK;
+}
+
+sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *p) {
+    sf_picture mask;
+    sf_status status = sf_picture_load(ctx, path, &mask);
+    if (status)
+        snprintf(p->fault, sizeof p->fault, "mask: %.*s", SF_PICTURE_FAULT_BYTES - 7, mask.fault);
+    else
+        status = lower_weights(ctx, &mask, p);
+    sf_picture_free(ctx, &mask);
+    return status;
+}
+
+static void blend(const float background[3], sf_picture *p) {
+    size_t n = (size_t)p->width * (size_t)p->height;
+    for (size_t c = 0; c < 3; c++) {
+        uint8_t *plane = p->rgb + c * n;
+        unsigned behind = (unsigned)lroundf(255 * background[c]);
+        for (size_t i = 0; i < n; i++) {
+            unsigned a = p->weight[i];
+            plane[i] = (uint8_t)((plane[i] * a + behind * (255 - a) + 127) / 255);
+        }
+    }
+}
+
+static sf_alpha meaning(const sf_load_options *options, int blends) {
+    if (options->alpha != SF_ALPHA_AUTO) return options->alpha;
+    return blends ? SF_ALPHA_BLEND : SF_ALPHA_MASK;
+}
+
+void sf_alpha_apply(sf_context *ctx, const sf_load_options *options, int blends, sf_picture *p) {
+    sf_alpha alpha = meaning(options, blends);
+    if (!p->weight || alpha == SF_ALPHA_MASK) return;
+    if (alpha == SF_ALPHA_BLEND) blend(options->background, p);
+    sf_free(ctx, p->weight);
+    p->weight = NULL;
+}
+
+const char *sf_alpha_says(const sf_load_options *options, int blends) {
+    switch (meaning(options, blends)) {
+    case SF_ALPHA_BLEND:
+        return "blended over the background";
+    case SF_ALPHA_IGNORE:
+        return "not used";
+    default:
+        return "what is transparent is ignored";
+    }
+}

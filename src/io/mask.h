@@ -1,0 +1,26 @@
+/* mask.h - which pixels of a picture count: masks and alpha channels, in one place for all kinds of projects.
+ *
+ * In a mask black is ignored and white counts; grey counts in part. In an alpha channel 0 is ignored and the
+ * largest value counts, or, blended, 0 shows the background and the largest value the picture.
+ */
+#ifndef SF_IO_MASK_H
+#define SF_IO_MASK_H
+
+#include "project.h"
+
+/* Gives each entry without a mask of its own the one in the folder that the options name, or, where they
+ * name none, in masks/. For the picture images/a/b.jpg those are, in this order, a/b.jpg.png, a/b.png and
+ * a/b.jpg, with images/ in front or without. Takes all masks away where the options want none. SF_ERR_IO: the
+ * folder that the options name is not there, or holds no picture's mask. */
+sf_status sf_masks_find(sf_project *project, const sf_load_options *options);
+
+/* Lowers a picture's weights to the mask's. A mask of another size is scaled (each pixel takes the nearest
+ * one's) where its sides are in the same ratio to within a pixel. On failure the picture's fault is set. */
+sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *picture);
+
+/* Makes of a picture's alpha channel what the options say, `blends` where they leave it open. */
+void sf_alpha_apply(sf_context *ctx, const sf_load_options *options, int blends, sf_picture *picture);
+/* The same in words. */
+const char *sf_alpha_says(const sf_load_options *options, int blends);
+
+#endif

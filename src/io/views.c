@@ -1,0 +1,328 @@
+/* views.c - from the entries of a project to the views of a scene. */
+#include "project.h"
+
+#include "../base/memory.h"
+#include "../base/pool.h"
+#include "../scene/scene.h"
+#include "mask.h"
+#include "undistort.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { NAMES_IN_LOG = 5 /* of skipped pictures; the rest is counted */ };
+
+/* From a picture to a view. */
+
+/* The lens for a picture of that size. */
+static sf_optics scaled_lens(const sf_entry *e, int width, int height) {
+    sf_optics lens = e->lens;
+    double x = (double)width / e->width, y = (double)height / e->height;
+    lens.fx *= x;
+    lens.cx *= x;
+    lens.fy *= y;
+    lens.cy *= y;
+    return lens;
+}
+
+/* One pixel of the view: the mean over a box of the picture, by weight where that is known. */
+static void average_box(const sf_picture *p, size_t x, size_t y, size_t factor, const sf_view *v) {
+    size_t from_plane = (size_t)p->width * (size_t)p->height, at = y * (size_t)v->camera.width + x;
+    size_t to_plane = (size_t)v->camera.width * (size_t)v->camera.height;
+    uint32_t sum[3] = {0}, weighted[3] = {0}, weight = 0, n = (uint32_t)(factor * factor);
+    for (size_t i = 0; i < n; i++) {
+        size_t from = (y * factor + i / factor) * (size_t)p->width + x * factor + i % factor;
+        uint32_t w = p->weight ? p->weight[from] : 0;
+        weight += w;
+        for (size_t c = 0; c < 3; c++) {
+            sum[c] += p->rgb[c * from_plane + from];
+            weighted[c] += w * p->rgb[c * from_plane + from];
+        }
+    }
+    for (size_t c = 0; c < 3; c++)
+        v->rgb[c * to_plane + at] =
+            (uint8_t)(weight ? (weighted[c] + weight / 2) / weight : (sum[c] + n / 2) / n);
+    if (v->weight) v->weight[at] = (uint8_t)((weight + n / 2) / n);
+}
+
+static void fill_view(const sf_picture *p, int factor, const sf_view *v) {
+    size_t plane = (size_t)p->width * (size_t)p->height;
+    if (factor == 1) {
+        memcpy(v->rgb, p->rgb, 3 * plane);
+        if (v->weight) memcpy(v->weight, p->weight, plane);
+        return;
+    }
+    for (size_t y = 0; y < (size_t)v->camera.height; y++)
+        for (size_t x = 0; x < (size_t)v->camera.width; x++) average_box(p, x, y, (size_t)factor, v);
+}
+
+static sf_camera pinhole(const sf_entry *e, const sf_optics *lens, const sf_picture *p) {
+    sf_undistorted frame = sf_undistort_frame(lens, p->width, p->height);
+    sf_camera camera = {.width = frame.width,
+                        .height = frame.height,
+                        .fx = lens->fx,
+                        .fy = lens->fy,
+                        .cx = frame.cx,
+                        .cy = frame.cy};
+    memcpy(camera.R_cw, e->R_cw, sizeof camera.R_cw);
+    memcpy(camera.t_cw, e->t_cw, sizeof camera.t_cw);
+    return camera;
+}
+
+typedef struct result {
+    sf_view *view; /* NULL if skipped */
+    sf_status status;
+    int bad_pose, rotated, undistorted, alpha;
+    char fault[SF_PICTURE_FAULT_BYTES];
+} result;
+
+typedef struct loading {
+    sf_context *ctx;
+    const sf_project *project;
+    const sf_load_options *options;
+    result *results; /* one an entry */
+} loading;
+
+static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
+    sf_optics lens = scaled_lens(e, p->width, p->height);
+    sf_camera camera = pinhole(e, &lens, p);
+    if (!sf_optics_is_valid(&lens) || sf_camera_check(&camera)) {
+        r->bad_pose = 1;
+        return SF_OK;
+    }
+    int factor = l->options->downscale;
+    if (camera.width < factor || camera.height < factor) {
+        snprintf(r->fault, sizeof r->fault, "downscale: %d leaves nothing of %d x %d", factor, camera.width,
+                 camera.height);
+        return SF_ERR_ARGUMENT;
+    }
+    r->undistorted = sf_optics_is_distorted(&lens);
+    sf_lens_note note = {.model = lens.model, .undistorted = r->undistorted};
+    sf_undistort_field(&lens, p->width, p->height, &note.seen, &note.kept);
+    sf_status status = r->undistorted ? sf_undistort(l->ctx, &lens, p) : SF_OK;
+    if (status) return status;
+    camera = sf_camera_downscaled(&camera, factor);
+    status = sf_view_create(l->ctx, e->name, &camera, e->split, p->weight != NULL, &r->view);
+    if (status) return status;
+    fill_view(p, factor, r->view);
+    r->view->lens = note;
+    r->view->masked = e->mask != NULL;
+    r->view->alpha = r->alpha;
+    return SF_OK;
+}
+
+static void load_entry(void *arg, size_t task, int thread) {
+    const loading *l = arg;
+    const sf_entry *e = &l->project->entries[task];
+    result *r = &l->results[task];
+    (void)thread;
+    r->bad_pose = e->bad_pose;
+    if (r->bad_pose) return;
+    sf_picture p;
+    r->status = sf_picture_load(l->ctx, e->path, &p);
+    r->alpha = p.weight != NULL;
+    if (!r->status) sf_alpha_apply(l->ctx, l->options, l->project->blends, &p);
+    if (!r->status && e->mask) r->status = sf_mask_apply(l->ctx, e->mask, &p);
+    memcpy(r->fault, p.fault, sizeof r->fault);
+    r->rotated = !r->status && p.orientation != 1;
+    if (!r->status) r->status = make_view(l, e, &p, r);
+    sf_picture_free(l->ctx, &p);
+}
+
+/* The scene from what was loaded. */
+
+static sf_status take_result(const loading *l, size_t i, sf_scene *scene) {
+    result *r = &l->results[i];
+    if (r->bad_pose) {
+        scene->skipped_pose++;
+    } else if (r->status) {
+        if (scene->skipped_missing++ < NAMES_IN_LOG)
+            sf_log(l->ctx, SF_LOG_WARNING, "%s: skipped: %s", l->project->entries[i].path, r->fault);
+    } else {
+        scene->undistorted_views += (size_t)r->undistorted;
+        scene->rotated_views += (size_t)r->rotated;
+        sf_view *view = r->view;
+        r->view = NULL;
+        return sf_scene_take_view(scene, view);
+    }
+    return SF_OK;
+}
+
+/* What ends the whole, whatever became of other pictures; said again, since those may have failed later. */
+static sf_status fatal_result(const loading *l) {
+    for (size_t i = 0; i < l->project->count; i++) {
+        const char *path = l->project->entries[i].path;
+        sf_status status = l->results[i].status;
+        if (status == SF_ERR_MEMORY) return sf_fail(l->ctx, status, "%s: out of memory", path);
+        if (status == SF_ERR_ARGUMENT) return sf_fail(l->ctx, status, "%s: %s", path, l->results[i].fault);
+    }
+    return SF_OK;
+}
+
+static const char *first_bad_pose(const loading *l) {
+    for (size_t i = 0; i < l->project->count; i++)
+        if (l->results[i].bad_pose) return l->project->entries[i].path;
+    return "";
+}
+
+/* A lens that sees more than a pinhole camera can show. */
+static void report_cropped(const loading *l, const char *path, const sf_scene *scene) {
+    const sf_view *first = NULL;
+    size_t count = 0;
+    for (size_t i = 0; i < scene->view_count; i++) {
+        const sf_view *v = scene->views[i];
+        if (!sf_lens_is_cropped(&v->lens)) continue;
+        if (!first) first = v;
+        count++;
+    }
+    if (first)
+        sf_log(l->ctx, SF_LOG_INFO,
+               "%s: %zu views are cropped: a pinhole camera keeps %.0f of the %.0f degrees across that a %s "
+               "sees (first: %s)",
+               path, count, first->lens.kept, first->lens.seen, first->lens.model, first->name);
+}
+
+static void report(const loading *l, const char *path, const sf_scene *scene) {
+    size_t rotated = 0, alpha = 0;
+    for (size_t i = 0; i < l->project->count; i++) {
+        rotated += (size_t)l->results[i].rotated;
+        alpha += (size_t)l->results[i].alpha;
+    }
+    if (alpha)
+        sf_log(l->ctx, SF_LOG_INFO, "%s: %zu pictures have an alpha channel: %s", path, alpha,
+               sf_alpha_says(l->options, l->project->blends));
+    if (rotated)
+        sf_log(l->ctx, SF_LOG_WARNING,
+               "%s: %zu pictures carry an EXIF orientation: it is ignored, as poses assume", path, rotated);
+    if (scene->skipped_missing)
+        sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu of %zu pictures skipped: missing or not decodable", path,
+               scene->skipped_missing, l->project->count);
+    if (scene->skipped_pose)
+        sf_log(l->ctx, SF_LOG_WARNING,
+               "%s: %zu of %zu views skipped: pose or intrinsics not usable (first: %s)", path,
+               scene->skipped_pose, l->project->count, first_bad_pose(l));
+    if (scene->skipped_points)
+        sf_log(l->ctx, SF_LOG_WARNING, "%s: skipped %zu of %zu points that are not finite (first: #%zu)",
+               path, scene->skipped_points, scene->skipped_points + scene->point_count,
+               scene->first_skipped_point);
+    if (scene->undistorted_views)
+        sf_log(l->ctx, SF_LOG_INFO, "%s: %zu views undistorted", path, scene->undistorted_views);
+    report_cropped(l, path, scene);
+}
+
+static sf_status check_training(const sf_project *p, const char *path, const sf_scene *scene) {
+    for (size_t i = 0; i < scene->view_count; i++)
+        if (scene->views[i]->split == SF_SPLIT_TRAIN) return SF_OK;
+    return sf_fail(
+        p->ctx, SF_ERR_EMPTY,
+        "%s: no training view is left: of %zu views %zu lack a readable picture, %zu a usable pose, "
+        "%zu are held out",
+        path, p->count, scene->skipped_missing, scene->skipped_pose, scene->view_count);
+}
+
+/* The pictures' size together and of the largest, px: as the cameras have them, or as the files do. */
+static double count_pixels(const loading *l, int of_files, double *largest) {
+    double sum = 0;
+    *largest = 0;
+    for (size_t i = 0; i < l->project->count; i++) {
+        const sf_entry *e = &l->project->entries[i];
+        int width = e->width, height = e->height;
+        if (e->bad_pose || (of_files && sf_picture_size(l->ctx, e->path, &width, &height))) continue;
+        sf_optics lens = scaled_lens(e, width, height);
+        sf_undistorted frame = sf_undistort_frame(&lens, width, height);
+        sum += (double)frame.width * frame.height;
+        *largest = fmax(*largest, fmax((double)width * height, (double)frame.width * frame.height));
+    }
+    return sum;
+}
+
+/* What is kept, and what each thread holds of a picture while it is decoded: pixels of 4 bytes, planes, and
+ * planes once more where they are resampled. */
+static double bytes_of_pictures(const loading *l, int of_files) {
+    enum { KEPT = 3, AT_WORK = 4 + 3 + 3 };
+    double largest, factor = l->options->downscale, sum = count_pixels(l, of_files, &largest);
+    return KEPT * sum / (factor * factor) + AT_WORK * largest * sf_pool_threads(l->ctx->pool);
+}
+
+/* Pictures that the memory cannot hold are refused before one is read. */
+static sf_status check_memory(const loading *l, const char *path) {
+    const double mega = 1048576;
+    double budget = (double)sf_memory_budget((uint64_t)l->options->memory),
+           before = (double)sf_memory_resident();
+    /* the files' own sizes, which may be smaller, are looked up only where they matter */
+    if (!(budget > 0) || before + bytes_of_pictures(l, 0) <= budget) return SF_OK;
+    double bytes = bytes_of_pictures(l, 1);
+    if (before + bytes <= budget) return SF_OK;
+    return sf_fail(
+        l->ctx, SF_ERR_MEMORY,
+        "%s: memory: %.0f MB are not enough: the pictures take about %.0f MB beside the %.0f in use "
+        "(downscale makes them smaller)",
+        path, budget / mega, bytes / mega, before / mega);
+}
+
+static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene) {
+    const sf_project *p = l->project;
+    sf_status fits = check_memory(l, path);
+    if (fits) return fits;
+    sf_pool_run(l->ctx->pool, p->count, load_entry, (void *)l);
+    sf_status status = fatal_result(l);
+    for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
+    if (!status && p->points) status = sf_scene_add_points(scene, p->points, p->xyz, p->rgb);
+    if (status) return status;
+    report(l, path, scene);
+    return check_training(p, path, scene);
+}
+
+sf_status sf_project_build(const sf_project *p, const sf_load_options *options, sf_scene **scene) {
+    loading l = {.ctx = p->ctx, .project = p, .options = options};
+    l.results = sf_calloc(p->ctx, p->count, sizeof *l.results);
+    if (!l.results) return SF_ERR_MEMORY;
+    sf_status status = sf_scene_create(p->ctx, scene);
+    if (!status) {
+        (*scene)->kind = p->kind;
+        status = fill_scene(&l, p->path, *scene);
+        if (status) sf_scene_destroy(scene);
+    }
+    for (size_t i = 0; i < p->count; i++)
+        if (l.results[i].view) sf_view_release(l.results[i].view);
+    sf_free(p->ctx, l.results);
+    return status;
+}
+
+/* One picture of the caller's. */
+
+static sf_status add_picture(sf_scene *scene, const char *name, const sf_camera *camera, sf_split split,
+                             const sf_picture *p, uint32_t *id) {
+    sf_camera scaled = *camera;
+    double x = (double)p->width / camera->width, y = (double)p->height / camera->height;
+    scaled.width = p->width;
+    scaled.height = p->height;
+    scaled.fx *= x;
+    scaled.cx *= x;
+    scaled.fy *= y;
+    scaled.cy *= y;
+    sf_view *view;
+    sf_status status = sf_view_create(scene->ctx, name, &scaled, split, p->weight != NULL, &view);
+    if (status) return status;
+    fill_view(p, 1, view);
+    sf_view_retain(view); /* another thread may take it out of the scene at once */
+    status = sf_scene_take_view(scene, view);
+    if (!status && id) *id = view->id;
+    sf_view_release(view);
+    return status;
+}
+
+sf_status sf_scene_add_file(sf_scene *scene, const char *path, const sf_camera *camera, sf_split split,
+                            uint32_t *id) {
+    if (sf_camera_check(camera))
+        return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "%s: camera: size, focal length or pose out of range",
+                       path);
+    sf_picture p;
+    sf_status status = sf_picture_load(scene->ctx, path, &p);
+    if (status) return status;
+    const char *slash = strrchr(path, '/');
+    status = add_picture(scene, slash ? slash + 1 : path, camera, split, &p, id);
+    sf_picture_free(scene->ctx, &p);
+    return status;
+}

@@ -1,0 +1,289 @@
+/* zip.c - see zip.h.
+ *
+ * What is unpacked is read at once and removed: a scene holds its pictures. Links are not made, and of other
+ * files than a project's nothing is written.
+ */
+#include "zip.h"
+
+#include "../base/file.h"
+
+#include <string.h>
+
+int sf_zip_is(const char *path) {
+    uint8_t start[4];
+    if (sf_read_start(path, start, sizeof start) < sizeof start) return 0;
+    return !memcmp(start, "PK\3\4", 4) || !memcmp(start, "PK\5\6", 4);
+}
+
+#ifdef SF_HAVE_LIBZIP
+
+#include "project.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+#include <zip.h>
+
+enum {
+    MAX_ENTRIES = 1 << 20,
+    MAX_NAME = 1024,
+    BLOCK = 1 << 16,
+    PACKED_A_BYTE = 1032, /* the most that deflate packs into one */
+    LEAST_ALLOWED = 1 << 24,
+    MOST_TIMES = 100, /* the archive's size, where that is more */
+    UNIX = 3          /* the system of an entry's attributes */
+};
+
+typedef struct archive {
+    sf_context *ctx;
+    const char *path;
+    zip_t *zip;
+    char *folder;  /* where it is unpacked */
+    uint64_t size; /* of the file */
+} archive;
+
+static sf_status entry_fail(const archive *a, const char *name, sf_status status, const char *fault) {
+    return sf_fail(a->ctx, status, "%s: %s: %s", a->path, name, fault);
+}
+
+/* Which entries. */
+
+/* Pictures, models, lists. What macOS and editors add begins with a point or stands in a folder of its own.
+ */
+static int is_wanted(const char *name) {
+    static const char *const endings[] = {".png", ".jpg", ".jpeg", ".json", ".bin", ".txt", ".ply"};
+    const char *slash = strrchr(name, '/'), *last = slash ? slash + 1 : name, *dot = strrchr(last, '.');
+    if (!strncmp(name, "__MACOSX/", 9) || !dot || *last == '.') return 0;
+    for (size_t i = 0; i < sizeof endings / sizeof *endings; i++)
+        if (!strcasecmp(dot, endings[i])) return 1;
+    return 0;
+}
+
+static int is_link(const archive *a, zip_uint64_t index) {
+    zip_uint8_t system = 0;
+    zip_uint32_t attributes = 0;
+    if (zip_file_get_external_attributes(a->zip, index, 0, &system, &attributes)) return 0;
+    return system == UNIX && (attributes >> 16 & S_IFMT) == S_IFLNK;
+}
+
+/* The name with / for \, which some tools write; SF_ERR_FORMAT: it leads out, or is none. */
+static sf_status take_name(const archive *a, const char *from, char name[MAX_NAME]) {
+    if (!from || strlen(from) >= MAX_NAME)
+        return entry_fail(a, "a name", SF_ERR_FORMAT, "is missing or too long");
+    strcpy(name, from);
+    for (char *c = name; *c; c++)
+        if (*c == '\\') *c = '/';
+    if (!sf_name_stays_inside(name)) return entry_fail(a, from, SF_ERR_FORMAT, "leads out of the archive");
+    return SF_OK;
+}
+
+/* *wanted: whether the entry is to be unpacked, under `name`. */
+static sf_status look_at(const archive *a, zip_uint64_t index, zip_stat_t *st, char name[MAX_NAME],
+                         int *wanted) {
+    const zip_uint64_t needed = ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE;
+    *wanted = 0;
+    if (zip_stat_index(a->zip, index, 0, st) || (st->valid & needed) != needed)
+        return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: entry %llu: %s", a->path, (unsigned long long)index,
+                       zip_strerror(a->zip));
+    sf_status status = take_name(a, st->name, name);
+    if (status || name[strlen(name) - 1] == '/' || !is_wanted(name) || is_link(a, index)) return status;
+    if ((st->valid & ZIP_STAT_ENCRYPTION_METHOD) && st->encryption_method != ZIP_EM_NONE)
+        return entry_fail(a, name, SF_ERR_UNSUPPORTED, "is encrypted");
+    if (st->size > st->comp_size * PACKED_A_BYTE + PACKED_A_BYTE)
+        return entry_fail(a, name, SF_ERR_FORMAT, "size: is more than its packed bytes can hold");
+    *wanted = 1;
+    return SF_OK;
+}
+
+/* Sums may not overflow: each size is at most 1,032 times what the file has. */
+static sf_status check_sizes(const archive *a, uint64_t unpacked, uint64_t packed) {
+    const double mega = 1048576;
+    struct statvfs disk;
+    uint64_t most = MOST_TIMES * a->size > LEAST_ALLOWED ? MOST_TIMES * a->size : LEAST_ALLOWED;
+    if (packed > a->size)
+        return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: size: its entries take more than the file has", a->path);
+    if (unpacked > most)
+        return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: size: %.0f MB unpacked are more than %d times the file",
+                       a->path, (double)unpacked / mega, MOST_TIMES);
+    if (!statvfs(a->folder, &disk) && (double)unpacked > 0.95 * (double)disk.f_bavail * (double)disk.f_frsize)
+        return sf_fail(a->ctx, SF_ERR_IO,
+                       "%s: %.0f MB unpacked: %s has no room for them (TMPDIR names another)", a->path,
+                       (double)unpacked / mega, a->folder);
+    return SF_OK;
+}
+
+static sf_status check_all(const archive *a, zip_uint64_t count) {
+    uint64_t unpacked = 0, packed = 0;
+    size_t found = 0;
+    for (zip_uint64_t i = 0; i < count; i++) {
+        zip_stat_t st;
+        char name[MAX_NAME];
+        int wanted;
+        sf_status status = look_at(a, i, &st, name, &wanted);
+        if (status) return status;
+        if (!wanted) continue;
+        if (st.comp_size > a->size) return check_sizes(a, 0, st.comp_size);
+        unpacked += st.size;
+        packed += st.comp_size;
+        found++;
+    }
+    if (!found) return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: holds no picture and no model", a->path);
+    return check_sizes(a, unpacked, packed);
+}
+
+/* Unpacking. */
+
+static sf_status write_entry(const archive *a, zip_file_t *from, const char *name, uint64_t size, int to,
+                             uint8_t *block) {
+    uint64_t done = 0;
+    for (;;) {
+        zip_int64_t got = zip_fread(from, block, BLOCK);
+        if (got < 0) return entry_fail(a, name, SF_ERR_FORMAT, zip_error_strerror(zip_file_get_error(from)));
+        if (!got) break;
+        done += (uint64_t)got;
+        if (done > size) break;
+        for (zip_int64_t at = 0; at < got;) {
+            ssize_t put = write(to, block + at, (size_t)(got - at));
+            if (put < 0 && errno != EINTR) return entry_fail(a, name, SF_ERR_IO, strerror(errno));
+            if (put > 0) at += put;
+        }
+    }
+    return done == size ? SF_OK : entry_fail(a, name, SF_ERR_FORMAT, "size: is not what the archive says");
+}
+
+static sf_status make_folders(const archive *a, char *path, const char *name) {
+    for (char *c = path + strlen(path) - strlen(name); *c; c++) {
+        if (*c != '/') continue;
+        *c = 0;
+        int failed = mkdir(path, 0700) && errno != EEXIST;
+        *c = '/';
+        if (failed) return entry_fail(a, name, SF_ERR_IO, strerror(errno));
+    }
+    return SF_OK;
+}
+
+static sf_status unpack_to(const archive *a, zip_uint64_t index, const zip_stat_t *st, const char *name,
+                           char *path) {
+    sf_status status = make_folders(a, path, name);
+    if (status) return status;
+    int to = open(path, O_WRONLY | O_CREAT | O_EXCL, 0600);
+    if (to < 0)
+        return entry_fail(a, name, errno == EEXIST ? SF_ERR_FORMAT : SF_ERR_IO,
+                          errno == EEXIST ? "appears twice" : strerror(errno));
+    zip_file_t *from = zip_fopen_index(a->zip, index, 0);
+    uint8_t *block = sf_alloc(a->ctx, BLOCK, 1);
+    if (!from)
+        status = entry_fail(a, name, SF_ERR_FORMAT, zip_strerror(a->zip));
+    else
+        status = block ? write_entry(a, from, name, st->size, to, block) : SF_ERR_MEMORY;
+    if (from) zip_fclose(from);
+    sf_free(a->ctx, block);
+    if (close(to) && !status) status = entry_fail(a, name, SF_ERR_IO, strerror(errno));
+    return status;
+}
+
+static sf_status unpack_one(const archive *a, const char *project, zip_uint64_t index) {
+    zip_stat_t st;
+    char name[MAX_NAME];
+    int wanted;
+    sf_status status = look_at(a, index, &st, name, &wanted);
+    if (status || !wanted) return status;
+    char *path = sf_path_join(a->ctx, project, name);
+    status = path ? unpack_to(a, index, &st, name, path) : SF_ERR_MEMORY;
+    sf_free(a->ctx, path);
+    return status;
+}
+
+static sf_status unpack_all(const archive *a, const char *project) {
+    zip_int64_t count = zip_get_num_entries(a->zip, 0);
+    if (count > MAX_ENTRIES)
+        return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: %lld entries are more than %d", a->path, (long long)count,
+                       MAX_ENTRIES);
+    sf_status status = check_all(a, (zip_uint64_t)count);
+    if (!status && mkdir(project, 0700)) status = entry_fail(a, project, SF_ERR_IO, strerror(errno));
+    for (zip_int64_t i = 0; !status && i < count; i++) status = unpack_one(a, project, (zip_uint64_t)i);
+    return status;
+}
+
+static sf_status make_folder(archive *a) {
+    const char *where = getenv("TMPDIR");
+    a->folder = sf_path_join(a->ctx, where && *where ? where : "/tmp", "splatfit-XXXXXX");
+    if (!a->folder) return SF_ERR_MEMORY;
+    if (mkdtemp(a->folder)) return SF_OK;
+    sf_fail(a->ctx, SF_ERR_IO, "%s: cannot be unpacked to %s: %s", a->path, a->folder, strerror(errno));
+    sf_free(a->ctx, a->folder);
+    a->folder = NULL;
+    return SF_ERR_IO;
+}
+
+static sf_status open_archive(archive *a) {
+    struct stat st;
+    int error = 0;
+    if (stat(a->path, &st)) return sf_fail(a->ctx, SF_ERR_IO, "%s: %s", a->path, strerror(errno));
+    a->size = (uint64_t)st.st_size;
+    a->zip = zip_open(a->path, ZIP_RDONLY | ZIP_CHECKCONS, &error);
+    if (a->zip) return SF_OK;
+    zip_error_t text;
+    zip_error_init_with_code(&text, error);
+    sf_status status = error == ZIP_ER_MEMORY ? SF_ERR_MEMORY : SF_ERR_FORMAT;
+    sf_fail(a->ctx, status, "%s: zip: %s", a->path, zip_error_strerror(&text));
+    zip_error_fini(&text);
+    return status;
+}
+
+sf_status sf_zip_unpack(sf_context *ctx, const char *path, char **folder, char **project) {
+    archive a = {.ctx = ctx, .path = path};
+    const char *slash = strrchr(path, '/');
+    *folder = *project = NULL;
+    sf_status status = open_archive(&a);
+    if (!status) status = make_folder(&a);
+    if (!status) *project = sf_path_join(ctx, a.folder, slash ? slash + 1 : path);
+    if (!status) status = *project ? unpack_all(&a, *project) : SF_ERR_MEMORY;
+    if (a.zip) zip_discard(a.zip);
+    *folder = a.folder;
+    if (!status) return SF_OK;
+    sf_zip_remove(ctx, a.folder);
+    sf_free(ctx, *project);
+    *folder = *project = NULL;
+    return status;
+}
+
+/* Removing. */
+
+static void remove_tree(sf_context *ctx, const char *path) {
+    DIR *folder = opendir(path);
+    const struct dirent *e;
+    while (folder && (e = readdir(folder))) {
+        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, "..")) continue;
+        char *inside = sf_path_join(ctx, path, e->d_name);
+        if (!inside) break;
+        if (unlink(inside)) remove_tree(ctx, inside); /* no links are in it */
+        sf_free(ctx, inside);
+    }
+    if (folder) closedir(folder);
+    rmdir(path);
+}
+
+void sf_zip_remove(sf_context *ctx, char *folder) {
+    if (!folder) return;
+    remove_tree(ctx, folder);
+    sf_free(ctx, folder);
+}
+
+#else
+
+sf_status sf_zip_unpack(sf_context *ctx, const char *path, char **folder, char **project) {
+    *folder = *project = NULL;
+    return sf_fail(ctx, SF_ERR_UNSUPPORTED,
+                   "%s: this build reads no .zip: libzip was not there to build with; unpack it first", path);
+}
+
+void sf_zip_remove(sf_context *ctx, char *folder) { sf_free(ctx, folder); }
+
+#endif

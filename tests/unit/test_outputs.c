@@ -1,0 +1,341 @@
+/* test_outputs.c - the program from outside: models moved on their way, pictures along paths, films, the
+ * page. */
+#include "program.h"
+
+#include <arpa/inet.h>
+#include <math.h>
+#include <netinet/in.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define SAYS(outcome, part)  test_assert_contains((outcome).out, part, __FILE__, __LINE__)
+#define WARNS(outcome, part) test_assert_contains((outcome).err, part, __FILE__, __LINE__)
+
+enum { BLOBS = 7 };
+
+/* Blobs on the axes: at +x, -x, +y, ... of 1, 2, 3, ...; and one in the middle. */
+static int set_up(void **state) {
+    static float means[3 * BLOBS], scales[3 * BLOBS], logits[BLOBS], sh[12 * BLOBS], quats[4 * BLOBS];
+    if (program_set_up(state)) return 1;
+    sf_context *ctx = test_context();
+    sf_model *model;
+    for (size_t i = 0; i < BLOBS; i++) {
+        if (i < 6) means[3 * i + i / 2] = i % 2 ? -(float)(i + 1) : (float)(i + 1);
+        for (size_t k = 0; k < 3; k++) scales[3 * i + k] = -2;
+        quats[4 * i] = 1;
+        logits[i] = 3;
+        sh[12 * i + i % 3] = 1.5f;
+    }
+    const sf_gaussians g = {means, quats, scales, logits, sh};
+    assert_ok(ctx, sf_model_create(ctx, BLOBS, 1, &model));
+    assert_ok(ctx, sf_model_set(model, 0, BLOBS, &g));
+    assert_ok(ctx, sf_model_save(model, work("axes.ply")));
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+    return 0;
+}
+
+/* The mean of Gaussian i of a file. */
+static void mean_in(const char *name, size_t i, float mean[3]) {
+    sf_context *ctx = test_context();
+    sf_model *model;
+    const sf_gaussians g = {.means = mean};
+    assert_ok(ctx, sf_model_load(ctx, work(name), &model));
+    assert_ok(ctx, sf_model_get(model, i, 1, &g));
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+static void assert_mean(const char *name, size_t i, double x, double y, double z) {
+    float mean[3];
+    const double wanted[3] = {x, y, z};
+    mean_in(name, i, mean);
+    for (int k = 0; k < 3; k++) assert_float_equal(mean[k], wanted[k], 1e-5);
+}
+
+/* ---- Models moved ---- */
+
+/* Down a pipe, which cannot be read again and held against what it was made from: that takes its time. */
+#define CONVERT_TO(name, ...) keep(name, ARGS("convert", "axes.ply", "-", __VA_ARGS__))
+static void keep(const char *name, const char *const *args) {
+    outcome o = run_args_ok(args);
+    test_write(work(name), o.out, o.out_size);
+    free_outcome(&o);
+}
+
+static void test_up_axes(void **state) {
+    (void)state;
+    static const char *const axes[] = {"x", "-x", "y", "-y", "z", "-z"};
+    clear_out();
+    for (size_t i = 0; i < COUNT(axes); i++) {
+        CONVERT_TO("out/up.ply", "--up", axes[i]);
+        assert_mean("out/up.ply", i, 0, -(double)(i + 1), 0);
+    }
+}
+
+static void test_motions_in_order(void **state) {
+    (void)state;
+    clear_out();
+    /* +x by 90 degrees about z is +y; about x then y: +y is +z is +x. */
+    CONVERT_TO("out/m.ply", "--rotate", "0,0,90");
+    assert_mean("out/m.ply", 0, 0, 1, 0);
+    CONVERT_TO("out/m.ply", "--rotate", "90,90,0", "--scale", "2", "--move", "10,0,-1");
+    assert_mean("out/m.ply", 2, 16, 0, -1);
+    outcome o = run_ok("convert", "axes.ply", "out/m.ply", "--move", "0,0,1", "--crop", "-9,-9,0.5,1.5,1,7");
+    SAYS(o, "; 5 Gaussians, SH degree 1");
+    free_outcome(&o);
+    assert_mean("out/m.ply", 3, 0, 0, 6);
+    run_quietly(ARGS("convert", "axes.ply", "out/m.splat", "--crop", "0,0,0,9,9,9", "-q"));
+    assert_int_equal(count_in("out/m.splat"), 4);
+}
+
+static void test_motions_are_refused(void **state) {
+    (void)state;
+    clear_out();
+#define CONVERT "convert", "axes.ply", "out/x.ply"
+    static const bad_input cases[] = {
+        {USAGE, "--up: \"w\" is none of x, -x, y, -y, z, -z", {CONVERT, "--up", "w"}},
+        {USAGE, "--up: \"-\" is none of", {CONVERT, "--up", "-"}},
+        {USAGE, "--rotate: \"1,2\" is not 3 numbers set apart by commas", {CONVERT, "--rotate", "1,2"}},
+        {USAGE, "--rotate: \"1,2,nan\" is not 3 numbers", {CONVERT, "--rotate", "1,2,nan"}},
+        {USAGE, "--scale: is not above 0", {CONVERT, "--scale", "0"}},
+        {USAGE, "--scale: \"two\" is not 1 number", {CONVERT, "--scale", "two"}},
+        {USAGE, "--crop: y: 1 is not below -1", {CONVERT, "--crop", "0,1,0,1,-1,1"}},
+        {FAILED, "box: no Gaussian lies in it", {CONVERT, "--crop", "50,50,50,51,51,51"}},
+        {USAGE, "its views do not see the model", {CONVERT, SCENE, "--up", "z"}},
+    };
+    assert_all_refused(cases, COUNT(cases));
+}
+
+/* ---- Pictures along paths ---- */
+
+static size_t lines_of(const char *name) {
+    content c = content_of(name);
+    size_t lines = 0;
+    for (size_t i = 0; i < c.size; i++) lines += c.data[i] == '\n';
+    free(c.data);
+    return lines;
+}
+
+static void test_orbit(void **state) {
+    (void)state;
+    clear_out();
+    outcome o = run_ok("render", "axes.ply", "--path", "orbit", "--frames", "4", "--size", "64x48", "--fov",
+                       "60", "--distance", "20", "--up", "z", "--elevation", "30", "--out", "out", "--depth",
+                       "--depth-unit", "0.01", "--transmittance");
+    SAYS(o, "wrote 4 pictures to out");
+    free_outcome(&o);
+    /* Three pictures each, path.txt and depth.json. */
+    assert_int_equal(test_count_entries(work("out")), 4 * 3 + 2);
+    assert_png("out/frame_00003.png", 64, 48);
+    assert_png("out/frame_00000.depth.png", 64, 48);
+    assert_png("out/frame_00000.transmittance.png", 64, 48);
+    assert_int_equal(lines_of("out/path.txt"), 5);
+    json_t *depth = test_json(work("out/depth.json"));
+    assert_true(test_number(depth, "unit") == 0.01);
+    json_decref(depth);
+    /* It stands where it was told to: 20 off the middle, 10 of them upwards. */
+    content path = content_of("out/path.txt");
+    double c[3];
+    assert_int_equal(sscanf(strchr(path.data, '\n'), "%*f %lf %lf %lf", &c[0], &c[1], &c[2]), 3);
+    assert_float_equal(c[2], 10, 1e-4);
+    assert_float_equal(hypot(hypot(c[0], c[1]), c[2]), 20, 1e-4);
+    free(path.data);
+}
+
+/* The path that is written leads along the same places. */
+static void test_path_of_a_file(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS("render", "axes.ply", SCENE, "--path", "cameras", "--keyframes", "3", "--fps", "4",
+                     "--out", "out", "-q"));
+    assert_int_equal(lines_of("out/path.txt"), 10);
+    assert_png("out/frame_00008.png", SCENE_WIDTH, SCENE_HEIGHT);
+    content first = content_of("out/path.txt");
+    test_write(work("path.txt"), first.data, first.size);
+    clear_out();
+    run_quietly(ARGS("render", "axes.ply", SCENE, "--path", "path.txt", "--fps", "4", "--out", "out", "-q"));
+    content again = content_of("out/path.txt");
+    assert_int_equal(again.size, first.size);
+    double a, b;
+    char *p = strchr(first.data, '\n'), *q = strchr(again.data, '\n');
+    for (int i = 0; i < 9 * 8; i++) {
+        char *after;
+        a = strtod(p, &after), p = after;
+        b = strtod(q, &after), q = after;
+        assert_float_equal(a, b, 3e-6);
+    }
+    free(again.data);
+    free(first.data);
+}
+
+/* A stream is of the same pictures: bytes of one frame by its size, odd sides rounded up. */
+static void test_film(void **state) {
+    (void)state;
+    static const char head[] = "YUV4MPEG2 W33 H21 F25:1 Ip A1:1 C420jpeg XCOLORRANGE=LIMITED\n";
+    clear_out();
+#define FILM "render", "axes.ply", "--path", "orbit", "--frames", "3", "--size", "33x21", "--fps", "25"
+    outcome o = run_ok(FILM, "--out", "-", "--format", "y4m");
+    size_t frame = strlen("FRAME\n") + 33 * 21 + 2 * 17 * 11;
+    assert_int_equal(o.out_size, strlen(head) + 3 * frame);
+    assert_memory_equal(o.out, head, strlen(head));
+    WARNS(o, "wrote 3 pictures to -");
+    run_quietly(ARGS(FILM, "--out", "out/film.y4m", "-q"));
+    content film = content_of("out/film.y4m");
+    assert_int_equal(film.size, o.out_size);
+    assert_memory_equal(film.data, o.out, film.size);
+    free(film.data);
+    free_outcome(&o);
+    run_quietly(ARGS(FILM, "--out", "out/film.y4m", "--chroma", "444", "--matrix", "709", "-q"));
+    film = content_of("out/film.y4m");
+    assert_non_null(strstr(film.data, "C444"));
+    free(film.data);
+}
+
+static void test_renders_are_refused(void **state) {
+    (void)state;
+    clear_out();
+    write_text("bad.txt", "0 1 2\n");
+    write_text("bad.json", "[{\"width\": 5}]");
+#define RENDER "render", "axes.ply", "--out", "out/r"
+#define ORBIT  RENDER, "--path", "orbit"
+    static const bad_input cases[] = {
+        {USAGE, "PROJECT: is needed, or --path", {RENDER}},
+        {USAGE, "PROJECT: is needed for --path cameras", {RENDER, "--path", "cameras"}},
+        {USAGE, "--size: goes with --path", {RENDER, SCENE, "--size", "64x48"}},
+        {USAGE, "--size: \"64\" is not WxH", {ORBIT, "--size", "64"}},
+        {USAGE, "--fov: is not in 1..170", {ORBIT, "--fov", "180"}},
+        {USAGE, "--frames: \"0\" is not a whole number", {ORBIT, "--frames", "0"}},
+        {USAGE, "--up: \"up\" is none of", {ORBIT, "--up", "up"}},
+        {USAGE, "--distance: is not above 0", {ORBIT, "--distance", "-1"}},
+        {USAGE, "--elevation: is not in -90..90", {ORBIT, "--elevation", "91"}},
+        {USAGE, "--format: \"mp4\" is neither png nor y4m", {ORBIT, "--format", "mp4"}},
+        {USAGE, "--chroma: is of a stream", {ORBIT, "--chroma", "444"}},
+        {USAGE, "--depth: is of pictures", {ORBIT, "--format", "y4m", "--depth"}},
+        {USAGE, "--depth-unit: goes with --depth", {ORBIT, "--depth-unit", "1"}},
+        {USAGE, "--depth-unit: is not above 0", {ORBIT, "--depth", "--depth-unit", "0"}},
+        {USAGE,
+         "PNG files go to a folder",
+         {"render", "axes.ply", "--path", "orbit", "--out", "-", "--format", "png"}},
+        {FAILED, "bad.txt: line 1: ", {RENDER, "--path", "bad.txt"}},
+        {FAILED, "absent: ", {RENDER, "--path", "absent"}},
+        {FAILED, "bad.json: camera 0: height: ", {ORBIT, "--cameras", "bad.json"}},
+    };
+    assert_all_refused(cases, COUNT(cases));
+}
+
+/* ---- The page ---- */
+
+/* The address that it says, once it does; 0: it ended before. */
+static int wait_for_page(pid_t pid, int *port, int *status) {
+    double since = now();
+    for (;;) {
+        int ended = has_ended(pid, since, status);
+        outcome o = take_outcome(0);
+        int there = sscanf(o.out, "page: http://127.0.0.1:%d/", port) == 1 && strchr(o.out, '\n');
+        free_outcome(&o);
+        if (there && !ended) return 1;
+        if (ended) return 0;
+        test_pause_ms(20);
+    }
+}
+
+/* What the page gives, with its head; free() it. */
+static char *fetch(int port, const char *path) {
+    enum { ROOM = 1 << 17 };
+    char *text = calloc(ROOM, 1), request[256];
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)};
+    int fd = socket(AF_INET, SOCK_STREAM, 0), n;
+    size_t used = 0;
+    inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
+    assert_non_null(text);
+    assert_int_equal(connect(fd, (struct sockaddr *)&to, sizeof to), 0);
+    n = snprintf(request, sizeof request, "GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n", path, port);
+    assert_int_equal(send(fd, request, (size_t)n, MSG_NOSIGNAL), n);
+    for (ssize_t got; used < ROOM - 1 && (got = recv(fd, text + used, ROOM - 1 - used, 0)) > 0;)
+        used += (size_t)got;
+    close(fd);
+    return text;
+}
+
+static void test_page(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS("render", "axes.ply", SCENE, "--out", "out", "-q"));
+    pid_t pid = start_program(ARGS("view", "axes.ply", "--listen", "127.0.0.1:0", "--cameras",
+                                   "out/cameras.json", "--background", "white"),
+                              NULL);
+    int port = 0, ended = 0;
+    if (!wait_for_page(pid, &port, &ended)) {
+        outcome o = take_outcome(ended);
+        int unbuilt = strstr(o.err, "not built with civetweb") != NULL;
+        if (!unbuilt) fail_msg("%s", o.err);
+        assert_int_equal(o.code, FAILED);
+        free_outcome(&o);
+        test_skip("not built with civetweb");
+    }
+    char *status = fetch(port, "/status?want=m");
+    assert_non_null(strstr(status, "200 OK"));
+    json_t *all = json_loads(strstr(status, "\r\n\r\n") + 4, 0, NULL), *told = json_object_get(all, "status");
+    assert_true(json_is_true(json_object_get(told, "still")));
+    assert_int_equal(test_number(told, "gaussians"), BLOBS);
+    assert_int_equal(json_array_size(json_object_get(told, "views")), SCENE_VIEWS);
+    assert_true(json_number_value(json_array_get(json_object_get(told, "background"), 2)) == 1);
+    json_decref(all);
+    free(status);
+    char *command = fetch(port, "/command");
+    assert_non_null(strstr(command, "405"));
+    free(command);
+    char *bytes = fetch(port, "/model.splat");
+    assert_non_null(strstr(bytes, "Content-Length: 224\r\n")); /* 32 each */
+    free(bytes);
+    assert_int_equal(kill(pid, SIGINT), 0);
+    outcome o = wait_for(pid);
+    assert_int_equal(o.code, 0);
+    assert_int_equal(o.signal, 0);
+    free_outcome(&o);
+}
+
+static void test_pages_are_refused(void **state) {
+    (void)state;
+    clear_out();
+    write_text("bad.json", "{}");
+    outcome o = run("view", "axes.ply", "--listen", "here");
+    int unbuilt = strstr(o.err, "not built with civetweb") != NULL;
+    free_outcome(&o);
+    if (unbuilt) test_skip("not built with civetweb");
+    static const bad_input cases[] = {
+        {FAILED, "\"here\" is not ADDRESS:PORT", {"view", "axes.ply", "--listen", "here"}},
+        {FAILED,
+         "token: it must be of 8 to 64",
+         {"view", "axes.ply", "--listen", "127.0.0.1:0", "--token", "a"}},
+        {FAILED, "absent.ply: ", {"view", "absent.ply"}},
+        {FAILED,
+         "bad.json: is not an array of cameras",
+         {"view", "axes.ply", "--listen", "127.0.0.1:0", "--cameras", "bad.json"}},
+        {USAGE, "--up: \"u\" is none", {"view", "axes.ply", "--listen", "127.0.0.1:0", "--up", "u"}},
+        {USAGE,
+         "--background: \"red\" is neither",
+         {"view", "axes.ply", "--listen", "127.0.0.1:0", "--background", "red"}},
+    };
+    assert_all_refused(cases, COUNT(cases));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_up_axes),
+        cmocka_unit_test(test_motions_in_order),
+        cmocka_unit_test(test_motions_are_refused),
+        cmocka_unit_test(test_orbit),
+        cmocka_unit_test(test_path_of_a_file),
+        cmocka_unit_test(test_film),
+        cmocka_unit_test(test_renders_are_refused),
+        cmocka_unit_test(test_page),
+        cmocka_unit_test(test_pages_are_refused),
+    };
+    return cmocka_run_group_tests_name("outputs", tests, set_up, NULL);
+}
