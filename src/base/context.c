@@ -85,22 +85,41 @@ sf_status sf_grow_together(sf_context *ctx, const sf_array *arrays, size_t n, si
     return SF_OK;
 }
 
-/* One line, whatever a file put into it. */
-static void write_line(char *line, size_t size, const char *format, va_list args) SF_PRINTF(3, 0);
+enum { MESSAGE = sizeof((sf_context *)0)->error };
 
-static void write_line(char *line, size_t size, const char *format, va_list args) {
-    vsnprintf(line, size, format, args);
+/* One line, whatever a file put into it. */
+static void write_line(char line[MESSAGE], const char *format, va_list args) SF_PRINTF(2, 0);
+
+static void write_line(char line[MESSAGE], const char *format, va_list args) {
+    vsnprintf(line, MESSAGE, format, args);
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
 }
 
+/* With the archive's name for that of the folder; under the lock. */
+static void rename_unpacked(const sf_context *ctx, char line[MESSAGE]) {
+    char *at = ctx->unpacked ? strstr(line, ctx->unpacked) : NULL;
+    if (!at) return;
+    char rest[MESSAGE];
+    strcpy(rest, at + strlen(ctx->unpacked));
+    snprintf(at, MESSAGE - (size_t)(at - line), "%s%s", ctx->archive, rest);
+}
+
+void sf_show_as(sf_context *ctx, const char *unpacked, const char *archive) {
+    pthread_mutex_lock(&ctx->lock);
+    ctx->unpacked = unpacked;
+    ctx->archive = archive;
+    pthread_mutex_unlock(&ctx->lock);
+}
+
 sf_status sf_fail(sf_context *ctx, sf_status status, const char *format, ...) {
-    char message[sizeof ctx->error];
+    char message[MESSAGE];
     va_list args;
     va_start(args, format);
-    write_line(message, sizeof message, format, args);
+    write_line(message, format, args);
     va_end(args);
     pthread_mutex_lock(&ctx->lock);
+    rename_unpacked(ctx, message);
     memcpy(ctx->error, message, sizeof message);
     pthread_mutex_unlock(&ctx->lock);
     return status;
@@ -108,12 +127,13 @@ sf_status sf_fail(sf_context *ctx, sf_status status, const char *format, ...) {
 
 void sf_log(sf_context *ctx, sf_log_level level, const char *format, ...) {
     if (!ctx->log) return;
-    char message[sizeof ctx->error];
+    char message[MESSAGE];
     va_list args;
     va_start(args, format);
-    write_line(message, sizeof message, format, args);
+    write_line(message, format, args);
     va_end(args);
     pthread_mutex_lock(&ctx->lock);
+    rename_unpacked(ctx, message);
     ctx->log(ctx->log_user, level, message);
     pthread_mutex_unlock(&ctx->lock);
 }

@@ -18,6 +18,7 @@ struct sf_context {
     void *log_user;
     pthread_mutex_t lock; /* guards error and log calls: tasks of the pool fail and log too */
     char error[1024];
+    const char *unpacked, *archive; /* see sf_show_as; under `lock` */
     struct sf_pool *pool;
     struct sf_kernels *kernels;     /* const after creation; filled in by src/kernels */
     struct sf_libcamera *libcamera; /* src/capture/libcamera.cc's own, under `lock`; NULL: not in use */
@@ -33,6 +34,10 @@ struct sf_context {
  * path). */
 sf_status sf_fail(sf_context *ctx, sf_status status, const char *format, ...) SF_PRINTF(3, 4);
 void sf_log(sf_context *ctx, sf_log_level level, const char *format, ...) SF_PRINTF(3, 4);
+
+/* From now on, errors and log lines say `archive` where they would say `unpacked`, the folder for a while
+ * that the caller knows nothing of. Both are kept, not copied; NULL, NULL: as it is. */
+void sf_show_as(sf_context *ctx, const char *unpacked, const char *archive);
 
 /* 64-byte aligned memory through the context's allocator. sf_alloc leaves it as it comes, sf_calloc clears
  * it; `count * size` is checked for overflow. NULL on failure, with the message set. sf_free(NULL) is

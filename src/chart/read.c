@@ -38,7 +38,7 @@ static sf_status optional(const place *p, const char *name, double least, double
 static sf_status whole_number(const place *p, const char *name, int *value) {
     double number_value = 0;
     sf_status status = number(p, name, 0, 1e6, &number_value);
-    *value = (int)number_value;
+    if (!status) *value = (int)number_value;
     return status;
 }
 

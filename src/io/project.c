@@ -325,20 +325,20 @@ static int only_entry(const char *path, char name[NAME_MAX + 1]) {
     return count == 1;
 }
 
-/* Archives often hold the project's folder, not what is in it. */
-static sf_status go_inside(sf_context *ctx, char **path) {
+/* Archives often hold the project's folder, not what is in it: the project in `top`, at most MOST_AROUND
+ * folders down. */
+static sf_status load_inside(sf_project *p, const char *top, int depth, const sf_load_options *options,
+                             sf_scene **scene) {
     char name[NAME_MAX + 1];
-    for (int i = 0; i < MOST_AROUND && !is_project(*path) && only_entry(*path, name); i++) {
-        char *inside = sf_path_join(ctx, *path, name);
-        if (!inside) return SF_ERR_MEMORY;
-        if (!sf_is_folder(inside)) {
-            sf_free(ctx, inside);
-            break;
-        }
-        sf_free(ctx, *path);
-        *path = inside;
-    }
-    return SF_OK;
+    if (depth == MOST_AROUND || is_project(top) || !only_entry(top, name))
+        return load_from(p, top, options, scene);
+    char *inside = sf_path_join(p->ctx, top, name);
+    sf_status status = SF_ERR_MEMORY;
+    if (inside)
+        status = sf_is_folder(inside) ? load_inside(p, inside, depth + 1, options, scene)
+                                      : load_from(p, top, options, scene);
+    sf_free(p->ctx, inside);
+    return status;
 }
 
 static sf_status load_project(sf_project *p, const char *path, const sf_load_options *options,
@@ -347,8 +347,9 @@ static sf_status load_project(sf_project *p, const char *path, const sf_load_opt
     if (!sf_is_file(path) || !sf_zip_is(path)) return load_from(p, path, options, scene);
     sf_status status = sf_zip_unpack(p->ctx, path, &folder, &inside);
     if (status) return status;
-    status = go_inside(p->ctx, &inside);
-    if (!status) status = load_from(p, inside, options, scene);
+    sf_show_as(p->ctx, inside, path);
+    status = load_inside(p, inside, 0, options, scene);
+    sf_show_as(p->ctx, NULL, NULL);
     sf_zip_remove(p->ctx, folder);
     sf_free(p->ctx, inside);
     return status;
