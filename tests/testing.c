@@ -135,6 +135,11 @@ void test_skip(const char *reason) {
     skip();
 }
 
+void test_skip_emulated(void) {
+    if (getenv("SPLATFIT_EMULATED"))
+        test_skip("this is the same on every machine, and takes long where it is emulated");
+}
+
 json_t *test_json(const char *path) {
     json_error_t error;
     json_t *json = json_load_file(path, JSON_REJECT_DUPLICATES, &error);

@@ -86,5 +86,7 @@ sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change chan
 const char *test_data(void);
 /* Ends the test as skipped with the reason printed. */
 void test_skip(const char *reason);
+/* Skips the rest where another machine is emulated (SPLATFIT_EMULATED, see tests/run.sh). */
+void test_skip_emulated(void);
 
 #endif

@@ -197,6 +197,7 @@ static void test_same_bytes(void **state) {
 
 static void test_same_bytes_otherwise(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(whole() / 2);
     options.background = SF_BACKGROUND_RANDOM;
     options.sh_degree = 1;
@@ -208,6 +209,7 @@ static void test_same_bytes_otherwise(void **state) {
 /* Other ways to grow, with all that is learned of views. */
 static void test_same_bytes_however_grown(void **state) {
     (void)state;
+    test_skip_emulated();
     for (int growth = SF_GROWTH_ERROR; growth <= SF_GROWTH_RELOCATE; growth++) {
         sf_fit_options options = short_fit(whole() / 2);
         options.growth = growth;
@@ -221,6 +223,7 @@ static void test_same_bytes_however_grown(void **state) {
 
 static void test_same_bytes_with_half_moments(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(whole() / 2);
     options.moments = SF_MOMENTS_HALF;
     options.grow_every = 3;
@@ -230,6 +233,7 @@ static void test_same_bytes_with_half_moments(void **state) {
 /* Steps that spoil the model: its best comes back, and the views of validation join the others. */
 static void test_same_bytes_when_stopped(void **state) {
     (void)state;
+    test_skip_emulated();
     if (getenv("SPLATFIT_QUICK")) test_skip("SPLATFIT_QUICK is set");
     sf_fit_options options = short_fit(300);
     options.validate = 3;
@@ -296,6 +300,7 @@ static void test_same_bytes_of_mixed_degrees(void **state) {
 /* A checkpoint of a checkpoint is the same but for its time; saving changes nothing. */
 static void test_again_and_again(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(whole());
     run r = start(1, &options);
     assert_ok(r.ctx, sf_fitter_run(r.fitter, NULL, NULL));
@@ -317,6 +322,7 @@ static void test_again_and_again(void **state) {
 /* A model gone on from keeps its own schedule. */
 static void test_gone_on_model(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(10);
     run r = start(1, &options);
     sf_model *model;
@@ -367,6 +373,7 @@ static void check_view_that_left(size_t place) {
 /* Of 0 .. 8, 0 and 8 are held out; 2 and 5 are kept out to validate. */
 static void test_view_that_left(void **state) {
     (void)state;
+    test_skip_emulated();
     check_view_that_left(5);
     check_view_that_left(1);
 }
@@ -381,6 +388,7 @@ static void rest(double seconds) {
 /* The time that has passed is part of the run, the time between is not. */
 static void test_time_goes_on(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(0);
     options.time_limit = 1000;
     run r = start(1, &options);
@@ -400,8 +408,9 @@ static void test_time_goes_on(void **state) {
 /* A run limited by time, interrupted once, and the run that follows its plan: the same bytes. */
 static void test_plan(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(0);
-    options.time_limit = getenv("SPLATFIT_QUICK") ? 3 : 0.4;
+    options.time_limit = getenv("SPLATFIT_QUICK") ? 1 : 0.4;
     run r = start(2, &options);
     while (progress_of(&r).fraction < 0.5) take_steps(&r, 1);
     assert_ok(r.ctx, sf_fitter_save(r.fitter, test_path("p")));
@@ -604,6 +613,7 @@ static void add_like(sf_context *ctx, sf_scene *from, size_t index, sf_scene *to
 /* What the view of a changed scene is refused for. */
 static void test_other_scenes(void **state) {
     (void)state;
+    test_skip_emulated();
     static const struct {
         const char *path;
         int downscale, hold_out;
@@ -646,6 +656,7 @@ static void test_other_scenes(void **state) {
 
 static void test_other_options(void **state) {
     (void)state;
+    test_skip_emulated();
     const char *path = test_path("whole");
     write_checkpoint(path);
     run r = open_scene(1);
@@ -676,6 +687,7 @@ static void test_other_options(void **state) {
 /* Longer than it was planned. */
 static void test_more_steps(void **state) {
     (void)state;
+    test_skip_emulated();
     const char *path = test_path("whole");
     write_checkpoint(path);
     run r = open_scene(1);
@@ -691,6 +703,7 @@ static void test_more_steps(void **state) {
 /* Where a checkpoint cannot be written, the old one stays, and the fit is unharmed. */
 static void test_failing_disk(void **state) {
     (void)state;
+    test_skip_emulated();
     const char *path = test_path("kept");
     sf_fit_options options = short_fit(20);
     run r = start(1, &options);
@@ -725,6 +738,7 @@ static void test_failing_disk(void **state) {
 /* Killed at any moment: a whole checkpoint stands. */
 static void test_killed(void **state) {
     (void)state;
+    test_skip_emulated();
     const char *path = test_path("survivor");
     for (int attempt = 0; attempt < 6; attempt++) {
         write_checkpoint(path);
@@ -762,6 +776,7 @@ enum { MEGA = 1 << 20 };
 /* The cap follows the budget; what does not fit is refused before the start. */
 static void test_memory_budget(void **state) {
     (void)state;
+    test_skip_emulated();
     run r = open_scene(1);
     sf_fit_options options = short_fit(10), used;
     sf_memory_bill bill, less;
@@ -820,6 +835,7 @@ static void test_memory_budget(void **state) {
 /* Growth ends where the process has more than it may. */
 static void test_memory_watched(void **state) {
     (void)state;
+    test_skip_emulated();
     run r = open_scene(1);
     sf_fit_options options = short_fit(40);
     sf_memory_bill bill;

@@ -988,7 +988,7 @@ static void test_replay(void **state) {
     (void)state;
     clear_out();
     const char *limit =
-        getenv("SPLATFIT_QUICK") ? "10" : "1"; /* an emulated program has read the scene by then */
+        getenv("SPLATFIT_QUICK") ? "3" : "1"; /* a program with sanitizers has read the scene by then */
     run_quietly(ARGS("fit", SCENE, "-o", "out/a.ply", "--time-limit", limit, SMALL, "--log", "out/a.json",
                      "--cameras", "none", "--seed", "3"));
     run_quietly(ARGS("fit", SCENE, "-o", "out/b.ply", "--replay", "out/a.json", "--threads", "1", "--log",

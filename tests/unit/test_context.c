@@ -443,6 +443,7 @@ static int run_with_failure(long k, const uint8_t *expected, size_t expected_siz
 
 static void every_allocation_may_fail(void **state) {
     (void)state;
+    test_skip_emulated();
     test_allocations c = {0};
     sf_context *ctx;
     size_t size;

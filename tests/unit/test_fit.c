@@ -338,6 +338,7 @@ static void test_same_bytes(void **state) {
 /* So it is with moments of 16 bits; they are not the floats. */
 static void test_same_bytes_with_half_moments(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 12 : 40);
     content floats = fitted_by(1, &options);
     options.moments = SF_MOMENTS_HALF;
@@ -377,6 +378,7 @@ static void test_half_moments_are_as_good(void **state) {
 /* A model gone on from keeps what it had: after 20 steps no more than 0.5 dB are lost. */
 static void test_going_on(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(getenv("SPLATFIT_QUICK") ? 80 : 200);
@@ -460,6 +462,7 @@ static void test_cap_holds(void **state) {
 /* No more at once than grow_rate says, and with it there is growth. */
 static void test_growth_is_gradual(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(40);
@@ -561,6 +564,7 @@ static void test_progress_and_end(void **state) {
 /* By time alone: it ends, with a model. How many steps that were is the machine's affair. */
 static void test_time_limit(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(1);
@@ -916,6 +920,7 @@ static void test_fixed_backgrounds(void **state) {
 
 static void test_background_is_found(void **state) {
     (void)state;
+    test_skip_emulated();
     static const float colors[2][3] = {{0.2f, 0.6f, 0.45f}, {1, 0, 0.8f}};
     sf_context *ctx = test_context();
     for (int i = getenv("SPLATFIT_QUICK") ? 1 : 0; i < 2; i++) {
@@ -976,6 +981,7 @@ static void test_antialiased_from(void **state) {
 
 static void test_plain_scenes(void **state) {
     (void)state;
+    test_skip_emulated();
     static const struct {
         float color[3];
         int views, points;
@@ -1119,10 +1125,7 @@ static void check_out_of_memory(int growth) {
 
 static void test_out_of_memory(void **state) {
     (void)state;
-    if (getenv("SPLATFIT_EMULATED")) {
-        print_message("skipped: refused blocks are the same on every machine\n");
-        skip();
-    }
+    test_skip_emulated();
     for (int growth = SF_GROWTH_GRADIENT; growth <= SF_GROWTH_RELOCATE; growth++) check_out_of_memory(growth);
 }
 
