@@ -51,10 +51,13 @@ typedef struct sf_live_options {
     int hold_out;           /* of the keyframes every n-th is never trained on, only evaluated; 0: none */
     double keyframe_gap;    /* keyframes: a new one where the camera has moved by this part of the distance to
                             what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
+    const char *thermal; /* folder in which the kernel says whether it holds the processor back for its heat:
+                            the fit then rests for a part of the time, frames are tracked as before. Read
+                            until sf_live_destroy; NULL: it is not looked at */
 } sf_live_options;
 
 /* A fit with exposures; no poses from outside; downscale 1, 12 frames a second, 300
- * keyframes, hold_out 8, keyframe_gap 0.07. */
+ * keyframes, hold_out 8, keyframe_gap 0.07, thermal "/sys". */
 SF_API sf_live_options sf_live_options_default(void);
 
 /* Begins with the frames of `source`, which stays the caller's, belongs to the object until sf_live_destroy,
@@ -100,6 +103,7 @@ typedef struct sf_live_progress {
     double frame_rate;              /* frames a second that come, over the last seconds */
     double track_rate;              /* poses a second, over the last seconds */
     double track_ms;                /* that a look at a frame takes, over the last */
+    double duty;                    /* part of its time that the fit works: 1, down to 0.1 on a hot machine */
     size_t keyframes, held_out;     /* all of them; those that are never trained on */
     size_t seeded;                  /* Gaussians at points found after the start */
     int has_fit;                    /* the fields below hold */

@@ -25,6 +25,8 @@ int app_say(const args *a, const char *subject, const char *what);
 
 /* A context as --threads, --isa and --quiet say. 0 or an exit code. */
 int app_context(const args *a, sf_context **ctx);
+/* Moves the program to the processors of --cores, if it is given; app_context does. */
+int app_cores(const args *a);
 
 /* The scene at `path` as the load options say. 0 or an exit code. */
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene);

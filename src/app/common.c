@@ -14,6 +14,7 @@
 
 const arg_option common_options[] = {
     {"threads", 0, "N", "threads to use; default: what the affinity mask and the control group allow"},
+    {"cores", 0, "LIST", "run on these processors alone, for example 0-2,5; the number of threads follows"},
     {"isa", 0, "NAME", "kernel level (see info --cpu); default: the best one here"},
     {"quiet", 'q', NULL, "print errors only"},
     {"help", 'h', NULL, "print this"},
@@ -68,6 +69,7 @@ int app_context(const args *a, sf_context **ctx) {
     sf_context_options options = {.isa = args_value(a, "isa")};
     if (!args_value(a, "quiet")) options.log = print_log;
     int error = args_int(a, "threads", 1, 256, &options.threads);
+    if (!error) error = app_cores(a);
     if (error) return error;
     sf_status status = sf_context_create(ctx, &options);
     if (!status) return 0;

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "live.h"
 
@@ -28,6 +29,10 @@ static const arg_option own_options[] = {
      "of a source that is not in real time look at every frame, and do N steps after each; such a run can be "
      "repeated; 0: as time allows (0)"},
     {"keyframes", 0, "N", "keep so many keyframes at most (300)"},
+    {"thermal", 0, "DIR",
+     "where the kernel says whether it holds the processor back for its heat: the fit then rests for a part "
+     "of the time; "
+     "none: do not look (/sys)"},
     {"save-every", 0, "S", "seconds between two writings of the model; 0: at the end alone (60)"},
     {"trajectory", 0, "FILE",
      "write the camera's path: time x y z qx qy qz qw a line, camera to world (TUM)"},
@@ -162,6 +167,19 @@ static int read_poses(live_run *r) {
     return 0;
 }
 
+static int read_thermal(live_run *r) {
+    const char *folder = args_value(r->a, "thermal");
+    struct stat st;
+    if (!folder) return 0;
+    if (!strcmp(folder, "none"))
+        r->options.thermal = NULL;
+    else if (stat(folder, &st) || !S_ISDIR(st.st_mode))
+        return usage("--thermal", folder, "is neither a folder nor none");
+    else
+        r->options.thermal = folder;
+    return 0;
+}
+
 static int open_source(live_run *r) {
     int error = app_context(r->a, &r->source_ctx); /* its own: it fails on another thread */
     if (!error && sf_source_open(r->source_ctx, r->a->positional[0], &r->source))
@@ -180,6 +198,7 @@ static int prepare(live_run *r) {
     r->options.keyframe_gap = r->gap;
     r->options.keyframes_most = r->keyframes;
     r->options.steps_per_frame = r->per_frame;
+    error = error ? error : read_thermal(r);
     if (!error) error = progress_start(&r->line, r->a, stdout);
     if (!error && !app_names_model(r->output))
         error = usage("--output", r->output, "does not end in .ply, .spz or .splat");
@@ -210,15 +229,15 @@ static json_t *number(double value) { return isfinite(value) ? json_real(value) 
 
 static json_t *progress_json(const sf_live_progress *p) {
     return json_pack(
-        "{s:s, s:f, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:I, s:I}", "state",
-        state_word(p), "seconds", p->seconds, "gaussians", (json_int_t)p->fit.gaussians, "steps",
+        "{s:s, s:f, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:I, s:I, s:f}",
+        "state", state_word(p), "seconds", p->seconds, "gaussians", (json_int_t)p->fit.gaussians, "steps",
         (json_int_t)p->fit.step, "steps_per_second", p->fit.steps_per_second, "frames_per_second",
         p->frame_rate, "tracked_per_second", p->track_rate, "track_ms", p->track_ms, "dropped",
         (json_int_t)(p->frames.dropped + p->frames.skipped), "passed_over", (json_int_t)p->passed_over,
         "keyframes", (json_int_t)p->keyframes, "held_out", (json_int_t)p->held_out, "lost",
         (json_int_t)p->lost, "held_out_psnr", number(p->held_out_psnr), "held_out_psnr_corrected",
         number(p->held_out_psnr_corrected), "first_psnr", number(p->first_psnr), "looked_at",
-        (json_int_t)p->looked_at, "tracked", (json_int_t)p->tracked);
+        (json_int_t)p->looked_at, "tracked", (json_int_t)p->tracked, "duty", p->duty);
 }
 
 static void show(live_run *r, const sf_live_progress *p, int now) {

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "heat.h"
 
 enum { IDLE_MS = 20, FIRST_MS = 100 };
 
@@ -12,13 +13,21 @@ enum { IDLE_MS = 20, FIRST_MS = 100 };
 #define PLANNED       300 /* s, of a run without an end */
 #define PLANNED_STEPS 10000
 
+/* Heat is looked at so often (s); the part of its time that the fit works falls by the first factor each time
+ * that the machine is hot, to no less than the least, and rises by the other when it is not. */
+#define HEAT_EVERY 2.0
+#define COOLER     0.7
+#define WARMER     1.15
+#define LEAST_DUTY 0.1
+
 sf_live_options sf_live_options_default(void) {
     sf_live_options o = {.fit = sf_fit_options_default(),
                          .downscale = 1,
                          .track_rate = 12,
                          .keyframes_most = 300,
                          .hold_out = 8,
-                         .keyframe_gap = 0.07};
+                         .keyframe_gap = 0.07,
+                         .thermal = "/sys"};
     o.fit.steps = 0;
     o.fit.validate = 0;
     o.fit.size = SF_SIZE_CAP;
@@ -94,6 +103,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     if (!live) return SF_ERR_MEMORY;
     live->ctx = ctx;
     live->options = *options;
+    live->duty = 1;
     plan(live, source);
     atomic_init(&live->cancelled, 0);
     status = sf_fit_options_check(ctx, &live->options.fit);
@@ -174,11 +184,27 @@ static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
     return status ? status : look_at_frame(live);
 }
 
+/* What is repeated to the byte does not depend on the weather. */
+static void look_at_heat(sf_live *live, double now) {
+    char what[128] = "";
+    if (!live->options.thermal || live->options.steps_per_frame > 0 || now < live->next_heat) return;
+    int hot = sf_is_hot(live->options.thermal, what, sizeof what), worked_fully = live->duty >= 1;
+    live->next_heat = now + HEAT_EVERY;
+    live->duty = hot ? fmax(live->duty * COOLER, LEAST_DUTY) : fmin(live->duty * WARMER, 1);
+    if (hot && worked_fully)
+        sf_log(live->ctx, SF_LOG_WARNING, "hot: %s: the fit rests for a part of the time", what);
+    if (!worked_fully && live->duty >= 1) sf_log(live->ctx, SF_LOG_INFO, "cool again: the fit rests no more");
+}
+
 static sf_status step_fit(sf_live *live) {
+    double began = sf_clock();
+    look_at_heat(live, began);
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_evaluate(live);
     if (!status) status = sf_fitter_step(live->fitter);
     if (!status) sf_live_hold_poses(live);
+    double now = sf_clock();
+    live->rest_until = now + (now - began) * (1 / live->duty - 1);
     return status;
 }
 
@@ -195,18 +221,25 @@ static int is_over(const sf_live *live) {
            sf_clock() - live->first_frame >= live->options.fit.time_limit;
 }
 
+/* How long a frame is waited for while nothing is fitted. */
+static int idle_ms(const sf_live *live) {
+    if (!(live->first_frame > 0)) return FIRST_MS;
+    double rest = live->fitter && !live->paused ? 1e3 * (live->rest_until - sf_clock()) : IDLE_MS;
+    return (int)fmin(fmax(rest, 1), IDLE_MS);
+}
+
 sf_status sf_live_step(sf_live *live) {
-    int looked = 0, fits = live->fitter && !live->paused;
+    int looked = 0, fits = live->fitter && !live->paused && sf_clock() >= live->rest_until;
     if (atomic_load(&live->cancelled)) return SF_ERR_CANCELLED;
     if (is_over(live)) return SF_ERR_END;
     int due = frame_is_due(live, fits);
     if (due) {
-        sf_status status = take_frame(live, live->first_frame > 0 ? IDLE_MS : FIRST_MS, &looked);
+        sf_status status = take_frame(live, fits ? IDLE_MS : idle_ms(live), &looked);
         int must = live->options.steps_per_frame > 0 && !live->source_ended;
         if (status || looked || must) return status;
     }
     if (!fits) {
-        if (!due) sf_sleep(1e-3 * IDLE_MS); /* paused, and no frame comes any more */
+        if (!due) sf_sleep(1e-3 * idle_ms(live)); /* paused or resting, and no frame is due */
         return SF_OK;
     }
     live->steps_due--;
@@ -237,6 +270,7 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
                             .lost = live->lost,
                             .track_rate = sf_tick_rate(&live->poses_found, now),
                             .track_ms = 1e3 * live->track_seconds,
+                            .duty = live->duty,
                             .keyframes = live->keyframe_count,
                             .seeded = live->seeded,
                             .has_fit = live->fitter != NULL};

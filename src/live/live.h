@@ -82,7 +82,8 @@ struct sf_live {
     size_t evaluate_next;
     double evaluated; /* s */
 
-    double first_frame, next_frame; /* s of the clock */
+    double first_frame, next_frame;     /* s of the clock */
+    double duty, next_heat, rest_until; /* of the fit: the part of its time, and s of the clock */
     uint64_t looked_at, tracked, lost;
     size_t seeded;
     sf_ticker poses_found;

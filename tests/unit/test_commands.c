@@ -1,7 +1,9 @@
 /* test_commands.c - the program from outside: what its rarer options write and say. */
+#define _GNU_SOURCE
 #include "program.h"
 
 #include <math.h>
+#include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,6 +51,28 @@ static void test_background_as_a_colour(void **state) {
     assert_true(option_of(log, "background_green") == 0.5);
     json_decref(log);
     free_outcome(&o);
+}
+
+/* The first processor that this program may run on. */
+static int first_core(void) {
+    cpu_set_t set;
+    assert_int_equal(sched_getaffinity(0, sizeof set, &set), 0);
+    int i = 0;
+    while (!CPU_ISSET((size_t)i, &set)) i++;
+    return i;
+}
+
+static void test_cores(void **state) {
+    (void)state;
+    char one[16];
+    snprintf(one, sizeof one, "%d", first_core());
+    clear_out();
+    outcome o = run_ok("info", "--cpu", "--cores", one);
+    SAYS(o, "1 threads\n");
+    free_outcome(&o);
+    static const char *const wrong[] = {"", "x", "1-", "2-1", "0,", "0,,1", "1023", "99999999999", "0-1023"};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        assert_refused(ARGS("info", "--cpu", "--cores", wrong[i]), USAGE, "--cores: ", 0);
 }
 
 static void test_target_ends_the_run(void **state) {
@@ -274,6 +298,7 @@ int main(void) {
         cmocka_unit_test(test_live_refuses),
         cmocka_unit_test(test_what_is_refined_is_said),
         cmocka_unit_test(test_background_as_a_colour),
+        cmocka_unit_test(test_cores),
         cmocka_unit_test(test_target_ends_the_run),
         cmocka_unit_test(test_divergence_is_said),
         cmocka_unit_test(test_fit_refuses),
