@@ -222,33 +222,44 @@ static sf_status unpack_all(const archive *a) {
 
 /* Removing. */
 
-static int is_self(const char *name) { return !strcmp(name, ".") || !strcmp(name, ".."); }
+/* What follows allocates nothing: it must work where memory is short. */
 
-static void remove_tree(sf_context *ctx, const char *path) {
-    DIR *folder = opendir(path);
+static int is_kept(const char *name) {
+    return !strcmp(name, ".") || !strcmp(name, "..") || !strcmp(name, LOCK_NAME);
+}
+
+static int open_folder(int where, const char *name) {
+    return openat(where, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+}
+
+/* All in an open folder, which is closed, but the lock. */
+static void empty_folder(int fd) {
+    DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
     const struct dirent *e;
     while (folder && (e = readdir(folder))) {
-        if (is_self(e->d_name) || !strcmp(e->d_name, LOCK_NAME)) continue;
-        char *inside = sf_path_join(ctx, path, e->d_name);
-        if (!inside) break;
-        if (unlink(inside)) remove_tree(ctx, inside); /* no links are in it */
-        sf_free(ctx, inside);
+        if (is_kept(e->d_name) || !unlinkat(fd, e->d_name, 0)) continue;
+        empty_folder(open_folder(fd, e->d_name));
+        unlinkat(fd, e->d_name, AT_REMOVEDIR);
     }
-    if (folder) closedir(folder);
-    rmdir(path);
+    if (folder)
+        closedir(folder);
+    else if (fd >= 0)
+        close(fd);
 }
 
 /* The lock goes last: what is left by who is killed here is still known as ours. */
-static void remove_folder(sf_context *ctx, const char *path) {
-    char *lock = sf_path_join(ctx, path, LOCK_NAME);
-    remove_tree(ctx, path);
-    if (lock) unlink(lock);
-    sf_free(ctx, lock);
-    rmdir(path);
+static void remove_folder(int where, const char *name) {
+    int fd = open_folder(where, name);
+    if (fd < 0) return;
+    int again = dup(fd);
+    empty_folder(again);
+    unlinkat(fd, LOCK_NAME, 0);
+    close(fd);
+    unlinkat(where, name, AT_REMOVEDIR);
 }
 
 void sf_zip_remove(sf_context *ctx, sf_unpacked *u) {
-    if (u->folder) remove_folder(ctx, u->folder);
+    if (u->folder) remove_folder(AT_FDCWD, u->folder);
     if (u->lock >= 0) close(u->lock);
     sf_free(ctx, u->folder);
     sf_free(ctx, u->project);
@@ -263,26 +274,23 @@ static int is_folder_name(const char *name) {
 }
 
 /* A folder without a lock is empty, for it is new or all but removed; a lock that can be had is nobody's. */
-static void remove_if_dead(sf_context *ctx, const char *path) {
+static void remove_if_dead(int where, const char *name) {
     struct stat st;
-    if (lstat(path, &st) || !S_ISDIR(st.st_mode) || st.st_uid != geteuid() || !rmdir(path)) return;
-    char *name = sf_path_join(ctx, path, LOCK_NAME);
-    int fd = name ? open(name, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK) : -1;
-    sf_free(ctx, name);
-    if (fd < 0) return;
-    if (!flock(fd, LOCK_EX | LOCK_NB)) remove_folder(ctx, path);
-    close(fd);
+    int folder = open_folder(where, name);
+    if (folder < 0) return;
+    if (!fstat(folder, &st) && st.st_uid == geteuid() && unlinkat(where, name, AT_REMOVEDIR)) {
+        int lock = openat(folder, LOCK_NAME, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+        if (lock >= 0 && !flock(lock, LOCK_EX | LOCK_NB)) remove_folder(where, name);
+        if (lock >= 0) close(lock);
+    }
+    close(folder);
 }
 
-static void clear(sf_context *ctx, const char *where) {
+static void clear(const char *where) {
     DIR *folder = opendir(where);
     const struct dirent *e;
-    while (folder && (e = readdir(folder))) {
-        if (!is_folder_name(e->d_name)) continue;
-        char *path = sf_path_join(ctx, where, e->d_name);
-        if (path) remove_if_dead(ctx, path);
-        sf_free(ctx, path);
-    }
+    while (folder && (e = readdir(folder)))
+        if (is_folder_name(e->d_name)) remove_if_dead(dirfd(folder), e->d_name);
     if (folder) closedir(folder);
 }
 
@@ -290,9 +298,12 @@ static void clear(sf_context *ctx, const char *where) {
 
 /* Whether the folder is locked and still there: who clears up may have come between. Where nothing can be
  * locked nothing is cleared up either. */
-static int lock_folder(sf_unpacked *to, const char *lock) {
+static int lock_folder(sf_unpacked *to) {
     struct stat st;
-    to->lock = open(lock, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    int folder = open_folder(AT_FDCWD, to->folder);
+    if (folder < 0) return 0;
+    to->lock = openat(folder, LOCK_NAME, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    close(folder);
     if (to->lock < 0) return 0;
     if ((!flock(to->lock, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK) && !fstat(to->lock, &st) && st.st_nlink)
         return 1;
@@ -305,17 +316,9 @@ static sf_status try_folder(archive *a, const char *where) {
     a->to.folder = sf_path_join(a->ctx, where, FOLDER_FRONT "XXXXXX");
     if (!a->to.folder) return SF_ERR_MEMORY;
     int made = mkdtemp(a->to.folder) != NULL;
-    char *lock = made ? sf_path_join(a->ctx, a->to.folder, LOCK_NAME) : NULL;
-    if (made && !lock) {
-        rmdir(a->to.folder);
-        return SF_ERR_MEMORY;
-    }
-    int locked = made && lock_folder(&a->to, lock);
-    int error = errno;
-    sf_free(a->ctx, lock);
-    if (locked) return SF_OK;
-    sf_fail(a->ctx, SF_ERR_IO, "%s: cannot be unpacked to %s: %s", a->path, a->to.folder, strerror(error));
-    if (made) rmdir(a->to.folder);
+    if (made && lock_folder(&a->to)) return SF_OK;
+    sf_fail(a->ctx, SF_ERR_IO, "%s: cannot be unpacked to %s: %s", a->path, a->to.folder, strerror(errno));
+    if (made) remove_folder(AT_FDCWD, a->to.folder);
     return SF_ERR_IO;
 }
 
@@ -323,7 +326,7 @@ static sf_status make_folder(archive *a) {
     enum { TRIES = 10 };
     const char *named = getenv("TMPDIR"), *where = named && *named ? named : "/tmp";
     sf_status status = SF_ERR_IO;
-    clear(a->ctx, where);
+    clear(where);
     for (int i = 0; i < TRIES && status == SF_ERR_IO; i++) {
         status = try_folder(a, where);
         if (!status) return SF_OK;
