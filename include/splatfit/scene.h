@@ -66,9 +66,15 @@ SF_API void sf_scene_destroy(sf_scene **scene);
  * and size; a fisheye's become as large as what it sees, up to 60 degrees on each side. Structural faults are
  * fatal and named; a picture that is missing or cannot be decoded and a pose that is not finite skip that
  * view, counted and reported to the log. SF_ERR_EMPTY: no training view is left; SF_ERR_MEMORY: also if the
- * pictures would not fit, before one is read. */
+ * pictures would not fit, before one is read; SF_ERR_CANCELLED. A .zip is unpacked to a folder under TMPDIR,
+ * else /tmp, which is gone when the call returns; what a process that was killed there has left is removed by
+ * the next call. */
 SF_API sf_status sf_scene_load(sf_context *context, const char *path, const sf_load_options *options,
                                sf_scene **scene);
+
+/* Ends each call of sf_scene_load on the context, that runs or that begins later, with SF_ERR_CANCELLED:
+ * after the picture at hand. May be called from any thread and from the handler of a signal. */
+SF_API void sf_scene_cancel_loads(sf_context *context);
 
 /* A picture of the caller's, copied by sf_scene_add_view. */
 typedef struct sf_pixels {

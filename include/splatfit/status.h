@@ -22,7 +22,7 @@ typedef enum sf_status {
     SF_ERR_FORMAT = 4,      /* a file's content contradicts its format */
     SF_ERR_UNSUPPORTED = 5, /* valid, but not built or not offered */
     SF_ERR_EMPTY = 6,       /* nothing to work on: no view, no Gaussian */
-    SF_ERR_CANCELLED = 7,   /* sf_fitter_cancel was called; the fitter is whole and can go on */
+    SF_ERR_CANCELLED = 7,   /* it was cancelled; a fitter is whole and can go on */
     SF_ERR_TIMEOUT = 8,     /* a bounded wait ended first */
     SF_ERR_END = 9          /* there is no more: frames, steps, entries of a list */
 } sf_status;

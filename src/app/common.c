@@ -102,6 +102,10 @@ static int alpha_options(const args *a, sf_load_options *options) {
     return EXIT_USAGE;
 }
 
+/* Below, beside the signals. */
+static int load(const args *a, sf_context *ctx, const char *path, const sf_load_options *options,
+                sf_scene **scene);
+
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene) {
     sf_load_options options = sf_load_options_default();
     options.masks = args_value(a, "masks");
@@ -117,7 +121,7 @@ int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene)
     if (!error && memory && sf_fit_options_set(ctx, &fit, "memory", memory)) error = app_fail(a, ctx);
     if (error) return error;
     options.memory = fit.memory;
-    return sf_scene_load(ctx, path, &options, scene) ? app_fail(a, ctx) : 0;
+    return load(a, ctx, path, &options, scene);
 }
 
 int app_color(const char *text, float color[3]) {
@@ -292,6 +296,30 @@ void app_catch_signals(void (*fn)(void)) {
 }
 
 int app_stopped_by(void) { return stopped_by; }
+
+static sf_context *volatile loads; /* the context that loads a scene */
+
+static void cancel_loads(void) { sf_scene_cancel_loads(loads); }
+
+/* A signal ends the program as if it were not caught, but after the load, which leaves no unpacked archive.
+ */
+static int load(const args *a, sf_context *ctx, const char *path, const sf_load_options *options,
+                sf_scene **scene) {
+    enum { CAUGHT = 3 };
+    static const int caught[CAUGHT] = {SIGINT, SIGTERM, SIGHUP};
+    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    struct sigaction before[CAUGHT];
+    loads = ctx;
+    when_stopped = cancel_loads;
+    for (int i = 0; i < CAUGHT; i++)
+        if (!sigaction(caught[i], NULL, &before[i]) && before[i].sa_handler != SIG_IGN)
+            sigaction(caught[i], &action, NULL);
+    sf_status status = sf_scene_load(ctx, path, options, scene);
+    for (int i = 0; i < CAUGHT; i++) sigaction(caught[i], &before[i], NULL);
+    when_stopped = NULL;
+    if (stopped_by) raise(stopped_by);
+    return status ? app_fail(a, ctx) : 0;
+}
 
 double app_seconds(void) {
     struct timespec t;

@@ -94,6 +94,23 @@ static int info_cpu(const sf_context *ctx) {
     return 0;
 }
 
+static const arg_option own_options[] = {
+    {"cpu", 0, NULL, "print the threads and the kernel levels of this machine instead"},
+    {"json", 0, "FILE",
+     "of a project: also write it as JSON (- is standard output, and nothing else is there)"},
+    {0},
+};
+
+/* What says how a project is read, or what is written of it, and would do nothing here. */
+static int refuse_project_options(const args *a, const char *what) {
+    const char *wrong = args_value(a, "json") ? "json" : NULL;
+    for (const arg_option *o = load_options; o->name && !wrong; o++)
+        if (args_value(a, o->name)) wrong = o->name;
+    if (!wrong) return 0;
+    args_error(a->command, "--%s: goes with a project, not with %s", wrong, what);
+    return EXIT_USAGE;
+}
+
 static int run(const args *a) {
     sf_context *ctx = NULL;
     const char *path = a->positional[0];
@@ -102,22 +119,17 @@ static int run(const args *a) {
         app_say(a, "an argument is missing", "a model or a project, or --cpu");
         return EXIT_USAGE;
     }
-    int error = app_context(a, &ctx);
+    int model = !cpu && app_names_model(path);
+    int error = cpu ? refuse_project_options(a, "--cpu") : model ? refuse_project_options(a, path) : 0;
+    if (!error) error = app_context(a, &ctx);
     if (error) return error;
     if (cpu)
         error = info_cpu(ctx);
     else
-        error = app_names_model(path) ? info_model(a, ctx, path) : app_info_project(a, ctx, path);
+        error = model ? info_model(a, ctx, path) : app_info_project(a, ctx, path);
     sf_context_destroy(&ctx);
     return error;
 }
-
-static const arg_option own_options[] = {
-    {"cpu", 0, NULL, "print the threads and the kernel levels of this machine instead"},
-    {"json", 0, "FILE",
-     "of a project: also write it as JSON (- is standard output, and nothing else is there)"},
-    {0},
-};
 
 static const arg_option *const tables[] = {own_options, load_options, common_options, NULL};
 

@@ -8,6 +8,7 @@
 
 #define SHOW_EVERY  0.25 /* s */
 #define MODEL_EVERY 3.0
+#define SH_MOST     (3 << 20) /* bytes of a model's SH: a network that takes the .splat takes them */
 
 int page_open(page *p, const args *a, sf_context *ctx) {
     const char *listen = args_value(a, "listen");
@@ -95,7 +96,8 @@ static void show_model(page *p, sf_live *live, double now) {
     sf_model *model = NULL;
     if (now < p->next_model || !sf_preview_wants(p->preview, SF_PREVIEW_MODEL)) return;
     p->next_model = now + MODEL_EVERY;
-    if (!sf_live_snapshot(live, &model)) (void)sf_preview_set_model(p->preview, model);
+    if (!sf_live_snapshot(live, &model))
+        (void)sf_preview_set_model(p->preview, model, sf_preview_sh_within(sf_model_count(model), SH_MOST));
     sf_model_destroy(&model);
 }
 

@@ -88,7 +88,7 @@ static int serve(const args *a, sf_context *ctx, const sf_model *model) {
     sf_preview *preview = NULL;
     int error = open_page(a, ctx, &preview);
     if (!error) error = show_status(a, ctx, preview, model);
-    if (!error && sf_preview_set_model(preview, model)) error = app_fail(a, ctx);
+    if (!error && sf_preview_set_model(preview, model, SF_MAX_SH_DEGREE)) error = app_fail(a, ctx);
     if (!error) {
         app_catch_signals(NULL);
         printf("page: %s\n", sf_preview_url(preview));
@@ -119,7 +119,7 @@ const command command_view = {
                "for a browser, "
                "with the token that others than this machine need, and ends with SIGINT (Ctrl-C) or SIGTERM. "
                "Colours "
-               "there do not depend on the direction: SH bands above 0 are left out.",
+               "depend on the direction there as in a render, but for SH values beyond -1..1.",
     .tables = tables,
     .least = 1,
     .most = 1,

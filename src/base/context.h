@@ -5,6 +5,9 @@
 #include <pthread.h>
 #include <stddef.h>
 #include <stdint.h>
+#ifndef __cplusplus
+#include <stdatomic.h>
+#endif
 
 #include <splatfit/context.h>
 
@@ -22,6 +25,9 @@ struct sf_context {
     struct sf_pool *pool;
     struct sf_kernels *kernels;     /* const after creation; filled in by src/kernels */
     struct sf_libcamera *libcamera; /* src/capture/libcamera.cc's own, under `lock`; NULL: not in use */
+#ifndef __cplusplus                 /* whose atomics have other names */
+    atomic_int loads_cancelled;     /* sf_scene_cancel_loads */
+#endif
 };
 
 #if defined(__GNUC__)

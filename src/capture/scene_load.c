@@ -174,6 +174,7 @@ sf_status sf_scene_load(sf_context *ctx, const char *path, const sf_load_options
     sf_load_options defaults = sf_load_options_default();
     *scene = NULL;
     if (!options) options = &defaults;
+    if (atomic_load(&ctx->loads_cancelled)) return sf_load_cancelled(ctx, path);
     if (strncmp(path, "sim:", 4) == 0) return load_simulated(ctx, path, options, scene);
     return sf_project_load(ctx, path, options, scene);
 }

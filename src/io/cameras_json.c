@@ -1,12 +1,12 @@
 /* cameras_json.c - the views' cameras as INRIA's cameras.json, out and in. */
 #include "cameras_json.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <jansson.h>
-
 #include "../base/file.h"
+#include "json_read.h"
 
 /* Names of files need not be UTF-8, which JSON is: bytes beyond ASCII are then replaced. */
 static json_t *name_text(sf_context *ctx, const char *name) {
@@ -105,7 +105,8 @@ static const char *read_camera(const json_t *json, sf_camera *c) {
         c->t_cw[i] = 0;
         for (int k = 0; k < 3; k++) c->t_cw[i] -= c->R_cw[3 * i + k] * center[k];
     }
-    return sf_camera_check(c) ? "rotation" : NULL;
+    if (!sf_camera_check(c)) return NULL;
+    return isfinite(c->t_cw[0] + c->t_cw[1] + c->t_cw[2]) ? "rotation" : "position";
 }
 
 static sf_status read_cameras(sf_context *ctx, const char *path, const json_t *list, sf_camera **cameras,
@@ -127,16 +128,11 @@ static sf_status read_cameras(sf_context *ctx, const char *path, const json_t *l
 }
 
 sf_status sf_cameras_load(sf_context *ctx, const char *path, sf_camera **cameras, size_t *count) {
-    uint8_t *data;
-    size_t size;
-    json_error_t error;
+    json_t *list;
     *cameras = NULL;
     *count = 0;
-    sf_status status = sf_read_file(ctx, path, CAMERAS_MOST_BYTES, &data, &size);
+    sf_status status = sf_json_read(ctx, path, CAMERAS_MOST_BYTES, &list);
     if (status) return status;
-    json_t *list = json_loadb((const char *)data, size, 0, &error);
-    sf_free(ctx, data);
-    if (!list) return sf_fail(ctx, SF_ERR_FORMAT, "%s: line %d: %s", path, error.line, error.text);
     status = json_is_array(list) ? read_cameras(ctx, path, list, cameras, count)
                                  : sf_fail(ctx, SF_ERR_FORMAT, "%s: is not an array of cameras", path);
     json_decref(list);

@@ -25,9 +25,14 @@ sf_status sf_spz_put(sf_writer *w, const sf_model *model, int sh_degree,
 sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
                        const sf_model_file_options *options);
 
-/* The bytes of a .splat, SF_SPLAT_BYTES a Gaussian, into memory; what values it cannot hold is not asked. */
-enum { SF_SPLAT_BYTES = 32 };
-sf_status sf_splat_encode(const sf_model *model, uint8_t *data);
+/* The bytes of a .splat, SF_SPLAT_BYTES a Gaussian, into memory; what values it cannot hold is not asked. In
+ * the same order, sf_splat_sh_bytes a Gaussian, what it leaves out of the colours, for viewers of our own:
+ * values of -1..1 as 128 + 128 value in a byte, first the [3] by which the colour without the bands is beyond
+ * 0..1, then [K-1][3] of the bands 1 to sh_degree, then zeros up to a multiple of 16 bytes. sh may be NULL
+ * where sh_degree is 0; else sh_degree is not above the model's. */
+enum { SF_SPLAT_BYTES = 32, SF_SPLAT_SH_MOST = 48 };
+size_t sf_splat_sh_bytes(int sh_degree);
+sf_status sf_splat_encode(const sf_model *model, uint8_t *data, int sh_degree, uint8_t *sh);
 
 /* The bands to keep of a file or model that has `sh_degree`. */
 int sf_kept_degree(int sh_degree, const sf_model_file_options *options);

@@ -298,6 +298,14 @@ static sf_status load_from(sf_project *p, const char *path, const sf_load_option
     return status ? status : sf_project_build(p, options, scene);
 }
 
+/* Cancelling. */
+
+void sf_scene_cancel_loads(sf_context *ctx) { atomic_store(&ctx->loads_cancelled, 1); }
+
+sf_status sf_load_cancelled(sf_context *ctx, const char *path) {
+    return sf_fail(ctx, SF_ERR_CANCELLED, "%s: reading it was cancelled", path);
+}
+
 /* In an archive. */
 
 static int is_project(const char *folder) {
@@ -343,15 +351,14 @@ static sf_status load_inside(sf_project *p, const char *top, int depth, const sf
 
 static sf_status load_project(sf_project *p, const char *path, const sf_load_options *options,
                               sf_scene **scene) {
-    char *folder, *inside;
+    sf_unpacked to;
     if (!sf_is_file(path) || !sf_zip_is(path)) return load_from(p, path, options, scene);
-    sf_status status = sf_zip_unpack(p->ctx, path, &folder, &inside);
+    sf_status status = sf_zip_unpack(p->ctx, path, &to);
     if (status) return status;
-    sf_show_as(p->ctx, inside, path);
-    status = load_inside(p, inside, 0, options, scene);
+    sf_show_as(p->ctx, to.project, path);
+    status = load_inside(p, to.project, 0, options, scene);
     sf_show_as(p->ctx, NULL, NULL);
-    sf_zip_remove(p->ctx, folder);
-    sf_free(p->ctx, inside);
+    sf_zip_remove(p->ctx, &to);
     return status;
 }
 

@@ -55,6 +55,9 @@ sf_entry *sf_project_find(const sf_project *project, const char *name);
 sf_status sf_project_load(sf_context *ctx, const char *path, const sf_load_options *options,
                           sf_scene **scene);
 
+/* The failure of a load that sf_scene_cancel_loads has ended. */
+sf_status sf_load_cancelled(sf_context *ctx, const char *path);
+
 /* Sets project->folder, a copy. */
 sf_status sf_project_set_folder(sf_project *project, const char *folder);
 

@@ -105,8 +105,8 @@ static void encode(sf_gaussian *g, uint8_t row[ROW]) {
     for (int k = 0; k < 4; k++) row[QUAT_AT + k] = sf_byte_of(128 + 128 * (double)unit[k], NULL);
 }
 
-/* What becomes of a record. */
-typedef void (*row_fn)(void *user, const uint8_t row[ROW]);
+/* What becomes of a Gaussian and its record. */
+typedef void (*row_fn)(void *user, sf_gaussian *g, const uint8_t row[ROW]);
 
 static sf_status encode_all(const sf_model *model, row_fn put, void *user) {
     sf_gaussian g;
@@ -119,18 +119,43 @@ static sf_status encode_all(const sf_model *model, row_fn put, void *user) {
         status = sf_model_get(model, list[i].index, 1, &fields);
         if (status) break;
         encode(&g, row);
-        put(user, row);
+        put(user, &g, row);
     }
     sf_free(model->ctx, list);
     return status;
 }
 
-static void put_file(void *user, const uint8_t row[ROW]) { sf_writer_put(user, row, ROW); }
+static void put_file(void *user, sf_gaussian *g, const uint8_t row[ROW]) {
+    (void)g;
+    sf_writer_put(user, row, ROW);
+}
 
-static void put_memory(void *user, const uint8_t row[ROW]) {
-    uint8_t **to = user;
-    memcpy(*to, row, ROW);
-    *to += ROW;
+/* Where in memory the next record goes, and what it leaves out. */
+typedef struct places {
+    uint8_t *row, *sh;
+    int sh_degree;
+} places;
+
+size_t sf_splat_sh_bytes(int sh_degree) { return SF_SPLAT_SH_MOST / SF_MAX_SH_DEGREE * (size_t)sh_degree; }
+
+static uint8_t small_byte(double value) { return sf_byte_of(128 + 128 * value, NULL); }
+
+/* The record's colour ends at 0 and 1, before the bands are added. */
+static double beyond(double color) { return color > 1 ? color - 1 : fmin(color, 0); }
+
+static void encode_sh(const float *sh, int sh_degree, uint8_t *to) {
+    memset(to, small_byte(0), sf_splat_sh_bytes(sh_degree));
+    for (int c = 0; c < 3; c++) *to++ = small_byte(beyond(0.5 + SF_SH_0 * (double)sh[c]));
+    for (int i = 3; i < 3 * sf_coefficients(sh_degree); i++) *to++ = small_byte((double)sh[i]);
+}
+
+static void put_memory(void *user, sf_gaussian *g, const uint8_t row[ROW]) {
+    places *to = user;
+    memcpy(to->row, row, ROW);
+    to->row += ROW;
+    if (!to->sh_degree) return;
+    encode_sh(sf_gaussian_fields(g).sh, to->sh_degree, to->sh);
+    to->sh += sf_splat_sh_bytes(to->sh_degree);
 }
 
 sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
@@ -142,6 +167,7 @@ sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
     return encode_all(model, put_file, w);
 }
 
-sf_status sf_splat_encode(const sf_model *model, uint8_t *data) {
-    return encode_all(model, put_memory, &data);
+sf_status sf_splat_encode(const sf_model *model, uint8_t *data, int sh_degree, uint8_t *sh) {
+    places to = {data, sh, sh_degree};
+    return encode_all(model, put_memory, &to);
 }

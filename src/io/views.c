@@ -118,7 +118,7 @@ static void load_entry(void *arg, size_t task, int thread) {
     result *r = &l->results[task];
     (void)thread;
     r->bad_pose = e->bad_pose;
-    if (r->bad_pose) return;
+    if (r->bad_pose || atomic_load(&l->ctx->loads_cancelled)) return;
     sf_picture p;
     r->status = sf_picture_load(l->ctx, e->path, &p);
     r->alpha = p.weight != NULL;
@@ -266,6 +266,7 @@ static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene)
     sf_status fits = check_memory(l, path);
     if (fits) return fits;
     sf_pool_run(l->ctx->pool, p->count, load_entry, (void *)l);
+    if (atomic_load(&l->ctx->loads_cancelled)) return sf_load_cancelled(l->ctx, path);
     sf_status status = fatal_result(l);
     for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
     if (!status && p->points) status = sf_scene_add_points(scene, p->points, p->xyz, p->rgb);

@@ -25,6 +25,7 @@ int sf_zip_is(const char *path) {
 #include <stdio.h>
 #include <stdlib.h>
 #include <strings.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -40,11 +41,16 @@ enum {
     UNIX = 3          /* the system of an entry's attributes */
 };
 
+/* A folder is FOLDER_FRONT and six letters of mkdtemp's. The lock in it ends with who has made it, however
+ * that ends: a folder whose lock nobody holds was left behind. */
+#define FOLDER_FRONT "splatfit-zip-"
+#define LOCK_NAME    ".splatfit-lock"
+
 typedef struct archive {
     sf_context *ctx;
     const char *path;
     zip_t *zip;
-    char *folder;  /* where it is unpacked */
+    sf_unpacked to;
     uint64_t size; /* of the file */
 } archive;
 
@@ -111,10 +117,11 @@ static sf_status check_sizes(const archive *a, uint64_t unpacked, uint64_t packe
     if (unpacked > most)
         return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: size: %.0f MB unpacked are more than %d times the file",
                        a->path, (double)unpacked / mega, MOST_TIMES);
-    if (!statvfs(a->folder, &disk) && (double)unpacked > 0.95 * (double)disk.f_bavail * (double)disk.f_frsize)
+    if (!statvfs(a->to.folder, &disk) &&
+        (double)unpacked > 0.95 * (double)disk.f_bavail * (double)disk.f_frsize)
         return sf_fail(a->ctx, SF_ERR_IO,
                        "%s: %.0f MB unpacked: %s has no room for them (TMPDIR names another)", a->path,
-                       (double)unpacked / mega, a->folder);
+                       (double)unpacked / mega, a->to.folder);
     return SF_OK;
 }
 
@@ -148,6 +155,7 @@ static sf_status write_entry(const archive *a, zip_file_t *from, const char *nam
         if (!got) break;
         done += (uint64_t)got;
         if (done > size) break;
+        if (atomic_load(&a->ctx->loads_cancelled)) return sf_load_cancelled(a->ctx, a->path);
         for (zip_int64_t at = 0; at < got;) {
             ssize_t put = write(to, block + at, (size_t)(got - at));
             if (put < 0 && errno != EINTR) return entry_fail(a, name, SF_ERR_IO, strerror(errno));
@@ -200,7 +208,8 @@ static sf_status unpack_one(const archive *a, const char *project, zip_uint64_t 
     return status;
 }
 
-static sf_status unpack_all(const archive *a, const char *project) {
+static sf_status unpack_all(const archive *a) {
+    const char *project = a->to.project;
     zip_int64_t count = zip_get_num_entries(a->zip, 0);
     if (count > MAX_ENTRIES)
         return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: %lld entries are more than %d", a->path, (long long)count,
@@ -211,15 +220,120 @@ static sf_status unpack_all(const archive *a, const char *project) {
     return status;
 }
 
-static sf_status make_folder(archive *a) {
-    const char *where = getenv("TMPDIR");
-    a->folder = sf_path_join(a->ctx, where && *where ? where : "/tmp", "splatfit-XXXXXX");
-    if (!a->folder) return SF_ERR_MEMORY;
-    if (mkdtemp(a->folder)) return SF_OK;
-    sf_fail(a->ctx, SF_ERR_IO, "%s: cannot be unpacked to %s: %s", a->path, a->folder, strerror(errno));
-    sf_free(a->ctx, a->folder);
-    a->folder = NULL;
+/* Removing. */
+
+/* What follows allocates nothing: it must work where memory is short. */
+
+static int is_kept(const char *name) {
+    return !strcmp(name, ".") || !strcmp(name, "..") || !strcmp(name, LOCK_NAME);
+}
+
+static int open_folder(int where, const char *name) {
+    return openat(where, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+}
+
+/* All in an open folder, which is closed, but the lock. */
+static void empty_folder(int fd) {
+    DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
+    const struct dirent *e;
+    while (folder && (e = readdir(folder))) {
+        if (is_kept(e->d_name) || !unlinkat(fd, e->d_name, 0)) continue;
+        empty_folder(open_folder(fd, e->d_name));
+        unlinkat(fd, e->d_name, AT_REMOVEDIR);
+    }
+    if (folder)
+        closedir(folder);
+    else if (fd >= 0)
+        close(fd);
+}
+
+/* The lock goes last: what is left by who is killed here is still known as ours. */
+static void remove_folder(int where, const char *name) {
+    int fd = open_folder(where, name);
+    if (fd < 0) return;
+    int again = dup(fd);
+    empty_folder(again);
+    unlinkat(fd, LOCK_NAME, 0);
+    close(fd);
+    unlinkat(where, name, AT_REMOVEDIR);
+}
+
+void sf_zip_remove(sf_context *ctx, sf_unpacked *u) {
+    if (u->folder) remove_folder(AT_FDCWD, u->folder);
+    if (u->lock >= 0) close(u->lock);
+    sf_free(ctx, u->folder);
+    sf_free(ctx, u->project);
+    *u = (sf_unpacked){.lock = -1};
+}
+
+/* What was left behind. */
+
+static int is_folder_name(const char *name) {
+    size_t front = sizeof FOLDER_FRONT - 1;
+    return !strncmp(name, FOLDER_FRONT, front) && strlen(name) == front + 6;
+}
+
+/* A folder without a lock is empty, for it is new or all but removed; a lock that can be had is nobody's. */
+static void remove_if_dead(int where, const char *name) {
+    struct stat st;
+    int folder = open_folder(where, name);
+    if (folder < 0) return;
+    if (!fstat(folder, &st) && st.st_uid == geteuid() && unlinkat(where, name, AT_REMOVEDIR)) {
+        int lock = openat(folder, LOCK_NAME, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+        if (lock >= 0 && !flock(lock, LOCK_EX | LOCK_NB)) remove_folder(where, name);
+        if (lock >= 0) close(lock);
+    }
+    close(folder);
+}
+
+static void clear(const char *where) {
+    DIR *folder = opendir(where);
+    const struct dirent *e;
+    while (folder && (e = readdir(folder)))
+        if (is_folder_name(e->d_name)) remove_if_dead(dirfd(folder), e->d_name);
+    if (folder) closedir(folder);
+}
+
+/* A folder of our own. */
+
+/* Whether the folder is locked and still there: who clears up may have come between. Where nothing can be
+ * locked nothing is cleared up either. */
+static int lock_folder(sf_unpacked *to) {
+    struct stat st;
+    int folder = open_folder(AT_FDCWD, to->folder);
+    if (folder < 0) return 0;
+    to->lock = openat(folder, LOCK_NAME, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    close(folder);
+    if (to->lock < 0) return 0;
+    if ((!flock(to->lock, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK) && !fstat(to->lock, &st) && st.st_nlink)
+        return 1;
+    close(to->lock);
+    to->lock = -1;
+    return 0;
+}
+
+static sf_status try_folder(archive *a, const char *where) {
+    a->to.folder = sf_path_join(a->ctx, where, FOLDER_FRONT "XXXXXX");
+    if (!a->to.folder) return SF_ERR_MEMORY;
+    int made = mkdtemp(a->to.folder) != NULL;
+    if (made && lock_folder(&a->to)) return SF_OK;
+    sf_fail(a->ctx, SF_ERR_IO, "%s: cannot be unpacked to %s: %s", a->path, a->to.folder, strerror(errno));
+    if (made) remove_folder(AT_FDCWD, a->to.folder);
     return SF_ERR_IO;
+}
+
+static sf_status make_folder(archive *a) {
+    enum { TRIES = 10 };
+    const char *named = getenv("TMPDIR"), *where = named && *named ? named : "/tmp";
+    sf_status status = SF_ERR_IO;
+    clear(where);
+    for (int i = 0; i < TRIES && status == SF_ERR_IO; i++) {
+        status = try_folder(a, where);
+        if (!status) return SF_OK;
+        sf_free(a->ctx, a->to.folder);
+        a->to.folder = NULL;
+    }
+    return status;
 }
 
 static sf_status open_archive(archive *a) {
@@ -237,53 +351,27 @@ static sf_status open_archive(archive *a) {
     return status;
 }
 
-sf_status sf_zip_unpack(sf_context *ctx, const char *path, char **folder, char **project) {
-    archive a = {.ctx = ctx, .path = path};
+sf_status sf_zip_unpack(sf_context *ctx, const char *path, sf_unpacked *unpacked) {
+    archive a = {.ctx = ctx, .path = path, .to.lock = -1};
     const char *slash = strrchr(path, '/');
-    *folder = *project = NULL;
     sf_status status = open_archive(&a);
     if (!status) status = make_folder(&a);
-    if (!status) *project = sf_path_join(ctx, a.folder, slash ? slash + 1 : path);
-    if (!status) status = *project ? unpack_all(&a, *project) : SF_ERR_MEMORY;
+    if (!status) a.to.project = sf_path_join(ctx, a.to.folder, slash ? slash + 1 : path);
+    if (!status) status = a.to.project ? unpack_all(&a) : SF_ERR_MEMORY;
     if (a.zip) zip_discard(a.zip);
-    *folder = a.folder;
-    if (!status) return SF_OK;
-    sf_zip_remove(ctx, a.folder);
-    sf_free(ctx, *project);
-    *folder = *project = NULL;
+    if (status) sf_zip_remove(ctx, &a.to);
+    *unpacked = a.to;
     return status;
-}
-
-/* Removing. */
-
-static void remove_tree(sf_context *ctx, const char *path) {
-    DIR *folder = opendir(path);
-    const struct dirent *e;
-    while (folder && (e = readdir(folder))) {
-        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, "..")) continue;
-        char *inside = sf_path_join(ctx, path, e->d_name);
-        if (!inside) break;
-        if (unlink(inside)) remove_tree(ctx, inside); /* no links are in it */
-        sf_free(ctx, inside);
-    }
-    if (folder) closedir(folder);
-    rmdir(path);
-}
-
-void sf_zip_remove(sf_context *ctx, char *folder) {
-    if (!folder) return;
-    remove_tree(ctx, folder);
-    sf_free(ctx, folder);
 }
 
 #else
 
-sf_status sf_zip_unpack(sf_context *ctx, const char *path, char **folder, char **project) {
-    *folder = *project = NULL;
+sf_status sf_zip_unpack(sf_context *ctx, const char *path, sf_unpacked *unpacked) {
+    *unpacked = (sf_unpacked){.lock = -1};
     return sf_fail(ctx, SF_ERR_UNSUPPORTED,
                    "%s: this build reads no .zip: libzip was not there to build with; unpack it first", path);
 }
 
-void sf_zip_remove(sf_context *ctx, char *folder) { sf_free(ctx, folder); }
+void sf_zip_remove(sf_context *ctx, sf_unpacked *unpacked) { (void)ctx, (void)unpacked; }
 
 #endif

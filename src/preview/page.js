@@ -94,28 +94,38 @@ async function fetchHistory() {
   chart.set(points);
 }
 
-// Part by part: the first shows most of the model, for the Gaussians of most weight come first.
-async function fetchModel(m) {
-  const size = m.count * SPLAT_BYTES, bytes = new Uint8Array(size);
-  const tag = `"${newest.session}-${m.version}"`;
+// All `size` bytes of one version of a resource, part by part, of each of which `progress` is told; null: they are gone.
+async function fetchParts(path, m, size, progress) {
+  const bytes = new Uint8Array(size), tag = `"${newest.session}-${m.version}"`;
   for (let at = 0; at < size;) {
-    const answer = await ask('model.splat', 30000, { headers: { 'Range': `bytes=${at}-${Math.min(at + PART, size) - 1}`, 'If-Match': tag } });
-    if (answer.status !== 206 && answer.status !== 200) return;
+    const answer = await ask(path, 30000, { headers: { 'Range': `bytes=${at}-${Math.min(at + PART, size) - 1}`, 'If-Match': tag } });
+    if (answer.status !== 206 && answer.status !== 200) return null;
     const part = new Uint8Array(await answer.arrayBuffer());
-    if (!part.length || at + part.length > size) return;
+    if (!part.length || at + part.length > size) return null;
     bytes.set(part, at);
     at += part.length;
-    if (!view.count && at < size) showModel(bytes.subarray(0, at), m);
+    progress(bytes.subarray(0, at));
   }
-  newest.model = m.version;
-  modelWas = Date.now();
-  showModel(bytes, m);
+  return bytes;
 }
 
-function showModel(bytes, m) {
-  view.set(bytes, m.antialiased);
+// The first part shows most of the first model, for the Gaussians of most weight come first; later ones come whole.
+async function fetchModel(m) {
+  const size = m.count * SPLAT_BYTES, first = !view.count;
+  const bytes = await fetchParts('model.splat', m, size, some => {
+    if (first && (!view.count || (some.length === size && m.sh_degree))) showModel(some, m);
+  });
+  const sh = bytes && await fetchParts('model.sh', m, m.count * shBytes(m.sh_degree), () => {});
+  if (!sh) return;
+  newest.model = m.version;
+  modelWas = Date.now();
+  showModel(bytes, m, sh, m.sh_degree);
+}
+
+function showModel(bytes, m, sh, degree = 0) {
+  view.set(bytes, m.antialiased, sh, degree);
   note(bytes.length ? '' : 'the model is empty');
-  $('model-facts').textContent = `${(bytes.length / SPLAT_BYTES).toLocaleString('en')} Gaussians`;
+  $('model-facts').textContent = `${(bytes.length / SPLAT_BYTES).toLocaleString('en')} Gaussians${degree ? `, SH of degree ${degree}` : ''}`;
   if (view.count) orbit.frame(view.means);
   if (view.count && !placed) placed = firstView();
   $('to-model').disabled = !view.count;

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../io/model_file.h"
 #include "serve.h"
 
 struct sf_preview {
@@ -96,8 +97,14 @@ sf_status sf_preview_set_picture(sf_preview *preview, sf_preview_part part, int 
     return sf_store_set_picture(preview->server.store, part, width, height, rgb);
 }
 
-sf_status sf_preview_set_model(sf_preview *preview, const sf_model *model) {
-    return sf_store_set_model(preview->server.store, model);
+sf_status sf_preview_set_model(sf_preview *preview, const sf_model *model, int sh_degree) {
+    return sf_store_set_model(preview->server.store, model, sh_degree);
+}
+
+int sf_preview_sh_within(size_t count, size_t bytes) {
+    int degree = SF_MAX_SH_DEGREE;
+    while (degree > 0 && count > bytes / sf_splat_sh_bytes(degree)) degree--;
+    return degree;
 }
 
 int sf_preview_take_command(sf_preview *preview, sf_preview_command *command) {

@@ -77,10 +77,14 @@ sf_status sf_preview_set_status(sf_preview *preview, const char *json);
 sf_status sf_preview_set_picture(sf_preview *preview, sf_preview_part part, int width, int height,
                                  const uint8_t *rgb);
 
-/* The newest model, as the records of a .splat: 32 bytes a Gaussian, those of most weight first. Two models
- * are kept, this and the one before, which clients may be reading. SF_ERR_MEMORY: what stood before stands.
- */
-sf_status sf_preview_set_model(sf_preview *preview, const sf_model *model);
+/* The newest model, as the records of a .splat: 32 bytes a Gaussian, those of most weight first; and of its
+ * SH the bands 1 to sh_degree (0..3, or as many as the model has) in 16, 32 or 48 bytes more. Two models are
+ * kept, this and the one before, which clients may be reading. SF_ERR_MEMORY: what stood before stands. */
+sf_status sf_preview_set_model(sf_preview *preview, const sf_model *model, int sh_degree);
+
+/* The most bands whose bytes, of `count` Gaussians, are at most `bytes`: what a sender of many models a
+ * minute can afford. */
+int sf_preview_sh_within(size_t count, size_t bytes);
 
 typedef enum sf_preview_command {
     SF_PREVIEW_PAUSE = 1,

@@ -167,11 +167,11 @@ static int read_range(const char *text, size_t size, size_t *first, size_t *last
 
 /* Part by part, each copied: nothing is held while the network takes its time. A model that two newer ones
  * have followed is gone; then the connection ends early, which the client sees by the length. */
-static void put_model(const request *r, uint64_t version, size_t at, size_t size) {
+static void put_model(const request *r, uint64_t version, sf_preview_piece piece, size_t at, size_t size) {
     uint8_t part[PART];
     while (size > 0 && wants_body(r)) {
         size_t n = size < sizeof part ? size : sizeof part;
-        if (!sf_store_model_read(r->server->store, version, at, n, part)) return;
+        if (!sf_store_model_read(r->server->store, version, piece, at, n, part)) return;
         if (mg_write(r->to, part, n) != (int)n) return;
         at += n;
         size -= n;
@@ -189,14 +189,13 @@ static uint64_t version_asked(const request *r, uint64_t newest) {
     return match ? 0 : newest;
 }
 
-static int get_model(const request *r) {
-    uint64_t version;
-    size_t bytes, first = 0, last;
+static int get_piece(const request *r, sf_preview_piece piece) {
+    uint64_t version = sf_store_model(r->server->store);
+    size_t first = 0, last;
     char tag[96], more[HEADERS];
-    sf_store_model(r->server->store, &bytes, &version);
     if (!version) return refuse(r, 404, "Not Found", "no model yet\n");
     version = version_asked(r, version);
-    bytes = sf_store_model_bytes(r->server->store, version);
+    size_t bytes = sf_store_model_bytes(r->server->store, version, piece);
     tag_of(r, version, tag, sizeof tag);
     if (!version) return refuse(r, 412, "Precondition Failed", "that model is no longer here\n");
     int used = snprintf(more, sizeof more, "ETag: %s\r\nAccept-Ranges: bytes\r\n", tag);
@@ -212,9 +211,12 @@ static int get_model(const request *r) {
                  bytes);
     put_head(r, ranged ? 206 : 200, ranged ? "Partial Content" : "OK", "application/octet-stream", size,
              more);
-    put_model(r, version, first, size);
+    put_model(r, version, piece, first, size);
     return ranged ? 206 : 200;
 }
+
+static int get_model(const request *r) { return get_piece(r, SF_PREVIEW_SPLATS); }
+static int get_sh(const request *r) { return get_piece(r, SF_PREVIEW_SH); }
 
 /* ---- Commands ---- */
 
@@ -300,7 +302,8 @@ static const struct {
                  {"/history", get_history},
                  {"/camera.jpg", get_camera},
                  {"/render.jpg", get_render},
-                 {"/model.splat", get_model}};
+                 {"/model.splat", get_model},
+                 {"/model.sh", get_sh}};
 
 static int dispatch(const request *r) {
     const char *method = r->info->request_method, *path = r->info->local_uri;

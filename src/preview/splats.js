@@ -3,11 +3,14 @@
 // each Gaussian a quad around its ellipse on the screen, blended from the farthest to the nearest.
 
 const SPLAT_BYTES = 32, ROW_SPLATS = 1024; // two texels of 16 bytes a Gaussian
+const SH_ROW = 2048; // as many texels of the SH a Gaussian as its degree; they go on over the rows' ends
+const shBytes = degree => 16 * degree;
 
 const VERTEX = `#version 300 es
 precision highp float;
 precision highp usampler2D;
-uniform usampler2D records;
+uniform usampler2D records, harmonics;
+uniform int degree;        // of the harmonics; 0: there are none
 uniform mat3 R;            // world to camera
 uniform vec3 t;
 uniform vec2 focal, middle, size; // px
@@ -29,6 +32,27 @@ mat3 rotation(vec4 q) { // w x y z; columns
 }
 
 vec4 bytes(uint u) { return vec4(u & 255u, u >> 8 & 255u, u >> 16 & 255u, u >> 24); }
+
+// What the direction adds to the colour, M.4. A value is a byte, 128 + 128 of it: [3] that the record cannot hold, then [K-1][3].
+vec3 shade(vec3 d) {
+  float x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z, value[48];
+  float Y[16] = float[](1., -0.4886025119 * y, 0.4886025119 * z, -0.4886025119 * x,
+    1.0925484306 * x * y, -1.0925484306 * y * z, 0.3153915653 * (2. * zz - xx - yy), -1.0925484306 * x * z, 0.5462742152 * (xx - yy),
+    -0.5900435899 * y * (3. * xx - yy), 2.8906114426 * x * y * z, -0.4570457995 * y * (4. * zz - xx - yy),
+    0.3731763326 * z * (2. * zz - 3. * xx - 3. * yy), -0.4570457995 * x * (4. * zz - xx - yy), 1.4453057213 * z * (xx - yy),
+    -0.5900435899 * x * (xx - 3. * yy));
+  for (int k = 0; k < 3; k++) {
+    int at = int(index) * degree + k;
+    uvec4 texel = k < degree ? texelFetch(harmonics, ivec2(at % ${SH_ROW}, at / ${SH_ROW}), 0) : uvec4(0x80808080u);
+    for (int i = 0; i < 4; i++) {
+      vec4 four = (bytes(texel[i]) - 128.) / 128.;
+      for (int j = 0; j < 4; j++) value[16 * k + 4 * i + j] = four[j];
+    }
+  }
+  vec3 sum = vec3(0.);
+  for (int k = 0; k < 16; k++) sum += Y[k] * vec3(value[3 * k], value[3 * k + 1], value[3 * k + 2]);
+  return sum;
+}
 
 void main() {
   gl_Position = vec4(0., 0., 2., 1.); // outside
@@ -60,7 +84,10 @@ void main() {
   offset = corner.x * sqrt(r2 * big) * axis + corner.y * sqrt(r2 * small) * vec2(-axis.y, axis.x);
   factors = vec3(sqrt(c / det), -b / sqrt(c * det), inversesqrt(c));
 
-  // 3. pixels, y down, to the clip space
+  // 3. the colour from there
+  if (degree > 0) color.rgb = max(vec3(0.), color.rgb + shade(normalize(mean + t * R)));
+
+  // 4. pixels, y down, to the clip space
   vec2 u = focal * p.xy / p.z + middle + offset;
   gl_Position = vec4(2. * u.x / size.x - 1., 1. - 2. * u.y / size.y, 0., 1.);
 }`;
@@ -119,7 +146,7 @@ class SplatView {
     this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, powerPreference: 'high-performance' });
     Object.assign(this, { canvas, changed, count: 0, drawn: 0, model: 0, serial: 0, sorted: 0, row: '' });
     canvas.addEventListener('webglcontextlost', e => { e.preventDefault(); this.drawn = 0; });
-    canvas.addEventListener('webglcontextrestored', () => { this.setUp(); this.texels = null; if (this.bytes) this.set(this.bytes, this.antialiased); });
+    canvas.addEventListener('webglcontextrestored', () => { this.setUp(); this.texels = null; if (this.bytes) this.set(this.bytes, this.antialiased, this.sh, this.degree); });
     if (!this.gl) return;
     this.setUp();
     const source = URL.createObjectURL(new Blob([`(${sorter})()`], { type: 'text/javascript' }));
@@ -138,11 +165,11 @@ class SplatView {
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(program));
     gl.useProgram(program);
-    this.at = Object.fromEntries(['R', 't', 'focal', 'middle', 'size', 'limit', 'near', 'antialiased'].map(
+    this.at = Object.fromEntries(['R', 't', 'focal', 'middle', 'size', 'limit', 'near', 'antialiased', 'degree', 'records', 'harmonics'].map(
       name => [name, gl.getUniformLocation(program, name)]));
-    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    this.unit('records', 0);
+    this.unit('harmonics', 1);
+    this.upload(1, SH_ROW, 1, new Uint32Array(4 * SH_ROW)); // a sampler without a texture is a warning
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     const index = gl.getAttribLocation(program, 'index');
     gl.enableVertexAttribArray(index);
@@ -153,20 +180,45 @@ class SplatView {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
-  // Whole records. The old model is drawn until the new one is sorted; what comes meanwhile waits, the newest alone, or
-  // a slow machine would never come to draw one.
-  set(bytes, antialiased) {
+  // A texture of a name in the shader.
+  unit(name, unit) {
+    const gl = this.gl;
+    gl.uniform1i(this.at[name], unit);
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  }
+
+  upload(unit, width, rows, words) {
+    const gl = this.gl;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, width, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
+  }
+
+  // Bytes as whole rows of a texture; null: more than this browser has.
+  rowsOf(bytes, rowBytes) {
+    const rows = Math.max(1, Math.ceil(bytes.length / rowBytes));
+    if (rows > this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE)) return null;
+    const texels = new Uint8Array(rows * rowBytes);
+    texels.set(bytes);
+    return texels;
+  }
+
+  // Whole records, and their SH of a degree. The old model is drawn until the new one is sorted; what comes meanwhile
+  // waits, the newest alone, or a slow machine would never come to draw one.
+  set(bytes, antialiased, sh = new Uint8Array(0), degree = 0) {
     if (this.texels) {
-      this.next = [bytes, antialiased];
+      this.next = [bytes, antialiased, sh, degree];
       return;
     }
-    const gl = this.gl, count = Math.floor(bytes.length / SPLAT_BYTES);
-    const rows = Math.max(1, Math.ceil(count / ROW_SPLATS)), texels = new Uint8Array(rows * ROW_SPLATS * SPLAT_BYTES);
-    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new Error(`${count} Gaussians are more than this browser can draw`);
-    texels.set(bytes.subarray(0, count * SPLAT_BYTES));
+    const count = Math.floor(bytes.length / SPLAT_BYTES);
+    const texels = this.rowsOf(bytes.subarray(0, count * SPLAT_BYTES), ROW_SPLATS * SPLAT_BYTES);
+    if (!texels) throw new Error(`${count} Gaussians are more than this browser can draw`);
+    const shades = degree ? this.rowsOf(sh, 16 * SH_ROW) : null; // too many: without
     const floats = new Float32Array(texels.buffer), means = new Float32Array(3 * count);
     for (let i = 0; i < count; i++) means.set(floats.subarray(8 * i, 8 * i + 3), 3 * i);
-    Object.assign(this, { bytes, antialiased, count, texels, rows, means, model: this.model + 1, row: '' });
+    Object.assign(this, { bytes, antialiased, sh, degree, count, texels, shades, means, model: this.model + 1, row: '' });
     this.worker.postMessage({ means: means.slice() });
     this.changed();
   }
@@ -175,10 +227,8 @@ class SplatView {
     this.sorted = serial;
     if (model === this.model) {
       const gl = this.gl;
-      if (this.texels) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, 2 * ROW_SPLATS, this.rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
-        new Uint32Array(this.texels.buffer));
-      this.texels = null;
-      this.blends = this.antialiased;
+      if (this.texels) this.show(this.texels, this.shades);
+      this.texels = this.shades = null;
       gl.bufferData(gl.ARRAY_BUFFER, order, gl.DYNAMIC_DRAW);
       this.drawn = order.length;
     }
@@ -188,6 +238,14 @@ class SplatView {
       this.set(...next);
     }
     this.changed();
+  }
+
+  // Of the model that has been sorted.
+  show(texels, shades) {
+    this.upload(0, 2 * ROW_SPLATS, texels.length / (ROW_SPLATS * SPLAT_BYTES), new Uint32Array(texels.buffer));
+    if (shades) this.upload(1, SH_ROW, shades.length / (16 * SH_ROW), new Uint32Array(shades.buffer));
+    this.blends = this.antialiased;
+    this.shaded = shades ? this.degree : 0;
   }
 
   // Whether what is drawn is sorted for the view that was asked for last.
@@ -215,6 +273,7 @@ class SplatView {
     gl.uniform2f(this.at.limit, 0.65 * width / camera.focal[0], 0.65 * height / camera.focal[1]);
     gl.uniform1f(this.at.near, camera.near);
     gl.uniform1i(this.at.antialiased, this.blends ? 1 : 0);
+    gl.uniform1i(this.at.degree, this.shaded || 0);
     if (this.drawn) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.drawn);
   }
 }

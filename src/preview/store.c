@@ -44,7 +44,8 @@ void sf_store_destroy(sf_preview_store **store) {
     if (!s) return;
     free_shot(s->ctx, &s->camera);
     free_shot(s->ctx, &s->render);
-    for (int i = 0; i < 2; i++) sf_free(s->ctx, s->models[i].data);
+    for (int i = 0; i < 2 * SF_PREVIEW_PIECES; i++)
+        sf_free(s->ctx, s->models[i / SF_PREVIEW_PIECES].data[i % SF_PREVIEW_PIECES]);
     sf_free(s->ctx, s->status);
     pthread_mutex_destroy(&s->modelling);
     pthread_mutex_destroy(&s->lock);
@@ -154,10 +155,10 @@ char *sf_store_status_json(sf_preview_store *s, const char *head) {
         snprintf(
             text, room,
             "{%s\"camera\":%llu,\"render\":%llu,\"history\":%llu,\"model\":{\"version\":%llu,\"count\":%zu,"
-            "\"antialiased\":%s},\"status\":%s}",
+            "\"antialiased\":%s,\"sh_degree\":%d},\"status\":%s}",
             head, (unsigned long long)s->camera.version, (unsigned long long)s->render.version,
             (unsigned long long)s->history, (unsigned long long)m->version, m->count,
-            m->antialiased ? "true" : "false", status);
+            m->antialiased ? "true" : "false", m->sh_degree, status);
     pthread_mutex_unlock(&s->lock);
     return text;
 }
@@ -277,8 +278,23 @@ sf_status sf_store_jpeg(sf_preview_store *s, sf_preview_part part, uint8_t **jpe
 
 /* ---- The model ---- */
 
-sf_status sf_store_set_model(sf_preview_store *s, const sf_model *model) {
+/* Room for both pieces, and what they are. */
+static sf_status encode(sf_preview_store *s, sf_preview_splats *m, const sf_model *model, int sh_degree) {
+    int most = sf_model_sh_degree(model), degree = sh_degree < most ? sh_degree : most;
     size_t count = sf_model_count(model);
+    m->bytes[SF_PREVIEW_SPLATS] = count * SF_SPLAT_BYTES;
+    m->bytes[SF_PREVIEW_SH] = count * sf_splat_sh_bytes(degree);
+    sf_status status = SF_OK;
+    for (int i = 0; i < SF_PREVIEW_PIECES && !status; i++)
+        status = make_room(s->ctx, &m->data[i], &m->capacity[i], m->bytes[i] + (i == SF_PREVIEW_SPLATS));
+    if (!status) status = sf_splat_encode(model, m->data[SF_PREVIEW_SPLATS], degree, m->data[SF_PREVIEW_SH]);
+    m->count = count;
+    m->antialiased = sf_model_antialiased(model);
+    m->sh_degree = degree;
+    return status;
+}
+
+sf_status sf_store_set_model(sf_preview_store *s, const sf_model *model, int sh_degree) {
     pthread_mutex_lock(&s->modelling);
     /* Nobody reads what has no version. */
     pthread_mutex_lock(&s->lock);
@@ -286,12 +302,9 @@ sf_status sf_store_set_model(sf_preview_store *s, const sf_model *model) {
     uint64_t version = s->models[s->newest].version + 1;
     m->version = 0;
     pthread_mutex_unlock(&s->lock);
-    sf_status status = make_room(s->ctx, &m->data, &m->capacity, count * SF_SPLAT_BYTES + 1);
-    if (!status) status = sf_splat_encode(model, m->data);
+    sf_status status = encode(s, m, model, sh_degree);
     if (!status) {
         pthread_mutex_lock(&s->lock);
-        m->count = count;
-        m->antialiased = sf_model_antialiased(model);
         m->version = version;
         s->newest = !s->newest;
         s->published = sf_clock();
@@ -308,28 +321,28 @@ static const sf_preview_splats *find_model(const sf_preview_store *s, uint64_t v
     return NULL;
 }
 
-void sf_store_model(sf_preview_store *s, size_t *bytes, uint64_t *version) {
+uint64_t sf_store_model(sf_preview_store *s) {
     pthread_mutex_lock(&s->lock);
-    const sf_preview_splats *m = &s->models[s->newest];
-    *version = m->version;
-    *bytes = m->version ? m->count * SF_SPLAT_BYTES : 0;
+    uint64_t version = s->models[s->newest].version;
     pthread_mutex_unlock(&s->lock);
+    return version;
 }
 
-size_t sf_store_model_bytes(sf_preview_store *s, uint64_t version) {
+size_t sf_store_model_bytes(sf_preview_store *s, uint64_t version, sf_preview_piece piece) {
     pthread_mutex_lock(&s->lock);
     const sf_preview_splats *m = find_model(s, version);
-    size_t bytes = m ? m->count * SF_SPLAT_BYTES : 0;
+    size_t bytes = m ? m->bytes[piece] : 0;
     pthread_mutex_unlock(&s->lock);
     return bytes;
 }
 
-int sf_store_model_read(sf_preview_store *s, uint64_t version, size_t at, size_t size, uint8_t *data) {
+int sf_store_model_read(sf_preview_store *s, uint64_t version, sf_preview_piece piece, size_t at, size_t size,
+                        uint8_t *data) {
     pthread_mutex_lock(&s->lock);
     const sf_preview_splats *m = find_model(s, version);
-    int inside = m && at <= m->count * SF_SPLAT_BYTES && size <= m->count * SF_SPLAT_BYTES - at;
+    int inside = m && at <= m->bytes[piece] && size <= m->bytes[piece] - at;
     if (inside) {
-        memcpy(data, m->data + at, size);
+        memcpy(data, m->data[piece] + at, size);
         if (m != &s->models[s->newest]) s->old_served = sf_clock();
     }
     pthread_mutex_unlock(&s->lock);

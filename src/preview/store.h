@@ -27,11 +27,14 @@ typedef struct sf_preview_shot {
     uint64_t jpeg_version;
 } sf_preview_shot;
 
-/* A model as the bytes of a .splat. */
+/* What is read of a model: the bytes of a .splat, and of the SH what it leaves out (model_file.h). */
+typedef enum sf_preview_piece { SF_PREVIEW_SPLATS, SF_PREVIEW_SH, SF_PREVIEW_PIECES } sf_preview_piece;
+
 typedef struct sf_preview_splats {
-    uint8_t *data;
-    size_t capacity, count; /* Gaussians */
-    int antialiased;
+    uint8_t *data[SF_PREVIEW_PIECES];
+    size_t capacity[SF_PREVIEW_PIECES], bytes[SF_PREVIEW_PIECES];
+    size_t count; /* Gaussians */
+    int antialiased, sh_degree;
     uint64_t version; /* 0: none */
 } sf_preview_splats;
 
@@ -66,7 +69,7 @@ int sf_store_wants(sf_preview_store *s, int parts);
 sf_status sf_store_set_status(sf_preview_store *s, const char *json);
 sf_status sf_store_set_picture(sf_preview_store *s, sf_preview_part part, int width, int height,
                                const uint8_t *rgb);
-sf_status sf_store_set_model(sf_preview_store *s, const sf_model *model);
+sf_status sf_store_set_model(sf_preview_store *s, const sf_model *model, int sh_degree);
 int sf_store_take_command(sf_preview_store *s, sf_preview_command *command);
 
 /* A client looks at `parts`. */
@@ -85,13 +88,14 @@ char *sf_store_history_json(sf_preview_store *s);
 sf_status sf_store_jpeg(sf_preview_store *s, sf_preview_part part, uint8_t **jpeg, size_t *size,
                         uint64_t *version);
 
-/* Size and version of the newest model, 0 and 0 where there is none. */
-void sf_store_model(sf_preview_store *s, size_t *bytes, uint64_t *version);
+/* Version of the newest model, 0 where there is none. */
+uint64_t sf_store_model(sf_preview_store *s);
 
-/* Size of the model of that version, 0: no longer here. */
-size_t sf_store_model_bytes(sf_preview_store *s, uint64_t version);
+/* Size of a piece of the model of that version, 0: no longer here. */
+size_t sf_store_model_bytes(sf_preview_store *s, uint64_t version, sf_preview_piece piece);
 
-/* Copies bytes at..at+size-1 of the model of that version. 0: it is no longer here. */
-int sf_store_model_read(sf_preview_store *s, uint64_t version, size_t at, size_t size, uint8_t *data);
+/* Copies bytes at..at+size-1 of a piece of the model of that version. 0: it is no longer here. */
+int sf_store_model_read(sf_preview_store *s, uint64_t version, sf_preview_piece piece, size_t at, size_t size,
+                        uint8_t *data);
 
 #endif

@@ -21,6 +21,7 @@
     F(args, NULL)                                                                                            \
     F(board, NULL)                                                                                           \
     F(calibration, NULL)                                                                                     \
+    F(cameras, NULL)                                                                                         \
     F(checkpoint, fuzz_repair_sections)                                                                      \
     F(colmap, NULL)                                                                                          \
     F(frames, NULL)                                                                                          \

@@ -1,4 +1,6 @@
-/* projects.c - targets colmap, transforms, opensfm, zip, list: projects, their cameras and their splits. */
+/* projects.c - targets colmap, transforms, opensfm, zip, cameras, list: projects, their cameras and their
+ * splits. */
+#include <math.h>
 #include <string.h>
 
 #include "fuzz.h"
@@ -95,6 +97,48 @@ int fuzz_zip(const uint8_t *data, size_t size) {
     sf_context *ctx = fuzz_begin(size, (size_t)1 << 28, 1 << 14);
     const char *path = fuzz_file("project.zip", data, size);
     int well = load(ctx, path, 0);
+    fuzz_end();
+    return well;
+}
+
+/* What a view of the camera is written as, read again. */
+static void check_again(sf_context *ctx, const sf_camera *camera) {
+    enum { MOST = 64 };
+    static const uint8_t rgb[3 * MOST * MOST];
+    const sf_pixels pixels = {.rgb = rgb, .stride = (size_t)3 * MOST};
+    const char *path = fuzz_path("again.json");
+    sf_scene *scene;
+    sf_camera *again;
+    size_t count;
+    if (camera->width > MOST || camera->height > MOST) return;
+    FUZZ_CHECK(!sf_scene_create(ctx, &scene), "scene: %s", sf_last_error(ctx));
+    sf_status status = sf_scene_add_view(scene, NULL, camera, &pixels, SF_SPLIT_TRAIN, NULL);
+    if (!status) {
+        FUZZ_CHECK(!sf_scene_save_cameras(scene, path), "cameras: %s", sf_last_error(ctx));
+        FUZZ_CHECK(!sf_cameras_load(ctx, path, &again, &count), "again: %s", sf_last_error(ctx));
+        FUZZ_CHECK(count == 1 && again->fx == camera->fx && again->width == camera->width,
+                   "again: other cameras");
+        sf_cameras_free(ctx, &again);
+    }
+    sf_scene_destroy(&scene);
+}
+
+/* As JSON does, and as many cameras as the list has entries, of which "1," is one. */
+int fuzz_cameras(const uint8_t *data, size_t size) {
+    sf_context *ctx = fuzz_begin(size, 1 << 20, 256);
+    const char *path = fuzz_file("cameras.json", data, size);
+    sf_camera *cameras;
+    size_t count;
+    int well = fuzz_went_well(ctx, sf_cameras_load(ctx, path, &cameras, &count), path);
+    FUZZ_CHECK(well ? count > 0 : !cameras && !count, "cameras: %zu", count);
+    for (size_t i = 0; i < count; i++) {
+        double center[3];
+        FUZZ_CHECK(!sf_camera_check(&cameras[i]), "camera %zu makes no sense", i);
+        sf_camera_center(&cameras[i], center);
+        FUZZ_CHECK(isfinite(center[0] + center[1] + center[2]), "camera %zu is nowhere", i);
+    }
+    if (well) check_again(ctx, cameras);
+    sf_cameras_free(ctx, &cameras);
     fuzz_end();
     return well;
 }

@@ -74,6 +74,26 @@ static sf_model *make_blobs(sf_context *ctx) {
     return stored;
 }
 
+/* The same places, with colours that are others from everywhere: some beyond what a byte of a .splat holds.
+ */
+static sf_model *make_shaded(sf_context *ctx, int sh_degree) {
+    sf_model *plain = make_blobs(ctx), *model;
+    size_t values = 3 * (size_t)((sh_degree + 1) * (sh_degree + 1));
+    sf_rng rng;
+    sf_rng_seed(&rng, 8);
+    assert_ok(ctx, sf_model_create(ctx, BLOBS, sh_degree, &model));
+    for (size_t i = 0; i < BLOBS; i++) {
+        float mean[3], quat[4], scale[3], logit, sh[48];
+        const sf_gaussians g = {mean, quat, scale, &logit, sh};
+        assert_ok(ctx, sf_model_get(plain, i, 1, &g));
+        for (size_t k = 0; k < 3; k++) sh[k] *= 1.2f;
+        for (size_t k = 3; k < values; k++) sh[k] = (float)(0.25 * sf_rng_normal(&rng));
+        assert_ok(ctx, sf_model_set(model, i, 1, &g));
+    }
+    sf_model_destroy(&plain);
+    return model;
+}
+
 static void set_status(fixture *f, const char *json) { assert_ok(f->ctx, sf_preview_set_status(f->p, json)); }
 
 /* ---- The model ---- */
@@ -145,7 +165,7 @@ static void test_model_is_drawn(void **state) {
     for (int antialiased = 0; antialiased < 2; antialiased++) {
         sf_camera camera = test_camera_around(antialiased * 3 + 1, 8, 100, 100);
         sf_model_set_antialiased(model, antialiased);
-        assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+        assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
         browser_open(&shared, "about:blank");
         browser_open(&shared, address_of(sf_preview_url(f.p), &camera, 0.9));
         await_drawing();
@@ -161,6 +181,50 @@ static void test_model_is_drawn(void **state) {
                         "400 Gaussians");
     /* The token is not left in the address. */
     assert_null(strstr(browser_text(&shared, "location.href"), token));
+    sf_model_destroy(&model);
+    end(&f);
+}
+
+static void await_degree(int degree) {
+    char text[128];
+    snprintf(text, sizeof text, "document.querySelector('#model-facts').textContent.endsWith('degree %d')",
+             degree);
+    browser_await(&shared, text);
+}
+
+/* Colours that depend on the direction, from two sides and in part. */
+static void test_harmonics_are_drawn(void **state) {
+    fixture f = start();
+    (void)state;
+    for (int degree = SF_MAX_SH_DEGREE; degree > 0; degree--) {
+        sf_model *model = make_shaded(f.ctx, degree);
+        assert_ok(f.ctx, sf_preview_set_model(f.p, model, SF_MAX_SH_DEGREE));
+        for (int side = 1; side < 7; side += 3) {
+            sf_camera camera = test_camera_around(side, 8, 100, 100);
+            browser_open(&shared, "about:blank");
+            browser_open(&shared, address_of(sf_preview_url(f.p), &camera, 0.9));
+            await_degree(degree);
+            await_drawing();
+            fit_to_canvas(&camera, 0.9);
+            double psnr = likeness(&f, model, camera);
+            print_message("degree %d, side %d: %.1f dB\n", degree, side, psnr);
+            assert_true(psnr > 35);
+        }
+        sf_model_destroy(&model);
+    }
+    /* Fewer bands are another picture; then none. */
+    sf_model *model = make_shaded(f.ctx, 3);
+    sf_camera camera = test_camera_around(4, 8, 100, 100);
+    fit_to_canvas(&camera, 0.9);
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 1));
+    browser_await(&shared, "newest.model == 4");
+    await_degree(1);
+    await_drawing();
+    assert_true(likeness(&f, model, camera) < 30);
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 0));
+    browser_await(&shared, "document.querySelector('#model-facts').textContent == '400 Gaussians'");
+    await_drawing();
+    assert_true(likeness(&f, model, camera) < 30);
     sf_model_destroy(&model);
     end(&f);
 }
@@ -210,13 +274,14 @@ static void test_finished_model(void **state) {
     char url[256], before[1024];
     (void)state;
     if (program_set_up(NULL)) fail_msg("there is no program");
-    sf_model *model = make_blobs(f.ctx);
+    sf_model *model = make_shaded(f.ctx, SF_MAX_SH_DEGREE);
     sf_camera camera = test_camera_around(1, 8, 100, 100);
     assert_ok(f.ctx, sf_model_save(model, work("blobs.ply")));
     write_cameras();
     pid_t pid = start_program(ARGS("view", "blobs.ply", "--listen", "127.0.0.1:0"), NULL);
     wait_for_page(pid, url);
     browser_open(&shared, address_of(url, &camera, 0.9));
+    await_degree(SF_MAX_SH_DEGREE);
     await_drawing();
     fit_to_canvas(&camera, 0.9);
     double psnr = likeness(&f, model, camera);
@@ -349,7 +414,7 @@ static void test_hands(void **state) {
     char text[1024], before[1024];
     (void)state;
     sf_model *model = make_blobs(f.ctx);
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     snprintf(text, sizeof text, "{%s}", pose);
     set_status(&f, text);
     browser_open(&shared, sf_preview_url(f.p));
@@ -427,13 +492,10 @@ static void test_it_comes_back(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_model_is_drawn),
-        cmocka_unit_test(test_finished_model),
-        cmocka_unit_test(test_figures_and_buttons),
-        cmocka_unit_test(test_pictures_and_overlay),
-        cmocka_unit_test(test_hands),
-        cmocka_unit_test(test_small_screens),
-        cmocka_unit_test(test_it_comes_back),
+        cmocka_unit_test(test_model_is_drawn),       cmocka_unit_test(test_harmonics_are_drawn),
+        cmocka_unit_test(test_finished_model),       cmocka_unit_test(test_figures_and_buttons),
+        cmocka_unit_test(test_pictures_and_overlay), cmocka_unit_test(test_hands),
+        cmocka_unit_test(test_small_screens),        cmocka_unit_test(test_it_comes_back),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     if (shared.pid) browser_stop(&shared);

@@ -11,6 +11,10 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#ifdef SF_HAVE_LIBZIP
+#include <zip.h>
+#endif
+
 #include "base/hash.h"
 #include "fit/fitter.h"
 
@@ -151,6 +155,32 @@ static void write_opensfm(sf_context *ctx) {
         "'points':{'1':{'coordinates':[0,0,0],'color':[9,8,7]}}}]");
 }
 
+/* The COLMAP project in an archive. */
+static void write_archive(void) {
+#ifdef SF_HAVE_LIBZIP
+    static const char *const names[] = {"cameras.txt",  "images.txt",   "points3D.txt",
+                                        "images/0.jpg", "images/1.jpg", "images/2.jpg"};
+    zip_t *zip = zip_open(test_path("colmap.zip"), ZIP_CREATE | ZIP_TRUNCATE, NULL);
+    assert_non_null(zip);
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[64];
+        snprintf(path, sizeof path, "colmap/%s", names[i]);
+        assert_true(zip_file_add(zip, names[i], zip_source_file(zip, test_path(path), 0, -1), 0) >= 0);
+    }
+    assert_int_equal(zip_close(zip), 0);
+    mkdir(test_path("unpacked"), 0777);
+    assert_int_equal(setenv("TMPDIR", test_path("unpacked"), 1), 0);
+#endif
+}
+
+/* Masks of two of its pictures, in a folder anywhere. */
+static void write_masks(sf_context *ctx) {
+    float rgb[3 * WIDTH * HEIGHT] = {1, 1, 1};
+    mkdir(test_path("masks"), 0777);
+    assert_ok(ctx, sf_write_png(ctx, test_path("masks/0.jpg.png"), WIDTH, HEIGHT, rgb));
+    assert_ok(ctx, sf_write_png(ctx, test_path("masks/2.png"), WIDTH / 2, HEIGHT / 2, rgb));
+}
+
 /* Jobs: projects. */
 
 static sf_status load_scene(world *w, const char *path, const sf_load_options *options) {
@@ -176,6 +206,33 @@ static sf_status load_studio(world *w) {
 }
 
 static sf_status load_opensfm(world *w) { return load_scene(w, test_path("opensfm"), NULL); }
+
+/* What it was unpacked to is gone, too. */
+static sf_status load_archive(world *w) {
+#ifdef SF_HAVE_LIBZIP
+    sf_status status = load_scene(w, test_path("colmap.zip"), NULL);
+    assert_int_equal(test_count_entries(test_path("unpacked")), 0);
+    return status;
+#else
+    return load_scene(w, test_path("colmap"), NULL);
+#endif
+}
+
+static sf_status load_masks(world *w) {
+    sf_load_options options = sf_load_options_default();
+    options.masks = test_path("masks");
+    return load_scene(w, test_path("colmap"), &options);
+}
+
+static sf_status load_cameras(world *w) {
+    sf_camera *cameras;
+    size_t count;
+    sf_status status = sf_cameras_load(w->ctx, test_path("known.json"), &cameras, &count);
+    if (status) assert_true(!cameras && !count);
+    note(w, cameras, count * sizeof *cameras);
+    sf_cameras_free(w->ctx, &cameras);
+    return status;
+}
 
 static sf_status load_transforms(world *w) {
     sf_load_options options = sf_load_options_default();
@@ -213,6 +270,26 @@ static sf_status convert_ply(world *w) { return convert_to(w, "m.ply", 0); }
 static sf_status convert_spz(world *w) { return convert_to(w, "m.spz", 0); }
 static sf_status convert_spz_turned(world *w) { return convert_to(w, "t.spz", 1); }
 static sf_status convert_splat(world *w) { return convert_to(w, "m.splat", 0); }
+
+/* A copy, by a file: a failure leaves what was there. */
+static sf_status move(world *w) {
+    static const sf_similarity turned = {{0, -1, 0, 1, 0, 0, 0, 0, 1}, 2, {1, 2, 3}};
+    const double low[3] = {-3, -3, 2}, high[3] = {6, 6, 5};
+    sf_model *model = NULL;
+    sf_model_bounds bounds = {0};
+    sf_status status = sf_model_load(w->ctx, test_path("moved.ply"), &model);
+    size_t count = status ? 0 : sf_model_count(model);
+    if (!status) status = sf_model_transform(model, &turned);
+    if (!status) {
+        status = sf_model_crop(model, low, high);
+        assert_true(status ? sf_model_count(model) == count : sf_model_count(model) < count);
+    }
+    if (!status) status = sf_model_get_bounds(model, &bounds);
+    if (!status) status = note_model(w, model);
+    note(w, &bounds, sizeof bounds);
+    sf_model_destroy(&model);
+    return status;
+}
 
 /* Jobs: pictures. */
 
@@ -269,6 +346,29 @@ static sf_status read_folder(world *w) {
 
 static sf_status read_studio(world *w) {
     return read_frames(w, "sim:studio?width=16&height=16&frames=2&loop=0");
+}
+
+/* A failure leaves no file, nor half of one. */
+static sf_status write_video(world *w) {
+    static float rgb[3 * WIDTH * HEIGHT];
+    sf_video_options options = sf_video_options_default();
+    const char *path = test_path("video/v.y4m");
+    sf_video *video = NULL;
+    options.width = WIDTH, options.height = HEIGHT;
+    remove(path);
+    sf_status status = sf_video_open(w->ctx, path, &options, &video);
+    for (int k = 0; k < 2 && !status; k++) {
+        for (int i = 0; i < 3 * WIDTH * HEIGHT; i++) rgb[i] = (float)((i * (k + 2)) % 89) / 89;
+        status = sf_video_add(video, rgb);
+    }
+    if (status)
+        sf_video_abandon(&video);
+    else
+        status = sf_video_close(&video);
+    assert_null(video);
+    assert_int_equal(test_count_entries(test_path("video")), status ? 0 : 1);
+    if (!status) note_file(w, path);
+    return status;
 }
 
 static sf_status remap(world *w) {
@@ -438,12 +538,17 @@ static const job jobs[] = {
     {"binary colmap", load_binary_colmap, 0, 1},
     {"transforms", load_transforms, 0, 1},
     {"opensfm", load_opensfm, 0, 1},
+    {"archive", load_archive, 0, 1},
+    {"masks", load_masks, 0, 1},
+    {"cameras.json", load_cameras, 0, 1},
     {"studio", load_studio, 0, 1},
     {"ply", convert_ply, 0, 1},
     {"spz", convert_spz, 0, 1},
     {"spz turned", convert_spz_turned, 0, 1},
     {"splat", convert_splat, 0, 1},
+    {"transform, crop, bounds", move, 0, 1},
     {"render", render, 0, 1},
+    {"video", write_video, 0, 1},
     {"folder of frames", read_folder, 0, 1},
     {"simulated frames", read_studio, 0, 1},
     {"remap", remap, 0, 1},
@@ -499,8 +604,13 @@ static int open_world(void **state) {
     write_binary_colmap(w.ctx);
     write_transforms(w.ctx);
     write_opensfm(w.ctx);
+    write_masks(w.ctx);
+    write_archive();
+    mkdir(test_path("video"), 0777);
     assert_ok(w.ctx, sf_scene_load(w.ctx, SCENE, NULL, &w.scene));
+    assert_ok(w.ctx, sf_scene_save_cameras(w.scene, test_path("known.json")));
     make_model(&w);
+    assert_ok(w.ctx, sf_model_save(w.model, test_path("moved.ply")));
     *state = &w;
     return 0;
 }

@@ -301,7 +301,7 @@ static void test_model(void **state) {
     (void)state;
     assert_int_equal(code_of(get(f.p, "/model.splat")), 404);
     sf_model *model = some_model(f.ctx, COUNT);
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     assert_ok(f.ctx, sf_model_save(model, test_path("model.splat")));
     size_t size;
     uint8_t *file = test_read(test_path("model.splat"), &size);
@@ -327,7 +327,7 @@ static void test_model(void **state) {
             assert_int_equal(a.code, 412);
         }
         free(a.body);
-        assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+        assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     }
     assert_int_equal(code_of(ask_with(f.p, "GET", "/model.splat", "Range: bytes=160000-\r\n", "")), 416);
     a = ask_with(f.p, "GET", "/model.splat", "Range: bytes=159990-999999999999999999999\r\n", "");
@@ -343,13 +343,61 @@ static void test_model(void **state) {
     sf_model_destroy(&model);
     /* A model of nothing is one. */
     model = some_model(f.ctx, 0);
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     a = get(f.p, "/model.splat");
     assert_int_equal(a.code, 200);
     assert_int_equal(a.size, 0);
     free(a.body);
     sf_model_destroy(&model);
     free(file);
+    close_one(&f);
+}
+
+/* What a .splat leaves out, in its order: the heaviest Gaussian, which is the second, comes first. */
+static void test_sh(void **state) {
+    fixture f = open_one();
+    sf_model *model;
+    (void)state;
+    assert_int_equal(code_of(get(f.p, "/model.sh")), 404);
+    assert_ok(f.ctx, sf_model_create(f.ctx, 2, 3, &model));
+    float mean[3] = {0}, quat[4] = {1}, scale[3] = {-4, -4, -4}, logit = 2, sh[48] = {0};
+    const sf_gaussians g = {mean, quat, scale, &logit, sh};
+    sh[0] = 5, sh[1] = -5; /* colours 1.91 and -0.91 */
+    sh[3] = 0.25f, sh[11] = -3, sh[47] = 3;
+    assert_ok(f.ctx, sf_model_set(model, 0, 1, &g));
+    memset(sh, 0, sizeof sh);
+    sh[3] = -0.5f;
+    scale[0] = -3;
+    assert_ok(f.ctx, sf_model_set(model, 1, 1, &g));
+    static const size_t size[] = {0, 16, 32, 48, 48};
+    for (int degree = 0; degree < 5; degree++) {
+        assert_ok(f.ctx, sf_preview_set_model(f.p, model, degree));
+        json_t *json = get_json(f.p, "/status");
+        assert_int_equal(test_number(json_object_get(json, "model"), "sh_degree"), degree < 3 ? degree : 3);
+        json_decref(json);
+        answer a = get(f.p, "/model.sh");
+        assert_int_equal(a.code, 200);
+        assert_int_equal(a.size, 2 * size[degree]);
+        const uint8_t *second = a.body + size[degree];
+        if (degree > 0) {
+            assert_true(a.body[0] == 128 && a.body[3] == 64 && a.body[4] == 128);
+            assert_true(second[0] == 245 && second[1] == 11 && second[2] == 128);
+            assert_true(second[3] == 160 && second[11] == 0 && second[12] == 128);
+            assert_int_equal(second[size[degree] - 1], degree < 3 ? 128 : 255);
+        }
+        free(a.body);
+    }
+    answer a = ask_with(f.p, "GET", "/model.sh", "Range: bytes=90-\r\n", "");
+    assert_int_equal(a.code, 206);
+    assert_int_equal(a.size, 6);
+    free(a.body);
+    /* As many bands as there is room for. */
+    assert_int_equal(sf_preview_sh_within(1000, 48000), 3);
+    assert_int_equal(sf_preview_sh_within(1000, 47999), 2);
+    assert_int_equal(sf_preview_sh_within(1000, 16000), 1);
+    assert_int_equal(sf_preview_sh_within(1000, 15999), 0);
+    assert_int_equal(sf_preview_sh_within(0, 0), 3);
+    sf_model_destroy(&model);
     close_one(&f);
 }
 
@@ -366,11 +414,11 @@ static void test_wants(void **state) {
     assert_false(sf_preview_wants(f.p, SF_PREVIEW_RENDER));
     /* Who is in the middle of an older model holds up the next. */
     sf_model *model = some_model(f.ctx, 100);
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     answer a = ask_with(f.p, "GET", "/model.splat", "Range: bytes=0-31\r\n", "");
     free(a.body);
     assert_true(sf_preview_wants(f.p, SF_PREVIEW_MODEL));
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     char tag[128], headers[256];
     header_value(&a, "ETag: ", tag, sizeof tag);
     snprintf(headers, sizeof headers, "If-Match: %s\r\nRange: bytes=32-63\r\n", tag);
@@ -624,12 +672,12 @@ static void test_many(void **state) {
     (void)state;
     pthread_t threads[3];
     sf_model *model = some_model(f.ctx, 100000);
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     int deaf = dial(port_of(f.p)), mute = dial(port_of(f.p));
     send_text(deaf, "GET /model.splat HTTP/1.1\r\nHost: localhost\r\n\r\n");
     for (int i = 0; i < 3; i++) assert_int_equal(pthread_create(&threads[i], NULL, ask_often, &f), 0);
     double began = sf_clock();
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model)); /* does not wait for who never reads */
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3)); /* does not wait for who never reads */
     assert_true(sf_clock() - began < 4);
     for (int i = 0; i < 3; i++) {
         void *failed;
@@ -649,7 +697,7 @@ static void test_close(void **state) {
     enum { CLIENTS = 12 };
     int fd[CLIENTS];
     sf_model *model = some_model(f.ctx, 200000);
-    assert_ok(f.ctx, sf_preview_set_model(f.p, model));
+    assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
     for (int i = 0; i < CLIENTS; i++) {
         fd[i] = dial(port_of(f.p));
         if (i % 3) send_text(fd[i], "GET /model.splat HTTP/1.1\r\nHost: localhost\r\n\r\n");
@@ -676,7 +724,8 @@ static void test_no_memory(void **state) {
     (void)state;
     close_one(&f);
     assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
-    sf_model *model = some_model(ctx, 10);
+    sf_model *model;
+    assert_ok(ctx, sf_model_create(ctx, 10, 3, &model));
     long live = atomic_load(&a.live);
     sf_status status = SF_ERR_MEMORY;
     for (long n = 1; status == SF_ERR_MEMORY; n++) {
@@ -689,9 +738,9 @@ static void test_no_memory(void **state) {
     assert_status(ctx, sf_preview_set_status(p, "{}"), SF_ERR_MEMORY);
     a.fail_at = atomic_load(&a.calls) + 1;
     assert_status(ctx, sf_preview_set_picture(p, SF_PREVIEW_CAMERA, 2, 2, rgb), SF_ERR_MEMORY);
-    for (long n = 1; n <= 2; n++) {
-        a.fail_at = atomic_load(&a.calls) + n;
-        assert_status(ctx, sf_preview_set_model(p, model), SF_ERR_MEMORY);
+    for (long n = 1; n <= 3; n++) { /* the records, the SH, the order; what was had stays */
+        a.fail_at = atomic_load(&a.calls) + (n < 3 ? n : 2);
+        assert_status(ctx, sf_preview_set_model(p, model, 3), SF_ERR_MEMORY);
     }
     a.fail_at = 0;
     assert_int_equal(code_of(ask_with(p, "GET", "/model.splat", "Authorization: Bearer abcdefgh\r\n", "")),
@@ -714,7 +763,7 @@ static void one_round(fixture *f, int i, const uint8_t *rgb, const sf_model *mod
     static const char *const paths[] = {"/",           "/status?want=crm", "/history",
                                         "/camera.jpg", "/model.splat",     "/nothing"};
     assert_ok(f->ctx, sf_preview_set_picture(f->p, SF_PREVIEW_CAMERA, 64, 48, rgb));
-    if (i % 16 == 0) assert_ok(f->ctx, sf_preview_set_model(f->p, model));
+    if (i % 16 == 0) assert_ok(f->ctx, sf_preview_set_model(f->p, model, 3));
     if (i % 4 == 0) set_point(f, i, i % 9);
     int code = code_of(get(f->p, paths[i % 6]));
     assert_int_equal(code, i % 6 == 5 ? 404 : 200);
@@ -755,23 +804,15 @@ static void test_memory(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_page),
-        cmocka_unit_test(test_status),
-        cmocka_unit_test(test_history),
-        cmocka_unit_test(test_pictures),
-        cmocka_unit_test(test_model),
-        cmocka_unit_test(test_wants),
-        cmocka_unit_test(test_token),
-        cmocka_unit_test(test_token_made),
-        cmocka_unit_test(test_host_and_origin),
-        cmocka_unit_test(test_hosts),
-        cmocka_unit_test(test_addresses),
-        cmocka_unit_test(test_taken),
-        cmocka_unit_test(test_commands),
-        cmocka_unit_test(test_garbage),
-        cmocka_unit_test(test_many),
-        cmocka_unit_test(test_close),
-        cmocka_unit_test(test_memory),
+        cmocka_unit_test(test_page),       cmocka_unit_test(test_status),
+        cmocka_unit_test(test_history),    cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_model),      cmocka_unit_test(test_sh),
+        cmocka_unit_test(test_wants),      cmocka_unit_test(test_token),
+        cmocka_unit_test(test_token_made), cmocka_unit_test(test_host_and_origin),
+        cmocka_unit_test(test_hosts),      cmocka_unit_test(test_addresses),
+        cmocka_unit_test(test_taken),      cmocka_unit_test(test_commands),
+        cmocka_unit_test(test_garbage),    cmocka_unit_test(test_many),
+        cmocka_unit_test(test_close),      cmocka_unit_test(test_memory),
         cmocka_unit_test(test_no_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
