@@ -78,6 +78,10 @@ SF_API void sf_live_cancel(sf_live *live);
 /* 1: frames are tracked and shown, the fit waits and takes in nothing; 0: it goes on. */
 SF_API void sf_live_pause(sf_live *live, int paused);
 
+/* As sf_source_lock_exposure, before the next frame; a warning says where the source refuses. Safe from any
+ * thread. */
+SF_API void sf_live_lock_exposure(sf_live *live, int locked);
+
 /* Forgets the model and all keyframes. */
 SF_API void sf_live_reset(sf_live *live);
 
@@ -92,23 +96,24 @@ typedef enum sf_live_state {
 
 /* Where a live fit stands, between two calls of sf_live_step. */
 typedef struct sf_live_progress {
-    sf_live_state state;            /* as of the newest frame that was looked at */
-    int paused;                     /* by sf_live_pause */
-    double seconds;                 /* since the first frame */
-    sf_source_counts frames;        /* what became of the source's */
-    uint64_t passed_over;           /* frames that came too fast for the loop */
-    uint64_t tracked;               /* frames whose pose was found, of those looked at */
-    uint64_t looked_at;             /* frames that a pose was looked for in */
-    uint64_t lost;                  /* times that the pose was lost */
-    double frame_rate;              /* frames a second that come, over the last seconds */
-    double track_rate;              /* poses a second, over the last seconds */
-    double track_ms;                /* that a look at a frame takes, over the last */
-    double duty;                    /* part of its time that the fit works: 1, down to 0.1 on a hot machine */
-    size_t keyframes, held_out;     /* all of them; those that are never trained on */
-    size_t seeded;                  /* Gaussians at points found after the start */
-    int has_fit;                    /* the fields below hold */
-    sf_fit_progress fit;            /* of the fit itself */
-    double held_out_psnr;           /* dB, mean over the keyframes held out, with the poses as tracked; NAN */
+    sf_live_state state;        /* as of the newest frame that was looked at */
+    int paused;                 /* by sf_live_pause */
+    int exposure_locked;        /* 1: by sf_live_lock_exposure; 0: it is not; -1: the source cannot be told */
+    double seconds;             /* since the first frame */
+    sf_source_counts frames;    /* what became of the source's */
+    uint64_t passed_over;       /* frames that came too fast for the loop */
+    uint64_t tracked;           /* frames whose pose was found, of those looked at */
+    uint64_t looked_at;         /* frames that a pose was looked for in */
+    uint64_t lost;              /* times that the pose was lost */
+    double frame_rate;          /* frames a second that come, over the last seconds */
+    double track_rate;          /* poses a second, over the last seconds */
+    double track_ms;            /* that a look at a frame takes, over the last */
+    double duty;                /* part of its time that the fit works: 1, down to 0.1 on a hot machine */
+    size_t keyframes, held_out; /* all of them; those that are never trained on */
+    size_t seeded;              /* Gaussians at points found after the start */
+    int has_fit;                /* the fields below hold */
+    sf_fit_progress fit;        /* of the fit itself */
+    double held_out_psnr;       /* dB, mean over the keyframes held out, with the poses as tracked; NAN */
     double held_out_psnr_corrected; /* with exposure corrected, as sf_quality; NAN */
     double first_psnr;              /* dB, of the first keyframe, exposure corrected; NAN */
 } sf_live_progress;

@@ -60,6 +60,7 @@ typedef struct sf_source_info {
     uint64_t frames;          /* 0: without end or unknown */
     int has_poses;            /* frames come with their true camera */
     int live;                 /* frames come when they come: those that nobody takes in time are lost */
+    int can_lock_exposure;    /* sf_source_lock_exposure is understood */
     char name[128];           /* for people */
 } sf_source_info;
 
@@ -101,6 +102,11 @@ typedef struct sf_frame {
 SF_API sf_status sf_source_open(sf_context *context, const char *name, sf_source **source);
 SF_API void sf_source_close(sf_source **source);
 SF_API void sf_source_describe(const sf_source *source, sf_source_info *info);
+
+/* 1: exposure, gain and white balance stay as they are now; 0: what the camera chose by itself before, it
+ * chooses again. Of the simulated camera the exposure alone. Call it from the thread of sf_source_next.
+ * SF_ERR_UNSUPPORTED: the source has nothing of the kind; SF_ERR_IO: the camera is gone, or refuses. */
+SF_API sf_status sf_source_lock_exposure(sf_source *source, int locked);
 SF_API void sf_source_count(const sf_source *source, sf_source_counts *counts);
 
 /* The next frame, in order, waiting at most timeout_ms (-1: as long as it takes, though never for ever on a

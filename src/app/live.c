@@ -424,6 +424,12 @@ static void obey(live_run *r) {
     case PAGE_RESET:
         sf_live_reset(r->live);
         break;
+    case PAGE_LOCK:
+        sf_live_lock_exposure(r->live, 1);
+        break;
+    case PAGE_UNLOCK:
+        sf_live_lock_exposure(r->live, 0);
+        break;
     case PAGE_NOTHING:
         break;
     }

@@ -13,7 +13,15 @@ typedef struct page {
     size_t capacity; /* pixels of both */
 } page;
 
-typedef enum page_word { PAGE_NOTHING, PAGE_PAUSE, PAGE_GO_ON, PAGE_SAVE, PAGE_RESET } page_word;
+typedef enum page_word {
+    PAGE_NOTHING,
+    PAGE_PAUSE,
+    PAGE_GO_ON,
+    PAGE_SAVE,
+    PAGE_RESET,
+    PAGE_LOCK,
+    PAGE_UNLOCK
+} page_word;
 
 /* Serves it as --listen and --token say, and says where. An address that nobody asked for and that is taken,
  * or a build without it, is no failure. 0 or an exit code. */

@@ -83,9 +83,13 @@ static void add_frame(json_t *figures, const sf_live_frame *f) {
                                   c->cy, "width", (int)c->width, "height", (int)c->height));
 }
 
-static void show_figures(page *p, json_t *figures, const sf_live_frame *f) {
+static void show_figures(page *p, sf_live *live, json_t *figures, const sf_live_frame *f) {
+    sf_live_progress progress;
+    sf_live_get_progress(live, &progress);
     if (f->number) add_frame(figures, f);
     json_object_set_new(figures, "buttons", json_true());
+    if (progress.exposure_locked >= 0)
+        json_object_set_new(figures, "exposure_locked", json_boolean(progress.exposure_locked));
     json_object_set_new(figures, "memory_mb", json_real(app_peak_memory()));
     char *text = json_dumps(figures, JSON_COMPACT | JSON_REAL_PRECISION(7));
     if (text) (void)sf_preview_set_status(p->preview, text);
@@ -110,7 +114,7 @@ void page_show(page *p, sf_live *live, json_t *figures) {
         if (sf_preview_wants(p->preview, SF_PREVIEW_CAMERA)) show_camera(p, &f);
         if (sf_preview_wants(p->preview, SF_PREVIEW_RENDER)) show_render(p, live, &f);
     }
-    if (figures) show_figures(p, figures, &f);
+    if (figures) show_figures(p, live, figures, &f);
     json_decref(figures);
     show_model(p, live, p->next);
 }
@@ -127,9 +131,10 @@ page_word page_command(page *p) {
         return PAGE_SAVE;
     case SF_PREVIEW_RESET:
         return PAGE_RESET;
-    case SF_PREVIEW_LOCK_EXPOSURE: /* the sources' controls cannot be set while they run */
+    case SF_PREVIEW_LOCK_EXPOSURE:
+        return PAGE_LOCK;
     case SF_PREVIEW_UNLOCK_EXPOSURE:
-        return PAGE_NOTHING;
+        return PAGE_UNLOCK;
     }
     return PAGE_NOTHING;
 }

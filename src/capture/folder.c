@@ -370,7 +370,7 @@ static sf_status open_folder(folder_source *f, const char *name) {
 }
 
 sf_status sf_folder_open(sf_context *ctx, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {folder_close, folder_describe, folder_next, folder_release};
+    static const sf_source_ops ops = {folder_close, folder_describe, folder_next, folder_release, NULL};
     folder_source *f = sf_calloc(ctx, 1, sizeof *f);
     if (!f) return SF_ERR_MEMORY;
     f->ctx = ctx;

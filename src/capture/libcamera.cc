@@ -344,6 +344,8 @@ class Source {
     void describe(sf_source_info *info) const;
     sf_status next(int timeout_ms, bool newest, sf_frame *frame, sf_source_counts *counts);
     void release(sf_frame *frame) { queue(*static_cast<Slot *>(frame->lease)); }
+    bool can_lock() const;
+    void lock(bool so) { locked = so, lock_is_new = true; }
 
   private:
     sf_status fail(sf_status status, const char *what, int error = 0);
@@ -356,6 +358,7 @@ class Source {
     sf_status want(const libcamera::Control<T> &control, const char *option, V value);
     sf_status want_controls(const Request &asked);
     void put_controls(libcamera::ControlList &to) const;
+    void put_lock(libcamera::ControlList &to) const;
     sf_status start();
     void shut();
 
@@ -384,6 +387,7 @@ class Source {
     Devices devices;
     Request asked_for;
     bool acquired = false, running = false;
+    bool locked = false, lock_is_new = false; /* goes with the next request */
     std::vector<Slot> slots;
     std::vector<Mapping> mappings;
     bool counted = false; /* a frame came already, of this sequence: */
@@ -577,6 +581,19 @@ void Source::put_controls(libcamera::ControlList &to) const {
     }
 }
 
+bool Source::can_lock() const {
+    const auto &known = camera->controls();
+    return known.count(libcamera::controls::AeEnable.id()) || known.count(libcamera::controls::AwbEnable.id());
+}
+
+/* What was given by hand stays so when the rest is unlocked. */
+void Source::put_lock(libcamera::ControlList &to) const {
+    namespace c = libcamera::controls;
+    const auto &known = camera->controls();
+    if (known.count(c::AeEnable.id()) && asked_for.exposure_us <= 0) to.set(c::AeEnable, !locked);
+    if (known.count(c::AwbEnable.id())) to.set(c::AwbEnable, !locked);
+}
+
 /* Some pipelines take controls with the start, some with the first request. */
 sf_status Source::start() {
     camera->requestCompleted.connect(this, &Source::completed);
@@ -632,6 +649,7 @@ void Source::describe(sf_source_info *info) const {
     info->format = format->format;
     info->frames_per_second = asked_for.fps;
     info->live = 1;
+    info->can_lock_exposure = can_lock();
     snprintf(info->name, sizeof info->name, "%s, %dx%d %s", model.c_str(), int(width), int(height),
              sf_pixel_format_name(format->format));
 }
@@ -656,6 +674,8 @@ void Source::lost() noexcept {
 /* Lets the camera have it again; 0: it takes nothing any more. */
 bool Source::queue(Slot &slot) {
     slot.request->reuse(libcamera::Request::ReuseBuffers);
+    if (lock_is_new) put_lock(slot.request->controls());
+    lock_is_new = false;
     return camera->queueRequest(slot.request.get()) == 0;
 }
 
@@ -799,6 +819,11 @@ sf_status source_next(void *self, int timeout_ms, int newest, sf_frame *frame, s
     return guarded(source->context(), [&] { return source->next(timeout_ms, newest != 0, frame, counts); });
 }
 
+sf_status source_lock(void *self, int locked) {
+    static_cast<Source *>(self)->lock(locked != 0);
+    return SF_OK;
+}
+
 void source_release(void *self, sf_frame *frame) {
     try {
         static_cast<Source *>(self)->release(frame);
@@ -836,7 +861,7 @@ sf_status add_camera(sf_devices *devices, libcamera::Camera &camera, size_t inde
 } // namespace
 
 extern "C" sf_status sf_libcamera_open(sf_context *ctx, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {source_close, source_describe, source_next, source_release};
+    static const sf_source_ops ops = {source_close, source_describe, source_next, source_release, source_lock};
     return guarded(ctx, [&] {
         auto made = std::make_unique<Source>(ctx);
         sf_status status = made->open(name);

@@ -559,7 +559,7 @@ static sf_status init(pipe_source *p, const char *name) {
 }
 
 sf_status sf_pipe_open(sf_context *ctx, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {pipe_close, pipe_describe, pipe_next, pipe_release};
+    static const sf_source_ops ops = {pipe_close, pipe_describe, pipe_next, pipe_release, NULL};
     pipe_source *p = sf_calloc(ctx, 1, sizeof *p);
     if (!p) return SF_ERR_MEMORY;
     p->ctx = ctx;

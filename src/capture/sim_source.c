@@ -23,6 +23,8 @@ typedef struct sim_source {
     float *linear, *smeared, *depth; /* [height][width][3]; those that the sensor needs */
     uint8_t *frames[SF_SOURCE_MAX_LEASES];
     int taken[SF_SOURCE_MAX_LEASES];
+    int locked; /* the exposure stays as it was in the last frame */
+    double last_bright, locked_at;
     float bright[METER_TIMES]; /* the exposure along the frames, 1: as it is without control */
 } sim_source;
 
@@ -113,6 +115,7 @@ static void meter(sim_source *s) {
 
 static double brightness(const sim_source *s, const moment *m) {
     if (!s->sim.auto_exposure) return 1;
+    if (s->locked) return s->locked_at;
     double turns = m->seconds / (sf_sim_period(&s->sim) * (double)s->sim.frames);
     double place = (turns - floor(turns)) * METER_TIMES, t = place - floor(place);
     int i = (int)place % METER_TIMES, next = (i + 1) % METER_TIMES;
@@ -177,6 +180,7 @@ static void take_picture(sim_source *s, const moment *m, uint8_t *data, sf_frame
     double bright = brightness(s, m), time = fmin(bright, 1), gain = fmax(bright, 1);
     double exposure_s = time * FULL_TIME_MS * 1e-3;
     sf_camera camera;
+    s->last_bright = bright;
     sf_sim_studio_camera(&s->sim, m->place, &camera);
     sf_sim_to_world(&s->sim, &camera, &frame->camera);
     sf_exposure e = {.curve = &s->curve,
@@ -193,6 +197,13 @@ static void take_picture(sim_source *s, const moment *m, uint8_t *data, sf_frame
 }
 
 /* 5. The source */
+
+static sf_status sim_lock(void *self, int locked) {
+    sim_source *s = self;
+    if (locked && !s->locked) s->locked_at = s->last_bright;
+    s->locked = locked;
+    return SF_OK;
+}
 
 static void sim_close(void *self) {
     sim_source *s = self;
@@ -213,6 +224,7 @@ static void sim_describe(const void *self, sf_source_info *info) {
     info->frames = s->pace.frames;
     info->has_poses = 1;
     info->live = s->sim.fps > 0;
+    info->can_lock_exposure = s->sim.auto_exposure;
     snprintf(info->name, sizeof info->name, "simulated studio%s, %dx%d",
              s->sim.has_board ? " with a board" : "", (int)s->sim.width, (int)s->sim.height);
 }
@@ -306,7 +318,7 @@ static sf_status bake(sim_source *s) {
 }
 
 sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {sim_close, sim_describe, sim_next, sim_release};
+    static const sf_source_ops ops = {sim_close, sim_describe, sim_next, sim_release, sim_lock};
     sim_source *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
@@ -319,6 +331,7 @@ sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
         return status;
     }
     sf_sensor_curve_init(&s->curve);
+    s->last_bright = 1;
     if (s->sim.auto_exposure) meter(s);
     source->ops = &ops;
     source->self = s;

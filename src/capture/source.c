@@ -66,7 +66,14 @@ void sf_source_count(const sf_source *source, sf_source_counts *counts) { *count
 
 void sf_source_describe(const sf_source *source, sf_source_info *info) {
     memset(info, 0, sizeof *info);
+    info->can_lock_exposure = source->ops->lock_exposure != NULL;
     source->ops->describe(source->self, info);
+}
+
+sf_status sf_source_lock_exposure(sf_source *source, int locked) {
+    if (source->ops->lock_exposure) return source->ops->lock_exposure(source->self, locked);
+    return sf_fail(source->ctx, SF_ERR_UNSUPPORTED,
+                   "source: exposure: this kind has nothing that could be locked");
 }
 
 static const void **slot_of(sf_source *source, const void *lease) {

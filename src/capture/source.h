@@ -21,6 +21,7 @@ typedef struct sf_source_ops {
     void (*describe)(const void *self, sf_source_info *info);
     sf_status (*next)(void *self, int timeout_ms, int newest, sf_frame *frame, sf_source_counts *counts);
     void (*release)(void *self, sf_frame *frame);
+    sf_status (*lock_exposure)(void *self, int locked); /* NULL: the source cannot be told */
 } sf_source_ops;
 
 struct sf_source {

@@ -28,6 +28,9 @@ typedef struct v4l2_source {
     int bus_matters;         /* others are there with the same name and number */
     int restarts;            /* since the last frame */
     int fatal;               /* it came back with other frames */
+    int can_lock;            /* the camera chooses one of these, where it is let: */
+    int locked;              /* exposure, gain and white balance stay as they were */
+    unsigned were;           /* which of them the camera chose before */
     int64_t not_before_ns;   /* when the next look or restart may be */
     uint64_t sequence;       /* of the last frame, beyond 32 bits */
     uint32_t driver_sequence;
@@ -93,6 +96,7 @@ static int reopen(v4l2_source *s, sf_v4l2_device *d) {
     if (!is_ours(s, d, s->bus_matters)) return 0;
     sf_status status = sf_v4l2_stream_open(d, &s->settings, &s->stream);
     if (status == SF_ERR_UNSUPPORTED || status == SF_ERR_ARGUMENT) s->fatal = 1;
+    if (!status && s->locked) (void)sf_v4l2_lock(&s->stream->device, 1, &s->were);
     return 1; /* what fails otherwise is tried again: the camera may not be ready yet */
 }
 
@@ -290,7 +294,16 @@ static void v4l2_describe(const void *self, sf_source_info *info) {
     info->format = s->picture.pixels->format;
     info->frames_per_second = s->picture.fps;
     info->live = 1;
+    info->can_lock_exposure = s->can_lock;
     snprintf(info->name, sizeof info->name, "%s, %.80s", s->identity.card, s->settings.path);
+}
+
+static sf_status v4l2_lock(void *self, int locked) {
+    v4l2_source *s = self;
+    if (!s->stream) return sf_fail(s->ctx, SF_ERR_IO, "%s: exposure: the camera is gone", s->settings.path);
+    sf_status status = sf_v4l2_lock(&s->stream->device, locked, &s->were);
+    if (!status) s->locked = locked;
+    return status;
 }
 
 static void v4l2_close(void *self) {
@@ -370,7 +383,7 @@ static sf_status open_camera(v4l2_source *s) {
 }
 
 sf_status sf_v4l2_open_with(sf_context *ctx, const sf_v4l2_sys *sys, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {v4l2_close, v4l2_describe, v4l2_next, v4l2_release};
+    static const sf_source_ops ops = {v4l2_close, v4l2_describe, v4l2_next, v4l2_release, v4l2_lock};
     v4l2_source *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
@@ -380,6 +393,7 @@ sf_status sf_v4l2_open_with(sf_context *ctx, const sf_v4l2_sys *sys, const char 
     if (s->name) memcpy(s->name, name, strlen(name) + 1);
     if (status == SF_OK) status = read_settings(ctx, s->name, &s->settings);
     if (status == SF_OK) status = open_camera(s);
+    if (status == SF_OK) s->can_lock = sf_v4l2_has_automatic(&s->stream->device);
     if (status != SF_OK) {
         v4l2_close(s);
         return status;

@@ -233,4 +233,34 @@ sf_status sf_v4l2_set_controls(sf_v4l2_device *device, const sf_v4l2_settings *s
     if (*gain == 0) *gain = read_chosen(device, &gain_control, V4L2_CID_ANALOGUE_GAIN);
     return status;
 }
+
+/* ---- locked on the way ---- */
+
+static const automatic *const lockable[] = {&exposure_control, &gain_control, &white_control};
+enum { LOCKABLE = sizeof lockable / sizeof *lockable };
+
+int sf_v4l2_has_automatic(sf_v4l2_device *device) {
+    struct v4l2_queryctrl q;
+    for (int i = 0; i < LOCKABLE; i++)
+        if (query(device, lockable[i]->chooser, &q)) return 1;
+    return 0;
+}
+
+sf_status sf_v4l2_lock(sf_v4l2_device *device, int locked, unsigned *were) {
+    sf_status status = SF_OK;
+    for (int i = 0; i < LOCKABLE && !status; i++) {
+        const automatic *a = lockable[i];
+        struct v4l2_queryctrl q;
+        struct v4l2_control chooser = {.id = a->chooser};
+        if (!query(device, a->chooser, &q) || sf_v4l2_ioctl(device, VIDIOC_G_CTRL, &chooser)) continue;
+        int automatic_now = chooser.value != a->user[0] && chooser.value != a->user[1];
+        if (locked && automatic_now) {
+            status = let_choose(device, a, &q, a->user);
+            *were |= 1u << i;
+        }
+        if (!locked && *were >> i & 1) status = let_choose(device, a, &q, a->camera);
+    }
+    if (!locked) *were = 0;
+    return status;
+}
 #endif

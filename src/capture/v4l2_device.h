@@ -134,4 +134,10 @@ const char *sf_v4l2_signal(sf_v4l2_device *device);
 sf_status sf_v4l2_set_controls(sf_v4l2_device *device, const sf_v4l2_settings *settings, double *exposure_s,
                                double *gain);
 
+/* Whether the camera chooses exposure, gain or white balance by itself where it is let. */
+int sf_v4l2_has_automatic(sf_v4l2_device *device);
+/* locked 1: it chooses none of them any more, and each stays as it is; *were: which it did choose. 0: it
+ * chooses these again. SF_ERR_IO. */
+sf_status sf_v4l2_lock(sf_v4l2_device *device, int locked, unsigned *were);
+
 #endif

@@ -36,6 +36,7 @@ struct sf_intake {
     char error[1024];
     sf_source_counts counts;
     uint64_t passed_over, came;
+    int lock_wanted, exposure_locked; /* -1: the source cannot be told */
 };
 
 static struct timespec after_ms(int ms) {
@@ -123,10 +124,27 @@ static void rest(sf_intake *in) {
     pthread_mutex_unlock(&in->lock);
 }
 
+/* On this thread, which the source belongs to. */
+static void lock_exposure(sf_intake *in) {
+    pthread_mutex_lock(&in->lock);
+    int wanted = in->lock_wanted, is = in->exposure_locked;
+    pthread_mutex_unlock(&in->lock);
+    if (is < 0 || wanted == is) return;
+    sf_status status = sf_source_lock_exposure(in->source, wanted);
+    if (status) sf_log(in->ctx, SF_LOG_WARNING, "the exposure cannot be %s", wanted ? "locked" : "unlocked");
+    pthread_mutex_lock(&in->lock);
+    if (status)
+        in->lock_wanted = is;
+    else
+        in->exposure_locked = wanted;
+    pthread_mutex_unlock(&in->lock);
+}
+
 /* A frame that cannot be decoded is passed over; a camera that has gone may come back. */
 static sf_status take_in(sf_intake *in) {
     sf_frame frame;
     rest(in);
+    lock_exposure(in);
     sf_status status = (in->live ? sf_source_newest : sf_source_next)(in->source, WAIT_MS, &frame);
     if (status == SF_ERR_TIMEOUT) return SF_OK;
     if (status) return status;
@@ -193,6 +211,7 @@ sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *le
     in->ctx = ctx, in->source = source, in->lens = *lens, in->downscale = downscale;
     in->rest_ms = (int)fmin(REST / rate, 1000);
     in->live = info.live || info.frames_per_second > 0;
+    in->exposure_locked = info.can_lock_exposure ? 0 : -1;
     in->filled = in->taken = -1;
     pthread_mutex_init(&in->lock, NULL);
     pthread_condattr_t attributes;
@@ -237,6 +256,19 @@ sf_status sf_intake_take(sf_intake *in, int timeout_ms, const sf_picture **pictu
     }
     pthread_mutex_unlock(&in->lock);
     return status;
+}
+
+void sf_intake_lock(sf_intake *in, int locked) {
+    pthread_mutex_lock(&in->lock);
+    in->lock_wanted = locked != 0;
+    pthread_mutex_unlock(&in->lock);
+}
+
+int sf_intake_locked(sf_intake *in) {
+    pthread_mutex_lock(&in->lock);
+    int locked = in->exposure_locked;
+    pthread_mutex_unlock(&in->lock);
+    return locked;
 }
 
 int sf_intake_waits(sf_intake *in) {

@@ -38,6 +38,11 @@ void sf_intake_destroy(sf_intake **intake);
  * sf_last_error. */
 sf_status sf_intake_take(sf_intake *intake, int timeout_ms, const sf_picture **picture);
 /* Whether one waits. */
+/* As sf_source_lock_exposure, before the next frame. sf_intake_locked: whether it is, -1: the source cannot
+ * be told. */
+void sf_intake_lock(sf_intake *intake, int locked);
+int sf_intake_locked(sf_intake *intake);
+
 int sf_intake_waits(sf_intake *intake);
 
 void sf_intake_count(sf_intake *intake, sf_source_counts *counts, uint64_t *passed_over, uint64_t *came);

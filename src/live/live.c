@@ -138,6 +138,7 @@ void sf_live_destroy(sf_live **live_pointer) {
 
 void sf_live_cancel(sf_live *live) { atomic_store(&live->cancelled, 1); }
 void sf_live_pause(sf_live *live, int paused) { live->paused = paused; }
+void sf_live_lock_exposure(sf_live *live, int locked) { sf_intake_lock(live->intake, locked); }
 
 void sf_live_reset(sf_live *live) {
     sf_seeds seeds;
@@ -264,6 +265,7 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     uint64_t came;
     *p = (sf_live_progress){.state = live->state,
                             .paused = live->paused,
+                            .exposure_locked = sf_intake_locked(live->intake),
                             .seconds = live->first_frame > 0 ? now - live->first_frame : 0,
                             .tracked = live->tracked,
                             .looked_at = live->looked_at,

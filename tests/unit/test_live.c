@@ -83,6 +83,26 @@ static void fits_what_passes_by(void **state) {
     close_run(&r);
 }
 
+/* Of a source that has an automatic one; the studio without a board has none. */
+static void exposure_is_locked(void **state) {
+    (void)state;
+    static const char *const names[] = {"sim:studio-board?width=32&height=24&fps=0&frames=8", SOURCE "8"};
+    for (int i = 0; i < 2; i++) {
+        sf_live_options options = options_for(1);
+        sf_live_progress p;
+        run r = {.ctx = test_context_threads(1), .source_ctx = test_context_threads(1)};
+        assert_ok(r.source_ctx, sf_source_open(r.source_ctx, names[i], &r.source));
+        assert_ok(r.ctx, sf_live_create(r.ctx, r.source, &options, &r.live));
+        sf_live_get_progress(r.live, &p);
+        assert_int_equal(p.exposure_locked, i ? -1 : 0);
+        sf_live_lock_exposure(r.live, 1);
+        assert_int_equal(run_to_end(&r), SF_ERR_END);
+        sf_live_get_progress(r.live, &p);
+        assert_int_equal(p.exposure_locked, i ? -1 : 1);
+        close_run(&r);
+    }
+}
+
 /* Of a source that is not in real time. */
 static void runs_can_be_repeated(void **state) {
     (void)state;
@@ -199,6 +219,7 @@ int main(void) {
         cmocka_unit_test(fits_what_passes_by), cmocka_unit_test(runs_can_be_repeated),
         cmocka_unit_test(is_paused_and_reset), cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
         cmocka_unit_test(is_cancelled),        cmocka_unit_test(refuses_options_by_name),
+        cmocka_unit_test(exposure_is_locked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -478,14 +478,56 @@ static void test_names(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Two looks along the same path; of one the exposure is locked at the fifth frame, and given back at the
+ * twentieth. */
+static void test_exposure_is_locked(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_source *sources[2];
+    sf_source_info info;
+    double light[2][30];
+    for (int k = 0; k < 2; k++) {
+        sources[k] = open_source(ctx, SMALL "&exposure=auto&frames=30");
+        for (int i = 0; i < 30; i++) {
+            sf_frame frame;
+            if (k && (i == 5 || i == 20)) assert_ok(ctx, sf_source_lock_exposure(sources[k], i == 5));
+            assert_ok(ctx, sf_source_next(sources[k], 1000, &frame));
+            light[k][i] = frame.exposure_s * frame.gain;
+            sf_source_release(sources[k], &frame);
+        }
+    }
+    int moved = 0;
+    for (int i = 0; i < 30; i++) {
+        int locked = i >= 5 && i < 20;
+        assert_true(light[1][i] == light[locked ? 1 : 0][locked ? 4 : i]);
+        moved += light[0][i] != light[0][4];
+    }
+    assert_true(moved > 20);
+    sf_source_describe(sources[0], &info);
+    assert_true(info.can_lock_exposure);
+    for (int k = 0; k < 2; k++) sf_source_close(&sources[k]);
+    sf_source *fixed = open_source(ctx, "sim:studio?width=32&height=24&fps=0");
+    sf_source_describe(fixed, &info);
+    assert_false(info.can_lock_exposure);
+    sf_source_close(&fixed);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_walk),    cmocka_unit_test(test_board_is_found),
-        cmocka_unit_test(test_cells),   cmocka_unit_test(test_baked),
-        cmocka_unit_test(test_repeats), cmocka_unit_test(test_exposure),
-        cmocka_unit_test(test_jitter),  cmocka_unit_test(test_faults),
-        cmocka_unit_test(test_mover),   cmocka_unit_test(test_unplugged),
-        cmocka_unit_test(test_project), cmocka_unit_test(test_names),
+        cmocka_unit_test(test_walk),
+        cmocka_unit_test(test_board_is_found),
+        cmocka_unit_test(test_cells),
+        cmocka_unit_test(test_baked),
+        cmocka_unit_test(test_repeats),
+        cmocka_unit_test(test_exposure),
+        cmocka_unit_test(test_jitter),
+        cmocka_unit_test(test_faults),
+        cmocka_unit_test(test_mover),
+        cmocka_unit_test(test_unplugged),
+        cmocka_unit_test(test_project),
+        cmocka_unit_test(test_names),
+        cmocka_unit_test(test_exposure_is_locked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1113,6 +1113,37 @@ static void test_limited_rgb(void **state) {
 
 static int32_t control_value(bench *b, uint32_t id) { return control_of(&b->driver.nodes[0], id)->value; }
 
+static void assert_chooses(bench *b, int exposure, int white) {
+    assert_int_equal(control_value(b, V4L2_CID_EXPOSURE_AUTO), exposure ? 3 : 1);
+    assert_int_equal(control_value(b, V4L2_CID_AUTO_WHITE_BALANCE), white);
+}
+
+/* What the camera chose stays as it is; what the user chose is the user's after, too. */
+static void test_lock(void **state) {
+    (void)state;
+    bench *b = bench_start();
+    sf_source_info info;
+    open_source(b, "v4l2:0?exposure=auto&white_balance=auto");
+    sf_source_describe(b->source, &info);
+    assert_true(info.can_lock_exposure);
+    int32_t time = control_value(b, V4L2_CID_EXPOSURE_ABSOLUTE);
+    for (int i = 0; i < 2; i++) {
+        assert_ok(b->ctx, sf_source_lock_exposure(b->source, 1));
+        assert_chooses(b, 0, 0);
+    }
+    assert_int_equal(control_value(b, V4L2_CID_EXPOSURE_ABSOLUTE), time);
+    assert_ok(b->ctx, sf_source_lock_exposure(b->source, 0));
+    assert_chooses(b, 1, 1);
+    close_source(b);
+    open_source(b, "v4l2:0?exposure=manual:120&white_balance=auto");
+    assert_ok(b->ctx, sf_source_lock_exposure(b->source, 1));
+    assert_chooses(b, 0, 0);
+    assert_ok(b->ctx, sf_source_lock_exposure(b->source, 0));
+    assert_chooses(b, 0, 1);
+    close_source(b);
+    bench_end(b);
+}
+
 static void test_controls(void **state) {
     static const char *const full_menu[] = {"Auto Mode", "Manual Mode", "Shutter Priority Mode",
                                             "Aperture Priority Mode"};
@@ -1773,6 +1804,7 @@ int main(void) {
         cmocka_unit_test(test_colors),
         cmocka_unit_test(test_limited_rgb),
         cmocka_unit_test(test_controls),
+        cmocka_unit_test(test_lock),
         cmocka_unit_test(test_dmabuf),
         cmocka_unit_test(test_sequence),
         cmocka_unit_test(test_damaged),
