@@ -84,6 +84,8 @@ static question ask(const sf_view *const *views, size_t n, const sf_view *view, 
     for (int i = 0; i < AROUND; i++) {
         q.xs[i] = clamped((int)x + step * across[i], c->width);
         q.ys[i] = clamped((int)y + step * down[i], c->height);
+        if (!counts(view, q.xs[i], q.ys[i]))
+            q.xs[i] = x, q.ys[i] = y; /* nothing is asked about what is masked */
         color_at(view, q.xs[i], q.ys[i], q.colors[i]);
     }
     for (int k = 0; k < LOOKS; k++) q.others[k] = views[sf_rng_below(rng, n)];
