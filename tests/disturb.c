@@ -145,3 +145,28 @@ void test_wander(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
     double gain = DIM * (number % 2 ? 0.7 : 1.4), balance = number / 2 % 2 ? 0.15 : -0.15;
     multiply((const double[]){gain * (1 + balance), gain, gain * (1 - balance)}, camera, rgb);
 }
+
+/* 4. Blur */
+
+/* `count` pixels, `apart` bytes from one to the next. */
+static void smear(uint8_t *line, int count, size_t apart, int most) {
+    uint8_t *was = malloc((size_t)count);
+    assert_non_null(was);
+    for (int i = 0; i < count; i++) was[i] = line[(size_t)i * apart];
+    for (int i = 0; i < count; i++) {
+        int sum = 0, n = 0;
+        for (int k = i - most; k <= i + most; k++)
+            if (k >= 0 && k < count) sum += was[k], n++;
+        line[(size_t)i * apart] = (uint8_t)((sum + n / 2) / n);
+    }
+    free(was);
+}
+
+void test_blur_a_third(void *user, size_t number, sf_camera *camera, uint8_t *rgb) {
+    const test_smear *by = user;
+    size_t width = 3 * (size_t)camera->width;
+    if (number % 3 != 1) return;
+    for (size_t y = 0; y < (size_t)camera->height; y++)
+        for (size_t ch = 0; ch < 3; ch++) smear(rgb + y * width + ch, camera->width, 3, by->across);
+    for (size_t x = 0; x < width; x++) smear(rgb + x, camera->height, width, by->down);
+}

@@ -41,4 +41,12 @@ test_pose_error test_pose_error_of(const sf_camera *got, const sf_camera *want, 
 void test_dim(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
 void test_wander(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
 
+/* The mean over so many px to either side: what a camera that moved, or was out of focus, makes of a picture.
+ */
+typedef struct test_smear {
+    int across, down;
+} test_smear;
+/* A test_change of every third picture, the second first; user: a test_smear. */
+void test_blur_a_third(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
+
 #endif

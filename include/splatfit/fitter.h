@@ -63,6 +63,9 @@ typedef enum sf_moment_format {
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
          "the rates fall where they have gained nothing for so long; 0: never")                              \
+    REAL(blur, 0.33, 0, 1, "",                                                                               \
+         "training views with less than this part of the detail that the model has there, against the "      \
+         "median of all, are blurred and count less; 0: none")                                               \
     INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap",                                                                                \
          "Gaussians: those that pay for themselves, in runs of 1000 steps or more, or as many as "           \

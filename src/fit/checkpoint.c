@@ -44,6 +44,7 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(next_look)                                                                                             \
     F(best_step)                                                                                             \
     F(joined)                                                                                                \
+    F(blur_judged)                                                                                           \
     F(trials.failures)                                                                                       \
     F(end)                                                                                                   \
     F(adam_before)                                                                                           \
@@ -269,6 +270,7 @@ static void put_views(sf_sections_out *out, const sf_fitter *f, sf_view *const *
     while (known < (int64_t)count && views[known]->id <= f->newest) known++;
     put_places(out, "order", f->order, f->order_count, views, count, places);
     put_places(out, "kept.out", f->kept_out, f->kept_out_count, views, count, places);
+    put_places(out, "blurred", f->blurred, f->blurred_count, views, count, places);
     sf_sections_put(out, "known", &known, 1, sizeof known);
 }
 
@@ -279,6 +281,7 @@ static sf_status put_scene(sf_sections_out *out, const sf_fitter *f) {
     sf_status status = sf_scene_retain_all(f->scene, &views, &count);
     if (status) return status;
     size_t most = f->order_count > f->kept_out_count ? f->order_count : f->kept_out_count;
+    if (f->blurred_count > most) most = f->blurred_count;
     uint32_t *places = sf_alloc(f->ctx, most, sizeof *places);
     status = places ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
     if (!status) {
@@ -398,6 +401,7 @@ static sf_status take_scene(sf_sections_in *in, sf_fitter *f) {
     }
     if (!status) status = take_places(in, "order", &f->order, &f->order_count, views, count);
     if (!status) status = take_places(in, "kept.out", &f->kept_out, &f->kept_out_count, views, count);
+    if (!status) status = take_places(in, "blurred", &f->blurred, &f->blurred_count, views, count);
     if (!status) f->kept_out_capacity = f->kept_out_count, status = take_newest(in, f, views, count);
     sf_scene_release_all(f->scene, views, count);
     return status;

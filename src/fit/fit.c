@@ -132,6 +132,7 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
                 return status;
             }
             if (f->options.refine_poses) (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
+            sf_leave_out_blurred(f);
             for (size_t i = f->order_count; i > 1; i--) {
                 size_t j = (size_t)sf_rng_below(&f->rng, i);
                 uint32_t keep = f->order[i - 1];
@@ -362,6 +363,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_trials_free(f);
     sf_free(f->ctx, f->order);
     sf_free(f->ctx, f->kept_out);
+    sf_free(f->ctx, f->blurred);
     sf_free(f->ctx, f->plan);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
@@ -388,6 +390,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
     sf_status status = sf_consider(f, fraction);
     if (status == SF_ERR_END && sf_drop_not_finite(f)) status = SF_ERR_MEMORY;
     if (!status) status = sf_guard(f);
+    if (!status) status = sf_judge_blur(f, fraction);
     if (status) return status;
     sf_view *view;
     status = next_view(f, &view);

@@ -76,6 +76,11 @@ struct sf_fitter {
     double settle_for;   /* of the run: for so long */
     int64_t adam_before; /* steps that the moments know nothing of */
 
+    /* blur.c */
+    uint32_t *blurred; /* ids of the training views that were found blurred */
+    size_t blurred_count;
+    int blur_judged; /* whether views were looked at */
+
     /* guard.c */
     double least_loss;   /* median of several steps, the least so far; 0: none yet */
     double start_loss;   /* of the model that the fit began with, at full resolution; 0: not known */
@@ -190,6 +195,14 @@ sf_status sf_bring_back(sf_fitter *fitter);
 /* Validates when it is time, keeps the best model, lets the views of validation join the others when the
  * rates fall, and says when the run is over: SF_ERR_END. */
 sf_status sf_consider(sf_fitter *fitter, double fraction);
+
+/* blur.c */
+/* Before a step: when it is time, once, finds the training views that are blurred, and says which. On failure
+ * none is, or those that were found. */
+sf_status sf_judge_blur(sf_fitter *fitter, double fraction);
+int sf_is_blurred(const sf_fitter *fitter, uint32_t id);
+/* Leaves blurred views out of most passes: a pass has all views when it begins. */
+void sf_leave_out_blurred(sf_fitter *fitter);
 
 /* guard.c */
 /* Before a step: goes back where the losses of the last steps say that the fit diverged; keeps a model to go

@@ -112,7 +112,8 @@ sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
     sf_status status = SF_OK;
     *psnr = 0, *views = 0;
     for (size_t i = 0; i < f->kept_out_count && !status; i++) {
-        sf_view *view = sf_scene_retain_id(f->scene, f->kept_out[i]);
+        sf_view *view =
+            sf_is_blurred(f, f->kept_out[i]) ? NULL : sf_scene_retain_id(f->scene, f->kept_out[i]);
         double of_view;
         if (!view) continue;
         status = sf_view_psnr(f, view, &of_view);

@@ -18,6 +18,7 @@ enum {
     TRIALS = 1000,         /* pixels drawn for one that is not covered; points that are asked about */
     FEWEST_ASKED = 50,     /* of them that a picture has, to judge by */
     NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
+    AS_GOOD = NO_MATTER / 2,            /* one that says nothing of two depths */
 };
 #define LEAST_AGREE 0.2 /* of the points: at random it is a twentieth */
 
@@ -83,6 +84,8 @@ static question ask(const sf_view *const *views, size_t n, const sf_view *view, 
     for (int i = 0; i < AROUND; i++) {
         q.xs[i] = clamped((int)x + step * across[i], c->width);
         q.ys[i] = clamped((int)y + step * down[i], c->height);
+        if (!counts(view, q.xs[i], q.ys[i]))
+            q.xs[i] = x, q.ys[i] = y; /* nothing is asked about what is masked */
         color_at(view, q.xs[i], q.ys[i], q.colors[i]);
     }
     for (int k = 0; k < LOOKS; k++) q.others[k] = views[sf_rng_below(rng, n)];
@@ -101,13 +104,22 @@ static int answer(const question *q, double depth, float xyz[3]) {
     return sum;
 }
 
-/* The least difference at a few random depths, from a third to three times the distance. */
+/* The least difference at a few random depths, from a third to three times the distance. Of depths that are
+ * as good the point is at the farthest: what hangs before a wall without texture pleases the one view that it
+ * is near to, and stands in the way of others. */
 static int best_answer(const question *q, sf_rng *rng, float *xyz) {
-    int least = INT_MAX;
+    int sums[DEPTHS], least = INT_MAX;
+    double depths[DEPTHS], farthest = 0;
+    float points[DEPTHS][3];
     for (int trial = 0; trial < DEPTHS; trial++) {
-        float p[3];
-        int sum = answer(q, q->distance * pow(9, sf_rng_uniform(rng)) / 3, p);
-        if (sum < least) least = sum, memcpy(xyz, p, sizeof p);
+        depths[trial] = q->distance * pow(9, sf_rng_uniform(rng)) / 3;
+        sums[trial] = answer(q, depths[trial], points[trial]);
+        if (sums[trial] < least) least = sums[trial];
+    }
+    for (int trial = 0; trial < DEPTHS; trial++) {
+        if (sums[trial] > least + AS_GOOD || depths[trial] <= farthest) continue;
+        farthest = depths[trial];
+        memcpy(xyz, points[trial], sizeof points[trial]);
     }
     return least;
 }
