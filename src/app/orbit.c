@@ -1,4 +1,4 @@
-/* orbit.c - cameras on a circle around a model. */
+/* orbit.c - cameras on a circle around a model, or that look around from its middle. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +15,7 @@
 
 typedef struct orbit {
     double center[3], up[3], ahead[3], side[3]; /* unit vectors; ahead: to the first camera */
-    double distance, elevation;                 /* world units, radians */
+    double distance, elevation;                 /* world units, radians; distance 0: they look outward */
 } orbit;
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -116,18 +116,22 @@ static int read_orbit(const args *a, sf_context *ctx, const sf_model *model, con
     *radius = b.radius;
     o->distance = RADII * b.radius;
     o->elevation = ELEVATION * degree;
-    int error = find_up(a, &b, known, count, o->up);
+    int error = find_up(a, &b, known, count, o->up), around = 0;
+    if (!error) find_start(known, count, o);
     if (!error && count) error = as_known(a, known, count, o);
+    if (!error && !count) error = shots_middle(a, ctx, model, o->up, o->side, o->center, &around);
+    if (around) o->distance = o->elevation = 0;
     double degrees = o->elevation / degree;
     if (!error) error = args_numbers(a, "elevation", 1, &degrees);
     if (!error) error = args_numbers(a, "distance", 1, &o->distance);
-    if (!error && (!(o->distance > 0) || !(fabs(degrees) <= 90))) {
-        app_say(a, o->distance > 0 ? "--elevation" : "--distance",
-                o->distance > 0 ? "is not in -90..90 degrees" : "is not above 0");
+    if (!error && (!(o->distance >= 0) || !(fabs(degrees) <= 90))) {
+        app_say(a, o->distance >= 0 ? "--elevation" : "--distance",
+                o->distance >= 0 ? "is not in -90..90 degrees" : "is below 0");
         error = EXIT_USAGE;
     }
+    if (!args_value(a, "elevation") && (around || !(o->distance > 0)))
+        degrees = o->distance > 0 ? ELEVATION : 0;
     o->elevation = degrees * degree;
-    if (!error) find_start(known, count, o);
     return error;
 }
 
@@ -140,11 +144,13 @@ int shots_orbit(const args *a, sf_context *ctx, const sf_model *model, const sf_
     s->near_plane = radius / 100;
     for (size_t i = 0; i < s->count; i++) {
         double angle = 6.283185307179586 * (double)i / (double)s->count, from[3];
-        double flat = o.distance * cos(o.elevation), high = o.distance * sin(o.elevation);
-        for (int k = 0; k < 3; k++)
-            from[k] =
-                o.center[k] + high * o.up[k] + flat * (cos(angle) * o.ahead[k] + sin(angle) * o.side[k]);
-        shots_look(from, o.center, o.up, &s->cameras[i]);
+        double flat = cos(o.elevation), high = sin(o.elevation), out[3];
+        for (int k = 0; k < 3; k++) {
+            out[k] = high * o.up[k] + flat * (cos(angle) * o.ahead[k] + sin(angle) * o.side[k]);
+            from[k] = o.center[k] + o.distance * out[k];
+            out[k] += o.center[k];
+        }
+        shots_look(from, o.distance > 0 ? o.center : out, o.up, &s->cameras[i]);
     }
     return 0;
 }

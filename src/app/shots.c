@@ -28,8 +28,10 @@ const arg_option shot_options[] = {
     {"cameras", 0, "FILE",
      "orbit: cameras.json of the fit, for its up, distance and elevation (beside the model)"},
     {"distance", 0, "X",
-     "orbit: from the model's middle, world units; default: the cameras' median, else 2 radii"},
-    {"elevation", 0, "DEGREES", "orbit: above the model's middle; default: the cameras' median, else 20"},
+     "orbit: from the model's middle, world units; 0: look around from there; default: the cameras' median, "
+     "else 0 in a model that is empty there and lies all around, else 2 radii"},
+    {"elevation", 0, "DEGREES",
+     "orbit: above the model's middle, at 0 that of the look; default: the cameras' median, else 20, at 0 0"},
     {0},
 };
 

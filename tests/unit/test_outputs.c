@@ -12,6 +12,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "base/rng.h"
+
 #define SAYS(outcome, part)  test_assert_contains((outcome).out, part, __FILE__, __LINE__)
 #define WARNS(outcome, part) test_assert_contains((outcome).err, part, __FILE__, __LINE__)
 
@@ -147,6 +149,112 @@ static void test_orbit(void **state) {
     free(path.data);
 }
 
+enum { PLACES = 2000 };
+
+/* Where a shape has its i-th Gaussian, [-1, 1] in most cases; `r`: a number that is as good as random. */
+typedef void (*shape_fn)(size_t i, const double r[3], double at[3]);
+
+/* Walls, of which one in three Gaussians is, and a floor at z = -1 with low things on it. */
+static void in_room(size_t i, const double r[3], double at[3]) {
+    for (int k = 0; k < 3; k++) at[k] = r[k];
+    if (i % 3)
+        at[2] = -1 + 0.2 * fabs(r[2]);
+    else
+        at[i / 3 % 2] = i / 6 % 2 ? 1 : -1;
+}
+
+static void in_ball(size_t i, const double r[3], double at[3]) {
+    double length = hypot(hypot(r[0], r[1]), r[2]), radius = cbrt((double)(i % 997) / 997);
+    for (int k = 0; k < 3; k++) at[k] = radius * r[k] / length;
+}
+
+/* A third of it in front of what lies far away, on all sides. */
+static void before_a_horizon(size_t i, const double r[3], double at[3]) {
+    in_ball(i % 3 ? 0 : i, r, at);
+    for (int k = 0; k < 3; k++) at[k] = i % 3 ? 30 * r[k] / hypot(r[0], r[1]) : at[k];
+}
+
+/* What a camera inside sees of a wall. */
+static void on_one_side(size_t i, const double r[3], double at[3]) {
+    in_room(i, r, at);
+    at[0] = 2 + fabs(at[0]);
+}
+
+static void save_shape(const char *name, shape_fn place) {
+    static float means[3 * PLACES], scales[3 * PLACES], logits[PLACES], sh[3 * PLACES], quats[4 * PLACES];
+    sf_context *ctx = test_context();
+    sf_model *model;
+    sf_rng rng;
+    sf_rng_seed(&rng, 3);
+    for (size_t i = 0; i < PLACES; i++) {
+        double r[3], at[3];
+        for (size_t k = 0; k < 3; k++) r[k] = 2 * sf_rng_uniform(&rng) - 1;
+        place(i, r, at);
+        for (size_t k = 0; k < 3; k++) means[3 * i + k] = (float)at[k], scales[3 * i + k] = -3;
+        quats[4 * i] = 1;
+        logits[i] = 3;
+    }
+    const sf_gaussians g = {means, quats, scales, logits, sh};
+    assert_ok(ctx, sf_model_create(ctx, PLACES, 0, &model));
+    assert_ok(ctx, sf_model_set(model, 0, PLACES, &g));
+    assert_ok(ctx, sf_model_save(model, work(name)));
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* Of four pictures around the model: each centre, and which way it looks. */
+static void turn_around(const char *const more[2], double centers[4][3], double ahead[4][3]) {
+    clear_out();
+    run_quietly(ARGS("render", "shape.ply", "--path", "orbit", "--frames", "4", "--size", "16x12", "--up",
+                     "z", "--out", "out", "-q", more[0], more[1]));
+    content path = content_of("out/path.txt");
+    const char *line = path.data;
+    for (int i = 0; i < 4; i++) {
+        double q[4], *c = centers[i];
+        line = strchr(line, '\n') + 1;
+        assert_int_equal(
+            sscanf(line, "%*f %lf %lf %lf %lf %lf %lf %lf", &c[0], &c[1], &c[2], &q[0], &q[1], &q[2], &q[3]),
+            7);
+        ahead[i][0] = 2 * (q[0] * q[2] + q[3] * q[1]);
+        ahead[i][1] = 2 * (q[1] * q[2] - q[3] * q[0]);
+        ahead[i][2] = 1 - 2 * (q[0] * q[0] + q[1] * q[1]);
+    }
+    free(path.data);
+}
+
+/* A room is looked at from its middle, outwards; what is no room, or is to be seen from a distance, from
+ * there, inwards. */
+static void test_room_and_object(void **state) {
+    (void)state;
+    static const char *const from_afar[] = {"--distance", "5"}, *const inside[] = {"--distance", "0"};
+    static const struct {
+        shape_fn place;
+        const char *const *more;
+        int outwards;
+    } cases[] = {{in_room, NULL, 1},     {in_ball, NULL, 0},      {before_a_horizon, NULL, 0},
+                 {on_one_side, NULL, 0}, {in_room, from_afar, 0}, {in_ball, inside, 1}};
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        static const char *const nothing[2];
+        double centers[4][3], ahead[4][3];
+        save_shape("shape.ply", cases[i].place);
+        turn_around(cases[i].more ? cases[i].more : nothing, centers, ahead);
+        for (int k = 0; k < 4; k++) {
+            const double *c = centers[k], *d = ahead[k], *before = ahead[(k + 3) % 4];
+            if (cases[i].outwards) {
+                for (int n = 0; n < 3; n++) assert_true(fabs(c[n]) < 0.5);
+                assert_float_equal(d[2], 0, 1e-5);
+            } else {
+                const double *o = centers[(k + 2) % 4]; /* on the other side */
+                assert_true(hypot(c[0] - o[0], c[1] - o[1]) > 2.4);
+                assert_float_equal(d[2], -sin(20 / 57.29577951308232), 1e-5);
+            }
+            /* A quarter of a turn after the one before. */
+            assert_float_equal(d[0] * before[0] + d[1] * before[1], 0, 1e-4);
+            assert_true(fabs(d[0]) + fabs(d[1]) > 0.5);
+        }
+    }
+}
+
 /* The path that is written leads along the same places. */
 static void test_path_of_a_file(void **state) {
     (void)state;
@@ -211,7 +319,7 @@ static void test_renders_are_refused(void **state) {
         {USAGE, "--fov: is not in 1..170", {ORBIT, "--fov", "180"}},
         {USAGE, "--frames: \"0\" is not a whole number", {ORBIT, "--frames", "0"}},
         {USAGE, "--up: \"up\" is none of", {ORBIT, "--up", "up"}},
-        {USAGE, "--distance: is not above 0", {ORBIT, "--distance", "-1"}},
+        {USAGE, "--distance: is below 0", {ORBIT, "--distance", "-1"}},
         {USAGE, "--elevation: is not in -90..90", {ORBIT, "--elevation", "91"}},
         {USAGE, "--format: \"mp4\" is neither png nor y4m", {ORBIT, "--format", "mp4"}},
         {USAGE, "--chroma: is of a stream", {ORBIT, "--chroma", "444"}},
@@ -331,6 +439,7 @@ int main(void) {
         cmocka_unit_test(test_motions_in_order),
         cmocka_unit_test(test_motions_are_refused),
         cmocka_unit_test(test_orbit),
+        cmocka_unit_test(test_room_and_object),
         cmocka_unit_test(test_path_of_a_file),
         cmocka_unit_test(test_film),
         cmocka_unit_test(test_renders_are_refused),
