@@ -7,10 +7,12 @@
 #include <ftw.h>
 #include <math.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -277,4 +279,28 @@ sf_camera test_camera_around(int view, int views, int width, int height) {
                        .cy = height / 2.0,
                        .R_cw = {s, -c, 0, 0, 0, -1, c, s, 0},
                        .t_cw = {0, 0, 4}};
+}
+
+pid_t test_start(int (*begin)(sf_context *ctx, const char *path), const char *path) {
+    int ready[2];
+    char byte;
+    assert_int_equal(pipe(ready), 0);
+    pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (!pid) {
+        sf_context *ctx;
+        sf_context_options options = {.threads = 1};
+        if (sf_context_create(&ctx, &options) || !begin(ctx, path)) _exit(1);
+        if (write(ready[1], "x", 1) == 1) pause();
+        _exit(1);
+    }
+    close(ready[1]);
+    assert_int_equal(read(ready[0], &byte, 1), 1);
+    close(ready[0]);
+    return pid;
+}
+
+void test_kill(pid_t pid) {
+    assert_int_equal(kill(pid, SIGKILL), 0);
+    assert_int_equal(waitpid(pid, NULL, 0), pid);
 }

@@ -11,6 +11,7 @@
 #include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/types.h>
 
 #include <cmocka.h>
 #include <jansson.h>
@@ -63,6 +64,11 @@ json_t *test_json(const char *path);
 double test_number(const json_t *object, const char *key);
 
 void test_pause_ms(long ms);
+
+/* A process of its own in which `begin` has been called, which must return 1; it holds what it took until
+ * test_kill, by SIGKILL. */
+pid_t test_start(int (*begin)(sf_context *ctx, const char *path), const char *path);
+void test_kill(pid_t pid);
 
 /* Of the training views only `wanted` stay, evenly spread. */
 void test_thin_out(sf_context *ctx, sf_scene *scene, size_t wanted);

@@ -583,7 +583,8 @@ void Source::put_controls(libcamera::ControlList &to) const {
 
 bool Source::can_lock() const {
     const auto &known = camera->controls();
-    return known.count(libcamera::controls::AeEnable.id()) || known.count(libcamera::controls::AwbEnable.id());
+    return known.count(libcamera::controls::AeEnable.id()) ||
+           known.count(libcamera::controls::AwbEnable.id());
 }
 
 /* What was given by hand stays so when the rest is unlocked. */
@@ -861,7 +862,8 @@ sf_status add_camera(sf_devices *devices, libcamera::Camera &camera, size_t inde
 } // namespace
 
 extern "C" sf_status sf_libcamera_open(sf_context *ctx, const char *name, sf_source *source) {
-    static const sf_source_ops ops = {source_close, source_describe, source_next, source_release, source_lock};
+    static const sf_source_ops ops = {source_close, source_describe, source_next, source_release,
+                                      source_lock};
     return guarded(ctx, [&] {
         auto made = std::make_unique<Source>(ctx);
         sf_status status = made->open(name);

@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "io/zip.h"
@@ -76,45 +75,26 @@ static void make_left(const char *name, int locked, const char *file) {
     if (*file) test_write(test_path(path), "x", 1);
 }
 
-/* A process that has unpacked an archive; it waits to be killed. */
-static pid_t start_reader(const char *name) {
-    int ready[2];
-    char byte;
-    const char *path = test_path(name);
-    assert_int_equal(pipe(ready), 0);
-    pid_t pid = fork();
-    assert_true(pid >= 0);
-    if (!pid) {
-        sf_context *ctx;
-        sf_unpacked to;
-        sf_context_options options = {.threads = 1};
-        if (sf_context_create(&ctx, &options) || sf_zip_unpack(ctx, path, &to)) _exit(1);
-        if (write(ready[1], "x", 1) == 1) pause();
-        _exit(1);
-    }
-    close(ready[1]);
-    assert_int_equal(read(ready[0], &byte, 1), 1);
-    close(ready[0]);
-    return pid;
+static int unpack(sf_context *ctx, const char *path) {
+    static sf_unpacked to;
+    return sf_zip_unpack(ctx, path, &to) == SF_OK;
 }
 
-static void kill_reader(pid_t pid) {
-    assert_int_equal(kill(pid, SIGKILL), 0);
-    assert_int_equal(waitpid(pid, NULL, 0), pid);
-}
+/* A process that has unpacked an archive. */
+static pid_t start_reader(const char *name) { return test_start(unpack, test_path(name)); }
 
 static void test_what_the_dead_left_goes(void **state) {
     (void)state;
     write_archive("small.zip", 3, 24, 16);
     const char *folder = unpack_to("unpacked");
     sf_context *ctx = test_context();
-    kill_reader(start_reader("small.zip"));
+    test_kill(start_reader("small.zip"));
     assert_int_equal(test_count_entries(folder), 1);
     pid_t living = start_reader("small.zip");
     assert_int_equal(test_count_entries(folder), 1); /* it has removed what the other left */
     load(ctx, "small.zip");
     assert_int_equal(test_count_entries(folder), 1);
-    kill_reader(living);
+    test_kill(living);
     /* Half made, half removed; then what has never been ours. */
     make_left("splatfit-zip-aaaaaa", 0, "");
     make_left("splatfit-zip-bbbbbb", 1, "");

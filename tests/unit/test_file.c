@@ -4,12 +4,10 @@
 #include "base/file.h"
 
 #include <pthread.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 enum { LARGE = 200000 };
@@ -225,32 +223,15 @@ static void test_name_left_behind_is_stepped_over(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* A process that has `target` half written; it waits to be killed. */
-static pid_t start_writer(const char *target) {
-    int ready[2];
-    char byte;
-    assert_int_equal(pipe(ready), 0);
-    pid_t pid = fork();
-    assert_true(pid >= 0);
-    if (!pid) {
-        sf_context *ctx;
-        sf_writer w;
-        sf_context_options options = {.threads = 1};
-        if (sf_context_create(&ctx, &options) || sf_writer_open(&w, ctx, target)) _exit(1);
-        sf_writer_put(&w, test_folder(), 1);
-        if (write(ready[1], "x", 1) == 1) pause();
-        _exit(1);
-    }
-    close(ready[1]);
-    assert_int_equal(read(ready[0], &byte, 1), 1);
-    close(ready[0]);
-    return pid;
+static int write_half(sf_context *ctx, const char *target) {
+    static sf_writer w;
+    if (sf_writer_open(&w, ctx, target)) return 0;
+    sf_writer_put(&w, test_folder(), 1);
+    return 1;
 }
 
-static void end_writer(pid_t pid) {
-    assert_int_equal(kill(pid, SIGKILL), 0);
-    assert_int_equal(waitpid(pid, NULL, 0), pid);
-}
+/* A process that has `target` half written. */
+static pid_t start_writer(const char *target) { return test_start(write_half, target); }
 
 /* What the dead left behind goes with the next writing of that file; what lives, and what is another's,
  * stays.
@@ -265,13 +246,13 @@ static void test_what_the_dead_left_goes(void **state) {
     const char *folder = make_folder("leftovers"), *path = test_path("leftovers/target");
     for (int i = 0; i < OTHERS; i++) test_write(test_path(others[i]), "x", 1);
     test_write(test_path("leftovers/.target.1.99.tmp"), "left", 4);
-    end_writer(start_writer(path));
+    test_kill(start_writer(path));
     pid_t living = start_writer(path), other = start_writer(test_path("leftovers/another"));
-    end_writer(other);
+    test_kill(other);
     assert_int_equal(test_count_entries(folder), OTHERS + 2); /* of the living, and of another's */
     assert_ok(ctx, sf_write_file(ctx, path, "new", 3));
     assert_int_equal(test_count_entries(folder), OTHERS + 3);
-    end_writer(living);
+    test_kill(living);
     assert_ok(ctx, sf_write_file(ctx, test_path("leftovers/another"), "new", 3));
     assert_ok(ctx, sf_write_file(ctx, path, "newer", 5));
     assert_int_equal(test_count_entries(folder), OTHERS + 2);
