@@ -193,6 +193,7 @@ static sf_status judge(sf_fitter *f, judgement *j) {
     if (status) return status;
     for (int k = 0; k < DIRECTIONS; k++) j->sharper[k] = sf_alloc(f->ctx, j->room, sizeof **j->sharper);
     j->sorted = sf_alloc(f->ctx, j->room, sizeof *j->sorted);
+    sf_free(f->ctx, f->blurred); /* a checkpoint's, of none */
     f->blurred = sf_alloc(f->ctx, j->room, sizeof *f->blurred);
     if (!j->sharper[ACROSS] || !j->sharper[DOWN] || !j->sorted || !f->blurred) return SF_ERR_MEMORY;
     status = judge_views(f, j);

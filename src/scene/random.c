@@ -18,7 +18,7 @@ enum {
     TRIALS = 1000,         /* pixels drawn for one that is not covered; points that are asked about */
     FEWEST_ASKED = 50,     /* of them that a picture has, to judge by */
     NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
-    AS_GOOD = NO_MATTER / 2,            /* one that says nothing of two depths */
+    AS_GOOD = NO_MATTER * 3 / 4,        /* one that says nothing of two depths */
 };
 #define LEAST_AGREE 0.2 /* of the points: at random it is a twentieth */
 
