@@ -16,6 +16,8 @@
 
 /* Views are judged once, here in the run: the model knows by now what is there, and most is still to come. */
 #define JUDGE_AT (1 / 3.0)
+/* A model with a smaller part of the pictures' mean square differences is no measure for them. */
+#define LEAST_DETAIL 0.01
 /* What an 8-bit value does not tell, and so no detail. */
 #define ROUNDING (1 / 255.0)
 
@@ -161,7 +163,8 @@ static void find_blurred(sf_fitter *f, const judgement *j) {
     double usual[DIRECTIONS], limit = log(f->options.blur);
     size_t trained;
     for (int k = 0; k < DIRECTIONS; k++) usual[k] = median(f, j, k, &trained);
-    for (size_t i = 0; i < j->count && trained >= FEWEST; i++) {
+    if (trained < FEWEST || fmax(usual[ACROSS], usual[DOWN]) > -log(LEAST_DETAIL)) return;
+    for (size_t i = 0; i < j->count; i++) {
         double least = fmin(j->sharper[ACROSS][i] - usual[ACROSS], j->sharper[DOWN][i] - usual[DOWN]);
         if (!(least < limit)) continue;
         f->blurred[f->blurred_count++] = j->ids[i];
