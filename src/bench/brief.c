@@ -15,7 +15,9 @@ static void head(const bench_report *report, const char *first, FILE *out) {
 }
 
 static void cell(FILE *out, double value) {
-    if (value > 0)
+    if (value >= 1000)
+        fprintf(out, " %.0f |", value);
+    else if (value > 0)
         fprintf(out, " %.3g |", value);
     else
         fprintf(out, " |");

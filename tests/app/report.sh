@@ -10,7 +10,7 @@ report() {
     head -n 1 "$scratch/report" | grep -qE '^### splatfit [0-9.]+ on .' || { head -n 1 "$scratch/report"; return 1; }
     local row
     for row in 'project, Gaussian' 'blend, contributing pair' 'project_bwd, Gaussian' 1 picture gradient; do
-        grep -F "| $row |" "$scratch/report" >"$scratch/row"
+        grep "^| $row |" "$scratch/report" >"$scratch/row"
         # The row's own name, and a number a level.
         awk -F '|' -v levels="$levels" '{ for (i = 3; i < NF; i++) if ($i + 0 > 0) n++ } END { exit !(NR == 1 && n == levels) }' \
             "$scratch/row" || { echo "$row: not $levels figures:"; cat "$scratch/report"; return 1; }
