@@ -86,6 +86,7 @@ static void test_firmware(void **state) {
 /* The fit rests while it is hot, and works again after; frames are looked at throughout. */
 static void test_fit_rests(void **state) {
     (void)state;
+    test_skip_emulated();
     enum { MOST_SECONDS = 60 };
     sf_context *ctx = test_context_threads(1), *source_ctx = test_context_threads(1);
     sf_live_options options = sf_live_options_default();
