@@ -114,8 +114,8 @@ static void test_fit_rests(void **state) {
     do {
         assert_ok(ctx, sf_live_step(live));
         sf_live_get_progress(live, &p);
-    } while (p.duty < 1 && sf_clock() - began < 2 * MOST_SECONDS);
-    assert_true(p.duty == 1); /* 0.49 times 1.15 six times */
+    } while (p.duty < 0.6 && sf_clock() - began < 2 * MOST_SECONDS);
+    assert_true(p.duty > 0.6 && p.duty < 0.7); /* 0.49 times 1.15, twice */
     assert_true(p.looked_at > looked_at + 10);
     sf_live_destroy(&live);
     sf_source_close(&source);
