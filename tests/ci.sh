@@ -43,7 +43,7 @@ all_but() { # NAME...
 }
 
 # Whole fits take minutes where they are emulated: of these tests, each machine leaves out what the other runs,
-# and both what has nothing of a machine: all allocations, all moments of a fit, the program's words, what is learned of poses.
+# and both what has nothing of a machine: all allocations, all moments of a fit, the program's words, figures of time, how good fits get.
 fits_both='allocations bench blur cancel cli commands first guard live refine schedule sim_board sweep validate'
 fits_64="calibrate capture chart exposure fit growth stability $fits_both"
 fits_32="checkpoint context degrees $fits_both"

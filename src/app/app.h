@@ -82,6 +82,11 @@ size_t app_pose_line(char line[APP_POSE_LINE], double time, const double center[
 
 /* A string for JSON, which holds UTF-8 alone: where `text` is not, its bytes above 127 become ?. */
 json_t *app_json_text(const char *text);
+json_t *app_json_numbers(const double *values, int count);
+/* A camera as the page takes it: R_cw, t_cw, fx, fy, cx, cy, width, height. */
+json_t *app_json_pose(const sf_camera *camera);
+/* For qsort: doubles, the least first. */
+int app_rising(const void *a, const void *b);
 
 /* Writes JSON, indented, whole or not at all; takes the reference. 0 or an exit code. */
 int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json);

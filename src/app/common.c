@@ -265,6 +265,23 @@ json_t *app_json_text(const char *text) {
     return string;
 }
 
+json_t *app_json_numbers(const double *values, int count) {
+    json_t *list = json_array();
+    for (int i = 0; i < count; i++) json_array_append_new(list, json_real(values[i]));
+    return list;
+}
+
+json_t *app_json_pose(const sf_camera *c) {
+    return json_pack("{s:o, s:o, s:f, s:f, s:f, s:f, s:i, s:i}", "R_cw", app_json_numbers(c->R_cw, 9), "t_cw",
+                     app_json_numbers(c->t_cw, 3), "fx", c->fx, "fy", c->fy, "cx", c->cx, "cy", c->cy,
+                     "width", (int)c->width, "height", (int)c->height);
+}
+
+int app_rising(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
 int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json) {
     char *text = json ? json_dumps(json, JSON_INDENT(1)) : NULL;
     json_decref(json);

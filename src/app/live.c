@@ -198,7 +198,7 @@ static int prepare(live_run *r) {
     r->options.keyframe_gap = r->gap;
     r->options.keyframes_most = r->keyframes;
     r->options.steps_per_frame = r->per_frame;
-    error = error ? error : read_thermal(r);
+    if (!error) error = read_thermal(r);
     if (!error) error = progress_start(&r->line, r->a, stdout);
     if (!error && !app_names_model(r->output))
         error = usage("--output", r->output, "does not end in .ply, .spz or .splat");
@@ -325,11 +325,6 @@ static int write_trajectory(const live_run *r) {
     return status ? app_fail(r->a, r->ctx) : 0;
 }
 
-static int compare_doubles(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Medians over the poses from `from` (SF_POSE_NONE: all) whose truth is known; returns how many. */
 static size_t medians(const live_run *r, sf_pose_from from, double *degrees, double *distance) {
     double *values = malloc((r->step_count + 1) * 2 * sizeof *values);
@@ -343,8 +338,8 @@ static size_t medians(const live_run *r, sf_pose_from from, double *degrees, dou
     }
     *degrees = *distance = NAN;
     if (values && n) {
-        qsort(values, n, sizeof *values, compare_doubles);
-        qsort(values + n, n, sizeof *values, compare_doubles);
+        qsort(values, n, sizeof *values, app_rising);
+        qsort(values + n, n, sizeof *values, app_rising);
         *degrees = values[n / 2], *distance = values[n + n / 2];
     }
     free(values);

@@ -62,25 +62,15 @@ static void show_render(page *p, sf_live *live, const sf_live_frame *f) {
     (void)sf_preview_set_picture(p->preview, SF_PREVIEW_RENDER, f->camera.width, f->camera.height, p->bytes);
 }
 
-static json_t *numbers(const double *values, int n) {
-    json_t *list = json_array();
-    for (int i = 0; i < n; i++) json_array_append_new(list, json_real(values[i]));
-    return list;
-}
-
 static void add_frame(json_t *figures, const sf_live_frame *f) {
     static const char *const from[] = {"none", "board", "file", "track"};
     json_t *corners = json_array();
     for (size_t i = 0; i < f->corner_count; i++)
-        json_array_append_new(corners, numbers(f->corners[i].pixel, 2));
+        json_array_append_new(corners, app_json_numbers(f->corners[i].pixel, 2));
     json_object_set_new(figures, "corners", corners);
     json_object_set_new(figures, "pose_from", json_string(from[f->from]));
     if (f->from == SF_POSE_NONE) return;
-    const sf_camera *c = &f->camera;
-    json_object_set_new(figures, "pose",
-                        json_pack("{s:o, s:o, s:f, s:f, s:f, s:f, s:i, s:i}", "R_cw", numbers(c->R_cw, 9),
-                                  "t_cw", numbers(c->t_cw, 3), "fx", c->fx, "fy", c->fy, "cx", c->cx, "cy",
-                                  c->cy, "width", (int)c->width, "height", (int)c->height));
+    json_object_set_new(figures, "pose", app_json_pose(&f->camera));
 }
 
 static void show_figures(page *p, sf_live *live, json_t *figures, const sf_live_frame *f) {

@@ -46,27 +46,26 @@ static void find_middle(const cloud *c, double middle[3]) {
     }
 }
 
-/* How far from `at` a mean lies, and in which sector about up, counted from `side`; -1: above or below. */
-static double look_from(const double at[3], const float *mean, const double up[3], const double side[3],
-                        int *sector) {
-    double d[AXES], r = 0, high = 0, x = 0, y = 0;
-    for (int k = 0; k < AXES; k++) d[k] = (double)mean[k] - at[k], r += d[k] * d[k], high += d[k] * up[k];
-    r = sqrt(r);
+/* How far from `at` a mean lies, and in which sector about up; -1: above or below. */
+static double look_from(const double at[3], const float *mean, const double up[3], const double ahead[3],
+                        const double side[3], int *sector) {
+    double r = 0, high = 0, x = 0, y = 0;
     for (int k = 0; k < AXES; k++) {
-        int l = (k + 1) % AXES, m = (k + 2) % AXES;
-        x += d[k] * side[k];
-        y += d[k] * (up[l] * side[m] - up[m] * side[l]);
+        double d = (double)mean[k] - at[k];
+        r += d * d, high += d * up[k], x += d * side[k], y -= d * ahead[k];
     }
+    r = sqrt(r);
     int turn = (int)floor((atan2(y, x) / 6.283185307179586 + 0.5) * SECTORS);
     *sector = fabs(high) < 0.7 * r ? turn % SECTORS : -1;
     return r;
 }
 
-static int is_around(const cloud *c, const double at[3], const double up[3], const double side[3]) {
+static int is_around(const cloud *c, const double at[3], const double up[3], const double ahead[3],
+                     const double side[3]) {
     size_t in[SECTORS] = {0}, inside = 0;
     int sector;
     for (size_t i = 0; i < c->count; i++) {
-        c->values[i] = (float)look_from(at, c->means + AXES * i, up, side, &sector);
+        c->values[i] = (float)look_from(at, c->means + AXES * i, up, ahead, side, &sector);
         if (sector >= 0) in[sector]++;
     }
     qsort(c->values, c->count, sizeof *c->values, rising);
@@ -78,18 +77,19 @@ static int is_around(const cloud *c, const double at[3], const double up[3], con
 }
 
 /* The medians, else the middle of the extent. */
-static int decide(const cloud *c, const double up[3], const double side[3], double middle[3]) {
+static int decide(const cloud *c, const double up[3], const double ahead[3], const double side[3],
+                  double middle[3]) {
     double other[3];
     if (c->count < LEAST) return 0;
-    if (is_around(c, middle, up, side)) return 1;
+    if (is_around(c, middle, up, ahead, side)) return 1;
     find_middle(c, other);
-    if (!is_around(c, other, up, side)) return 0;
+    if (!is_around(c, other, up, ahead, side)) return 0;
     memcpy(middle, other, sizeof other);
     return 1;
 }
 
 int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const double up[3],
-                 const double side[3], double middle[3], int *around) {
+                 const double ahead[3], const double side[3], double middle[3], int *around) {
     size_t n = sf_model_count(model);
     float *values = malloc((AXES + 2) * (n + 1) * sizeof *values);
     *around = 0;
@@ -100,7 +100,7 @@ int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const do
     int error = sf_model_get(model, 0, n, &g) ? app_fail(a, ctx) : 0;
     if (!error) {
         keep_visible(&c, logits);
-        *around = decide(&c, up, side, middle);
+        *around = decide(&c, up, ahead, side, middle);
     }
     free(values);
     return error;

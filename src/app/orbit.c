@@ -66,11 +66,6 @@ static int find_up(const args *a, const sf_model_bounds *b, const sf_camera *kno
     return 0;
 }
 
-static int rising(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Medians over the cameras of how far and how high above the middle they stood. */
 static int as_known(const args *a, const sf_camera *known, size_t count, orbit *o) {
     double *values = malloc(2 * count * sizeof *values);
@@ -82,8 +77,8 @@ static int as_known(const args *a, const sf_camera *known, size_t count, orbit *
         values[i] = sqrt(dot(at, at));
         values[count + i] = values[i] > 0 ? asin(fmax(-1, fmin(dot(at, o->up) / values[i], 1))) : 0;
     }
-    qsort(values, count, sizeof *values, rising);
-    qsort(values + count, count, sizeof *values, rising);
+    qsort(values, count, sizeof *values, app_rising);
+    qsort(values + count, count, sizeof *values, app_rising);
     if (values[count / 2] > 0) o->distance = values[count / 2];
     o->elevation = values[count + count / 2];
     free(values);
@@ -119,7 +114,7 @@ static int read_orbit(const args *a, sf_context *ctx, const sf_model *model, con
     int error = find_up(a, &b, known, count, o->up), around = 0;
     if (!error) find_start(known, count, o);
     if (!error && count) error = as_known(a, known, count, o);
-    if (!error && !count) error = shots_middle(a, ctx, model, o->up, o->side, o->center, &around);
+    if (!error && !count) error = shots_middle(a, ctx, model, o->up, o->ahead, o->side, o->center, &around);
     if (around) o->distance = o->elevation = 0;
     double degrees = o->elevation / degree;
     if (!error) error = args_numbers(a, "elevation", 1, &degrees);

@@ -21,18 +21,6 @@ static const arg_option own_options[] = {
     {0},
 };
 
-static json_t *numbers(const double *values, int n) {
-    json_t *array = json_array();
-    for (int i = 0; i < n; i++) json_array_append_new(array, json_real(values[i]));
-    return array;
-}
-
-static json_t *pose_json(const sf_camera *c) {
-    return json_pack("{s:o, s:o, s:f, s:f, s:f, s:f, s:i, s:i}", "R_cw", numbers(c->R_cw, 9), "t_cw",
-                     numbers(c->t_cw, 3), "fx", c->fx, "fy", c->fy, "cx", c->cx, "cy", c->cy, "width",
-                     (int)c->width, "height", (int)c->height);
-}
-
 /* The view from which the whole model is seen. */
 static int first_camera(const args *a, sf_context *ctx, const sf_model *model, const sf_camera *known,
                         size_t count, sf_camera *first) {
@@ -55,11 +43,12 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
         size_t shown = count < VIEWS ? count : VIEWS;
         json_t *views = json_array();
         for (size_t i = 0; i < shown; i++)
-            json_array_append_new(views, pose_json(&known[shown > 1 ? i * (count - 1) / (shown - 1) : 0]));
+            json_array_append_new(views,
+                                  app_json_pose(&known[shown > 1 ? i * (count - 1) / (shown - 1) : 0]));
         json_t *status =
             json_pack("{s:b, s:s, s:I, s:o, s:o, s:o}", "still", 1, "state", "finished", "gaussians",
-                      (json_int_t)sf_model_count(model), "background", numbers(background, 3), "pose",
-                      pose_json(count ? &known[0] : &first), "views", views);
+                      (json_int_t)sf_model_count(model), "background", app_json_numbers(background, 3),
+                      "pose", app_json_pose(count ? &known[0] : &first), "views", views);
         char *text = status ? json_dumps(status, JSON_COMPACT | JSON_REAL_PRECISION(8)) : NULL;
         json_decref(status);
         if (!text)

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/file.h"
+
 enum { PATH = 512, TEXT = 64 };
 
 /* Bits of get_throttled: the frequency is capped, the processor is throttled, the soft limit is reached. */
@@ -15,11 +17,10 @@ enum { PATH = 512, TEXT = 64 };
 static int read_line(const char *folder, const char *name, char line[TEXT]) {
     char path[PATH];
     int length = snprintf(path, sizeof path, "%s/%s", folder, name);
-    FILE *file = length > 0 && length < PATH ? fopen(path, "r") : NULL;
-    int got = file && fgets(line, TEXT, file);
-    if (file) fclose(file);
-    if (got) line[strcspn(line, "\n")] = 0;
-    return got;
+    size_t got = length > 0 && length < PATH ? sf_read_start(path, (uint8_t *)line, TEXT - 1) : 0;
+    line[got] = 0;
+    line[strcspn(line, "\n")] = 0;
+    return got > 0;
 }
 
 static int read_number(const char *folder, const char *name, double *value) {
