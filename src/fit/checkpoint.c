@@ -45,7 +45,7 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(best_step)                                                                                             \
     F(joined)                                                                                                \
     F(blur_judged)                                                                                           \
-    F(trials.failures)                                                                                       \
+    F(trials.in_vain)                                                                                        \
     F(end)                                                                                                   \
     F(adam_before)                                                                                           \
     F(guard_since)                                                                                           \

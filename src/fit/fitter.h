@@ -34,7 +34,7 @@ typedef struct sf_trials {
     size_t tile_count, tile_capacity;
     double squares; /* their sum */
     double part;    /* of the Gaussians, to try next */
-    int failures;   /* one after another */
+    int in_vain;    /* one after another */
 } sf_trials;
 
 struct sf_fitter {

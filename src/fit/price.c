@@ -27,7 +27,8 @@ enum { GROWTHS_IN_VAIN = 4 };
 #define GROWTH_PART 0.25
 
 enum {
-    LOOKED = 16 /* views that growth and removal are judged by */
+    LOOKED = 16, /* views that growth and removal are judged by */
+    WEIGHED = 64 /* and what each Gaussian is worth, and its bands */
 };
 
 /* Charging begins at this part of the run, when what has grown has found its place. When so much of the
@@ -50,7 +51,8 @@ static int taking_out(const sf_fitter *f, double fraction) {
 
 /* Whether pairs may be put on trial: nothing grows any more, and there is time for the verdict. */
 static int may_try(const sf_fitter *f, double fraction) {
-    double trial = (double)SF_TRIAL_STEPS / fmax((double)f->options.plan_steps, 1);
+    double steps = sf_trials_promise(f) ? SF_TRIAL_STEPS : (double)f->options.grow_every;
+    double trial = steps / fmax((double)f->options.plan_steps, 1);
     return f->options.merge > 0 && (f->grown_out || fraction > f->options.grow_end) &&
            fraction + trial <= charge_until(f);
 }
@@ -58,8 +60,8 @@ static int may_try(const sf_fitter *f, double fraction) {
 int sf_charging_due(const sf_fitter *f, double fraction) {
     if (!sf_is_priced(f)) return 0;
     if (taking_out(f, fraction)) return 1;
-    int trials = f->trials.count || (may_try(f, fraction) && sf_trials_promise(f));
-    return trials && f->step % SF_TRIAL_STEPS == 0;
+    if (!sf_trials_promise(f) || f->step % SF_TRIAL_STEPS) return 0;
+    return f->trials.count || may_try(f, fraction);
 }
 
 /* What a Gaussian must take away of the squared error. What has gone may have cost something: that does not
@@ -70,18 +72,18 @@ static double price_of(const sf_fitter *f, const sf_worth *w) {
     return PRICE / f->options.quality * (mean + NOTHING * NOTHING);
 }
 
-/* At full resolution, by so many views; 0: all. */
-static sf_status weigh(sf_fitter *f, size_t views, sf_worth *w) {
+/* At full resolution. */
+static sf_status weigh(sf_fitter *f, int glance, sf_worth *w) {
     int level = f->level;
     f->level = 0;
-    sf_status status = sf_weigh(f, views, w);
+    sf_status status = sf_weigh(f, glance ? LOOKED : WEIGHED, glance, w);
     f->level = level;
     return status;
 }
 
 sf_status sf_consider_growth(sf_fitter *f) {
     sf_worth w;
-    sf_status status = weigh(f, LOOKED, &w);
+    sf_status status = weigh(f, 1, &w);
     if (!status && w.views) {
         int gained = !(f->least_squares > 0) || w.squares < f->least_squares * (1 - GROWTH_GAIN);
         f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
@@ -129,7 +131,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
     size_t n = 0;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0))
+        if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0) && sf_was_weighed(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
     if (n > w->count / 2) n = w->count / 2;
@@ -147,12 +149,12 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
     return status;
 }
 
-/* Pairs are tried where the errors are such as hardly anybody sees: elsewhere each Gaussian has work to do.
- */
+/* Pairs are tried where the errors are such as hardly anybody sees: elsewhere each Gaussian has work to do,
+ * or nobody has looked. */
 static void leave_visible_alone(sf_worth *w) {
     double most = SF_CHANNELS * HARDLY_SEEN * NOTHING * NOTHING;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->share[i] > most * (double)w->mass[i]) w->effect[i] = INFINITY;
+        if ((double)w->share[i] > most * (double)w->mass[i] || !sf_was_weighed(w, i)) w->effect[i] = INFINITY;
 }
 
 /* The degree at which what the bands above it make and the price of those up to it are the least; bands are
@@ -161,6 +163,7 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
         int best = degrees[i];
+        if (!sf_was_weighed(w, i)) continue;
         for (int degree = 0; degree <= degrees[i]; degree++) {
             double without = degree < degrees[i] ? (double)w->bands[i][degree] : 0;
             if (degree) floats += sf_field_components(SF_FIELD_sh0 + degree);
@@ -189,6 +192,7 @@ sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) 
     sf_status status = SF_OK;
     if (!w->views || !may_try(f, fraction)) return SF_OK;
     if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
+        if (!sf_trials_promise(f)) return SF_OK;
         sf_worth_free(f->ctx, w);
         status = weigh(f, 0, w);
         if (!status) leave_visible_alone(w);

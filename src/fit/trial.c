@@ -20,13 +20,15 @@
 /* A part of good pairs from which on there are more of them next, and below which there are fewer. */
 #define MANY_GOOD 0.6
 #define FEW_GOOD  0.4
+/* A trial that takes away less than this part of the Gaussians was not worth looking at the views for. */
+#define WORTH_LOOKING 0.005
 
 enum {
-    PASSES = 4,       /* what has merged may merge again */
-    MOST_FAILURES = 3 /* one after another */
+    PASSES = 4,      /* what has merged may merge again */
+    MOST_IN_VAIN = 3 /* one after another */
 };
 
-int sf_trials_promise(const sf_fitter *f) { return f->trials.failures < MOST_FAILURES; }
+int sf_trials_promise(const sf_fitter *f) { return f->trials.in_vain < MOST_IN_VAIN; }
 
 /* All values of Gaussian i, to or from a row. */
 static void keep_values(const sf_model *m, size_t i, float *row) {
@@ -125,9 +127,9 @@ static double rise_of(const sf_blame *b, double fell, double nothing) {
     return (double)b->now - fmax(fell * (double)b->before, nothing * (double)b->values);
 }
 
-/* How many to try next, by how it went. */
-static void learn(sf_trials *t, int failed, double good) {
-    t->failures = failed ? t->failures + 1 : 0;
+/* How many to try next, by how it went: `good` is the part of the pairs that were. */
+static void learn(sf_trials *t, int failed, double good, int worthwhile) {
+    t->in_vain = worthwhile ? 0 : t->in_vain + 1;
     if (failed)
         t->part = fmax(t->part * MUCH_LESS, LEAST_PART);
     else if (good < FEW_GOOD)
@@ -167,7 +169,7 @@ void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
             w->effect[one->a] = w->effect[one->b] = INFINITY;
         }
     }
-    learn(t, failed, (double)good / (double)n);
+    learn(t, failed, (double)good / (double)n, (double)good >= WORTH_LOOKING * (double)w->count);
     t->count = 0;
     sf_free(f->ctx, members);
 }

@@ -7,17 +7,17 @@
 
 enum { SF_TRIAL_STEPS = 50 /* that those on trial have to make up for what is missing */ };
 
-/* Whether trials are worth looking at all views for; else they are only where these are looked at anyway. */
+/* Whether trials are worth looking at the views for; else they are only where these are looked at anyway. */
 int sf_trials_promise(const sf_fitter *fitter);
 
-/* Puts the pairs that are likely to cost least on trial. worth: of the model as it is, all views looked at;
+/* Puts the pairs that are likely to cost least on trial. worth: of the model as it is, not at a glance;
  * its tiles, which are the trial's then, are what that is judged by, and its effects are those of the pairs.
  * SF_ERR_MEMORY: nothing is on trial. */
 sf_status sf_trials_begin(sf_fitter *fitter, sf_worth *worth);
 
 /* Ends the trial: pairs whose one has raised the squared error by no more than the price of the Gaussians
  * that it saves, and what nobody sees (`nothing`, the square of an error), lose them: they are marked in
- * screen_sum. The others are as they were, and their effects in worth, which is of all views, not finite. */
+ * screen_sum. The others are as they were, and their effects in worth not finite. */
 void sf_trials_judge(sf_fitter *fitter, sf_worth *worth, double price, double nothing);
 
 /* The model as if there had been no trial; also a copy of it, made since this began. */

@@ -217,6 +217,7 @@ static void scale_up(sf_worth *w, double factor) {
         w->effect[i] *= (float)factor;
         w->share[i] *= (float)factor;
         w->mass[i] *= (float)factor;
+        for (int band = 0; w->bands && band < SF_MAX_SH_DEGREE; band++) w->bands[i][band] *= (float)factor;
     }
 }
 
@@ -231,21 +232,24 @@ static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
     return SF_OK;
 }
 
-sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
+sf_status sf_weigh(sf_fitter *f, size_t views, int glance, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status && !views) {
+    if (!status && !glance) {
         w->bands = sf_calloc(f->ctx, w->count, sizeof *w->bands);
         if (!w->bands) status = SF_ERR_MEMORY;
     }
-    if (!status && !views && f->trials.count) status = watch_trials(f, &job);
+    if (!status && !glance && f->trials.count) status = watch_trials(f, &job);
     uint8_t *tried = job.tried;
     if (!status) status = sf_look_at_views(f, views, 0, look_at, &job, &there);
     sf_free(f->ctx, tried);
-    if (!status && views && views < there) scale_up(w, (double)there / (double)views);
+    w->whole = !views || views >= there;
+    if (!status && !w->whole) scale_up(w, (double)there / (double)views);
     return status;
 }
+
+int sf_was_weighed(const sf_worth *w, size_t i) { return w->mass[i] > 0 || w->whole; }
 
 void sf_worth_free(sf_context *ctx, sf_worth *w) {
     sf_free(ctx, w->removal);

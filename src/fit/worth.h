@@ -12,10 +12,11 @@ typedef struct sf_blame {
 } sf_blame;
 
 /* Squared errors are sums over the views, their pixels (by weight) and channels, values 0..1. Where only some
- * views are looked at, all sums are for as many as there are. */
+ * views are looked at, all sums but those of tiles are for as many as there are. */
 typedef struct sf_worth {
     size_t count;
     size_t views;   /* looked at */
+    int whole;      /* all that are trained on were */
     double squares; /* squared error of the views */
     double values;  /* weights of their pixels, times the channels */
     float *removal; /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
@@ -24,17 +25,19 @@ typedef struct sf_worth {
                        noise */
     float *share;   /* [count] its part of the squared error: sum of w r^2 */
     float *mass;    /* [count] its part of the pixels: sum of w */
-    float (*bands)[SF_MAX_SH_DEGREE]; /* [count] effect of leaving out the bands above 0, 1, 2; NULL where
-                                         only some views are looked at */
-    sf_blame *blame; /* [count] while pairs are on trial, and all views are looked at; else NULL */
-    float *tiles; /* squared error of each tile of each view, as drawn; NULL where only some are looked at */
+    float (*bands)[SF_MAX_SH_DEGREE]; /* [count] effect of leaving out the bands above 0, 1, 2; NULL at a
+                                         glance */
+    sf_blame *blame;                  /* [count] while pairs are on trial; NULL at a glance */
+    float *tiles; /* squared error of each tile of each view, as drawn; NULL at a glance */
     size_t tile_count, tile_capacity;
 } sf_worth;
 
-/* Weighs all Gaussians by `views` of the views that are trained on (0: all), at the level, degree and
- * background of the moment. The arrays are the caller's to free with sf_worth_free, also on failure.
- * SF_ERR_MEMORY. */
-sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
+/* Weighs all Gaussians by `views` of the views that are trained on (0: all), evenly spread and the same each
+ * time, at the level, degree and background of the moment. glance: without bands, blame and tiles. The arrays
+ * are the caller's to free with sf_worth_free, also on failure. SF_ERR_MEMORY. */
+sf_status sf_weigh(sf_fitter *fitter, size_t views, int glance, sf_worth *worth);
+/* Whether Gaussian i may be judged: what only views see that were not looked at may not. */
+int sf_was_weighed(const sf_worth *worth, size_t i);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
 /* The squared error alone, of the same `views` as sf_weigh looks at. SF_ERR_MEMORY. */

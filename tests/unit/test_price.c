@@ -109,7 +109,7 @@ static void test_worth_is_what_is_lost(void **state) {
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
     sf_worth w;
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_weigh(f, 0, 0, &w));
     double before = squares_without(ctx, scene, off, 3, -1);
     assert_int_equal(w.views, VIEWS);
     assert_true(fabs(w.values - 3.0 * VIEWS * PIXELS) < 1e-6);
@@ -123,15 +123,44 @@ static void test_worth_is_what_is_lost(void **state) {
         assert_true(w.effect[i] > 0 && w.share[i] >= 0);
     }
     sf_worth some;
-    assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
+    assert_ok(ctx, sf_weigh(f, VIEWS / 2, 1, &some));
     assert_int_equal(some.views, VIEWS / 2);
     assert_true(fabs(some.values / w.values - 1) < 1e-9);
     assert_true(some.squares > 0.3 * w.squares && some.squares < 3 * w.squares);
+    some.mass[1] = w.mass[1] = 0; /* as if nobody had looked where it is */
+    assert_true(sf_was_weighed(&some, 0) && sf_was_weighed(&w, 0));
+    assert_true(!sf_was_weighed(&some, 1) && sf_was_weighed(&w, 1));
     sf_worth_free(ctx, &some);
     sf_worth_free(ctx, &w);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* Sums over a part of the views stand for all, those of bands too. */
+static void test_weighed_by_some(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_model *model = model_of(ctx, three, 3, 1);
+    sf_scene *scene = scene_of(ctx, model);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    sf_worth all, some;
+    f->sh_degree = 1;
+    for (size_t i = 0; i < 3; i++) *sf_value(&f->model->params, SF_FIELD_sh0 + 1, i, 1) = 0.3f;
+    assert_ok(ctx, sf_weigh(f, 0, 0, &all));
+    assert_ok(ctx, sf_weigh(f, VIEWS / 2, 0, &some));
+    assert_int_equal(some.tile_count, all.tile_count / 2);
+    for (size_t i = 0; i < 3; i++) {
+        assert_true(some.effect[i] > 0.5f * all.effect[i] && some.effect[i] < 2 * all.effect[i]);
+        assert_true(some.bands[i][0] > 0.5f * all.bands[i][0] && some.bands[i][0] < 2 * all.bands[i][0]);
+        assert_true(all.bands[i][0] > 0);
+    }
+    sf_worth_free(ctx, &some);
+    sf_worth_free(ctx, &all);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
 }
@@ -231,7 +260,7 @@ static void trial(float other_gray, int succeeds) {
     float before[VALUES] = {0}, during[VALUES] = {0}, after[VALUES] = {0};
     sf_worth w;
     values_of(f->model, before);
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_weigh(f, 0, 0, &w));
     const float most[] = {w.effect[0], w.effect[1], INFINITY};
     memcpy(w.effect, most, sizeof most);
     f->options.merge = 1;
@@ -245,14 +274,14 @@ static void trial(float other_gray, int succeeds) {
     assert_memory_equal(before, after, sizeof before); /* a trial is not to be seen */
     sf_model_destroy(&seen);
 
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_weigh(f, 0, 0, &w));
     sf_trials_judge(f, &w, 0.1, 0);
     assert_int_equal(f->trials.count, 0);
     values_of(f->model, after);
     int going = 0;
     for (int i = 0; i < 3; i++) going += f->screen_sum[i] < 0;
     assert_int_equal(going, succeeds);
-    assert_int_equal(f->trials.failures, !succeeds);
+    assert_int_equal(f->trials.in_vain, !succeeds);
     assert_memory_equal(succeeds ? during : before, after, sizeof before);
     assert_true(succeeds || (isinf(w.effect[0]) && isinf(w.effect[1])));
     sf_worth_free(ctx, &w);
@@ -294,7 +323,7 @@ static void test_a_fit_pays(void **state) {
         options.size = size;
         assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
         assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
-        assert_ok(ctx, sf_weigh(f, 0, &w));
+        assert_ok(ctx, sf_weigh(f, 0, 0, &w));
         count[size] = w.count, squares[size] = w.squares / w.values;
         sf_worth_free(ctx, &w);
         sf_fitter_destroy(&f);
@@ -371,6 +400,7 @@ static void test_degrees_are_paid_for(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_worth_is_what_is_lost),
+        cmocka_unit_test(test_weighed_by_some),
         cmocka_unit_test(test_price),
         cmocka_unit_test(test_merge),
         cmocka_unit_test(test_trial_succeeds),
