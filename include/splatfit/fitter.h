@@ -68,8 +68,8 @@ typedef enum sf_moment_format {
          "median of all, are blurred and count less; 0: none")                                               \
     INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap",                                                                                \
-         "Gaussians: those that pay for themselves, in runs of 1000 steps or more, or as many as "           \
-         "max_gaussians")                                                                                    \
+         "Gaussians: those that pay for themselves, in runs of 1000 steps or more (2000 where time alone "   \
+         "ends them), or as many as max_gaussians")                                                          \
     REAL(merge, 1, 0, 1, "",                                                                                 \
          "size auto: two Gaussians that one stands for but for this part of their square integral become "   \
          "it, on trial; 0: none")                                                                            \

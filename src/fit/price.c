@@ -23,6 +23,7 @@
  */
 #define GROWTH_GAIN 0.02
 enum { GROWTHS_IN_VAIN = 4 };
+
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
 #define GROWTH_PART 0.25
 
@@ -73,28 +74,45 @@ static double price_of(const sf_fitter *f, const sf_worth *w) {
 }
 
 /* At full resolution. */
-static sf_status weigh(sf_fitter *f, int glance, sf_worth *w) {
+static sf_status weigh(sf_fitter *f, sf_worth *w) {
     int level = f->level;
     f->level = 0;
-    sf_status status = sf_weigh(f, glance ? LOOKED : WEIGHED, glance, w);
+    sf_status status = sf_weigh(f, WEIGHED, w);
     f->level = level;
     return status;
 }
 
-sf_status sf_consider_growth(sf_fitter *f) {
+static sf_status look_for_squares(sf_fitter *f, double *squares, double *values) {
+    int level = f->level;
+    f->level = 0;
+    sf_status status = sf_look_for_squares(f, LOOKED, squares, values);
+    f->level = level;
+    return status;
+}
+
+/* Where errors are hardly seen only those grow that have a part in them: elsewhere this chooses worse than
+ * the gradient does. */
+static sf_status spare_the_good(sf_fitter *f) {
     sf_worth w;
-    sf_status status = weigh(f, 1, &w);
+    sf_status status = weigh(f, &w);
     if (!status && w.views) {
-        int gained = !(f->least_squares > 0) || w.squares < f->least_squares * (1 - GROWTH_GAIN);
-        f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
-        if (gained) f->least_squares = w.squares;
-        if (f->growths_in_vain >= GROWTHS_IN_VAIN) f->grown_out = 1;
         double price = price_of(f, &w);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
             if (f->screen_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price) f->screen_sum[i] = 0;
     }
     sf_worth_free(f->ctx, &w);
     return status;
+}
+
+sf_status sf_consider_growth(sf_fitter *f) {
+    double squares, values;
+    sf_status status = look_for_squares(f, &squares, &values);
+    if (status) return status;
+    int gained = !(f->least_squares > 0) || squares < f->least_squares * (1 - GROWTH_GAIN);
+    f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
+    if (gained) f->least_squares = squares;
+    if (f->growths_in_vain >= GROWTHS_IN_VAIN) f->grown_out = 1;
+    return squares < HARDLY_SEEN * NOTHING * NOTHING * values ? spare_the_good(f) : SF_OK;
 }
 
 /* What has an effect, the least first. */
@@ -112,12 +130,13 @@ static int by_effect(const void *a, const void *b) {
 
 /* The squared error of some views without the first n of the list. */
 static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares) {
+    double values;
     float *logit = f->model->params.field[SF_FIELD_logit_opacity];
     for (size_t k = 0; k < n; k++) {
         list[k].logit = logit[list[k].gaussian];
         logit[list[k].gaussian] = SF_INVISIBLE;
     }
-    sf_status status = sf_look_for_squares(f, LOOKED, squares);
+    sf_status status = look_for_squares(f, squares, &values);
     for (size_t k = 0; k < n; k++) logit[list[k].gaussian] = list[k].logit;
     return status;
 }
@@ -125,7 +144,7 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
 /* What is not worth its price goes, but half of all at most, and no more than the steps to come make up for:
  * where many do the same none is worth much, and what is left of them is worth more. */
 static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
-    double before, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
+    double before, values, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
     double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0;
@@ -135,15 +154,12 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
     if (n > w->count / 2) n = w->count / 2;
-    int level = f->level;
-    f->level = 0;
-    sf_status status = sf_look_for_squares(f, LOOKED, &before);
+    sf_status status = look_for_squares(f, &before, &values);
     while (n && !status) {
         status = try_without(f, list, n, &after);
         if (after - before <= rise * (before + unseen)) break;
         n /= 2;
     }
-    f->level = level;
     for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);
     return status;
@@ -174,7 +190,7 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
 }
 
 sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
-    sf_status status = weigh(f, 0, w);
+    sf_status status = weigh(f, w);
     if (status) return status;
     double price = price_of(f, w);
     int taking = taking_out(f, fraction);
@@ -194,7 +210,7 @@ sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) 
     if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
         if (!sf_trials_promise(f)) return SF_OK;
         sf_worth_free(f->ctx, w);
-        status = weigh(f, 0, w);
+        status = weigh(f, w);
         if (!status) leave_visible_alone(w);
     }
     return status ? status : sf_trials_begin(f, w);

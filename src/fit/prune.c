@@ -170,7 +170,7 @@ static void list_bands(pruner *p, const sf_worth *worth) {
 static sf_status list_items(pruner *p, int bands) {
     sf_worth worth;
     p->item_count = 0;
-    sf_status status = sf_weigh(p->fitter, 0, 0, &worth);
+    sf_status status = sf_weigh(p->fitter, 0, &worth);
     if (!status && bands) list_bands(p, &worth);
     for (size_t i = 0; i < p->kept->count && !status && !bands; i++)
         p->items[p->item_count++] = (item){worth.effect[i], (uint32_t)i, -1};

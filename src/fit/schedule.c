@@ -21,7 +21,7 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* A run without an end stays at this part of lr_settle. */
 #define OPEN_END 0.999
 
-/* A run shorter than SF_SHORT_RUN grows this part of grow_most. */
+/* A short run grows this part of grow_most. */
 #define SHORT_GROWTH 0.26
 
 /* A mean step in full steps with the first Gaussians; how steps grow with the Gaussians. */
@@ -33,9 +33,13 @@ static double chosen(double value, double steps, double most, double planned) {
     return value > 0 ? value : fmin(most, steps / planned);
 }
 
+static int is_short(const sf_fitter *f, double steps) {
+    return steps < (f->options.steps > 0 ? SF_SHORT_RUN : SF_SHORT_TIME);
+}
+
 /* Most Gaussians to grow in a run of so many steps: a short one has no time to find out which of many pay. */
 static double most_grown(const sf_fitter *f, double steps) {
-    return f->options.grow_most * (steps < SF_SHORT_RUN ? SHORT_GROWTH : 1) * steps;
+    return f->options.grow_most * (is_short(f, steps) ? SHORT_GROWTH : 1) * steps;
 }
 
 double sf_steps_in(const sf_fitter *f, double seconds, double step) {
@@ -53,7 +57,7 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     planned = fmax(planned, 1);
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
-    if (planned < SF_SHORT_RUN) o->size = SF_SIZE_CAP;
+    if (is_short(f, planned)) o->size = SF_SIZE_CAP;
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);

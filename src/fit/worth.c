@@ -156,7 +156,7 @@ static void weigh_in(const weigh_job *job, size_t i) {
     w->effect[i] += (float)(job->pixels * sums[4]);
     w->share[i] += (float)(job->pixels * sums[6]);
     w->mass[i] += (float)(job->pixels * sums[7]);
-    if (w->bands && ws->sh_degree > 0) weigh_bands(job, i, job->pixels * sums[5]);
+    if (ws->sh_degree > 0) weigh_bands(job, i, job->pixels * sums[5]);
     if (!job->tried || !job->tried[i]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++) {
         const float *blame = ws->sums + (size_t)slot * SF_SUMS + BLAME;
@@ -179,7 +179,7 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, doub
     weigh_job *job = job_pointer;
     sf_status status = residual(job, pixels);
     if (!status) status = sf_stage_blend_worth(job->ws);
-    if (!status && job->worth->bands) status = weigh_tiles(job);
+    if (!status) status = weigh_tiles(job);
     if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
     return status;
 }
@@ -190,11 +190,11 @@ static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, do
     return residual(job_pointer, pixels);
 }
 
-sf_status sf_look_for_squares(sf_fitter *f, size_t views, double *squares) {
+sf_status sf_look_for_squares(sf_fitter *f, size_t views, double *squares, double *values) {
     sf_worth w = {0};
     weigh_job job = {.ws = &f->workspace, .worth = &w};
     sf_status status = sf_look_at_views(f, views, 0, glance_at, &job, NULL);
-    *squares = w.squares;
+    *squares = w.squares, *values = w.values;
     return status;
 }
 
@@ -204,8 +204,9 @@ static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
                     .removal = sf_calloc(f->ctx, n, sizeof *w->removal),
                     .effect = sf_calloc(f->ctx, n, sizeof *w->effect),
                     .share = sf_calloc(f->ctx, n, sizeof *w->share),
-                    .mass = sf_calloc(f->ctx, n, sizeof *w->mass)};
-    return w->removal && w->effect && w->share && w->mass ? SF_OK : SF_ERR_MEMORY;
+                    .mass = sf_calloc(f->ctx, n, sizeof *w->mass),
+                    .bands = sf_calloc(f->ctx, n, sizeof *w->bands)};
+    return w->removal && w->effect && w->share && w->mass && w->bands ? SF_OK : SF_ERR_MEMORY;
 }
 
 /* To as many views as are trained on. */
@@ -217,7 +218,7 @@ static void scale_up(sf_worth *w, double factor) {
         w->effect[i] *= (float)factor;
         w->share[i] *= (float)factor;
         w->mass[i] *= (float)factor;
-        for (int band = 0; w->bands && band < SF_MAX_SH_DEGREE; band++) w->bands[i][band] *= (float)factor;
+        for (int band = 0; band < SF_MAX_SH_DEGREE; band++) w->bands[i][band] *= (float)factor;
     }
 }
 
@@ -232,15 +233,11 @@ static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
     return SF_OK;
 }
 
-sf_status sf_weigh(sf_fitter *f, size_t views, int glance, sf_worth *w) {
+sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status && !glance) {
-        w->bands = sf_calloc(f->ctx, w->count, sizeof *w->bands);
-        if (!w->bands) status = SF_ERR_MEMORY;
-    }
-    if (!status && !glance && f->trials.count) status = watch_trials(f, &job);
+    if (!status && f->trials.count) status = watch_trials(f, &job);
     uint8_t *tried = job.tried;
     if (!status) status = sf_look_at_views(f, views, 0, look_at, &job, &there);
     sf_free(f->ctx, tried);

@@ -25,22 +25,22 @@ typedef struct sf_worth {
                        noise */
     float *share;   /* [count] its part of the squared error: sum of w r^2 */
     float *mass;    /* [count] its part of the pixels: sum of w */
-    float (*bands)[SF_MAX_SH_DEGREE]; /* [count] effect of leaving out the bands above 0, 1, 2; NULL at a
-                                         glance */
-    sf_blame *blame;                  /* [count] while pairs are on trial; NULL at a glance */
-    float *tiles; /* squared error of each tile of each view, as drawn; NULL at a glance */
+    float (*bands)[SF_MAX_SH_DEGREE]; /* [count] effect of leaving out the bands above 0, 1, 2 */
+    sf_blame *blame;                  /* [count] while pairs are on trial, else NULL */
+    float *tiles;                     /* squared error of each tile of each view, as drawn */
     size_t tile_count, tile_capacity;
 } sf_worth;
 
 /* Weighs all Gaussians by `views` of the views that are trained on (0: all), evenly spread and the same each
- * time, at the level, degree and background of the moment. glance: without bands, blame and tiles. The arrays
- * are the caller's to free with sf_worth_free, also on failure. SF_ERR_MEMORY. */
-sf_status sf_weigh(sf_fitter *fitter, size_t views, int glance, sf_worth *worth);
+ * time, at the level, degree and background of the moment. The arrays are the caller's to free with
+ * sf_worth_free, also on failure. SF_ERR_MEMORY. */
+sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 /* Whether Gaussian i may be judged: what only views see that were not looked at may not. */
 int sf_was_weighed(const sf_worth *worth, size_t i);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
-/* The squared error alone, of the same `views` as sf_weigh looks at. SF_ERR_MEMORY. */
-sf_status sf_look_for_squares(sf_fitter *fitter, size_t views, double *squares);
+/* The squared error alone and its values, of so many views, at the level and background of the moment.
+ * SF_ERR_MEMORY. */
+sf_status sf_look_for_squares(sf_fitter *fitter, size_t views, double *squares, double *values);
 
 #endif

@@ -672,13 +672,15 @@ static void test_many(void **state) {
     (void)state;
     pthread_t threads[3];
     sf_model *model = some_model(f.ctx, 100000);
+    double began = sf_clock();
     assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3));
+    double alone = sf_clock() - began; /* a busy machine is slow at this */
     int deaf = dial(port_of(f.p)), mute = dial(port_of(f.p));
     send_text(deaf, "GET /model.splat HTTP/1.1\r\nHost: localhost\r\n\r\n");
     for (int i = 0; i < 3; i++) assert_int_equal(pthread_create(&threads[i], NULL, ask_often, &f), 0);
-    double began = sf_clock();
+    began = sf_clock();
     assert_ok(f.ctx, sf_preview_set_model(f.p, model, 3)); /* does not wait for who never reads */
-    assert_true(sf_clock() - began < 4);
+    assert_true(sf_clock() - began < 4 + 20 * alone);
     for (int i = 0; i < 3; i++) {
         void *failed;
         pthread_join(threads[i], &failed);

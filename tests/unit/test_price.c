@@ -109,7 +109,7 @@ static void test_worth_is_what_is_lost(void **state) {
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
     sf_worth w;
-    assert_ok(ctx, sf_weigh(f, 0, 0, &w));
+    assert_ok(ctx, sf_weigh(f, 0, &w));
     double before = squares_without(ctx, scene, off, 3, -1);
     assert_int_equal(w.views, VIEWS);
     assert_true(fabs(w.values - 3.0 * VIEWS * PIXELS) < 1e-6);
@@ -123,7 +123,7 @@ static void test_worth_is_what_is_lost(void **state) {
         assert_true(w.effect[i] > 0 && w.share[i] >= 0);
     }
     sf_worth some;
-    assert_ok(ctx, sf_weigh(f, VIEWS / 2, 1, &some));
+    assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
     assert_int_equal(some.views, VIEWS / 2);
     assert_true(fabs(some.values / w.values - 1) < 1e-9);
     assert_true(some.squares > 0.3 * w.squares && some.squares < 3 * w.squares);
@@ -149,8 +149,8 @@ static void test_weighed_by_some(void **state) {
     sf_worth all, some;
     f->sh_degree = 1;
     for (size_t i = 0; i < 3; i++) *sf_value(&f->model->params, SF_FIELD_sh0 + 1, i, 1) = 0.3f;
-    assert_ok(ctx, sf_weigh(f, 0, 0, &all));
-    assert_ok(ctx, sf_weigh(f, VIEWS / 2, 0, &some));
+    assert_ok(ctx, sf_weigh(f, 0, &all));
+    assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
     assert_int_equal(some.tile_count, all.tile_count / 2);
     for (size_t i = 0; i < 3; i++) {
         assert_true(some.effect[i] > 0.5f * all.effect[i] && some.effect[i] < 2 * all.effect[i]);
@@ -260,7 +260,7 @@ static void trial(float other_gray, int succeeds) {
     float before[VALUES] = {0}, during[VALUES] = {0}, after[VALUES] = {0};
     sf_worth w;
     values_of(f->model, before);
-    assert_ok(ctx, sf_weigh(f, 0, 0, &w));
+    assert_ok(ctx, sf_weigh(f, 0, &w));
     const float most[] = {w.effect[0], w.effect[1], INFINITY};
     memcpy(w.effect, most, sizeof most);
     f->options.merge = 1;
@@ -274,7 +274,7 @@ static void trial(float other_gray, int succeeds) {
     assert_memory_equal(before, after, sizeof before); /* a trial is not to be seen */
     sf_model_destroy(&seen);
 
-    assert_ok(ctx, sf_weigh(f, 0, 0, &w));
+    assert_ok(ctx, sf_weigh(f, 0, &w));
     sf_trials_judge(f, &w, 0.1, 0);
     assert_int_equal(f->trials.count, 0);
     values_of(f->model, after);
@@ -323,7 +323,7 @@ static void test_a_fit_pays(void **state) {
         options.size = size;
         assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
         assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
-        assert_ok(ctx, sf_weigh(f, 0, 0, &w));
+        assert_ok(ctx, sf_weigh(f, 0, &w));
         count[size] = w.count, squares[size] = w.squares / w.values;
         sf_worth_free(ctx, &w);
         sf_fitter_destroy(&f);

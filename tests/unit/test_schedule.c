@@ -108,6 +108,10 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_RUN);
     assert_int_equal(sf_planned_count(fitter, 0), first);
     assert_true(sf_planned_count(fitter, fitter->options.grow_end / 2) > first);
+    fitter->options.steps = 0; /* time alone ends it */
+    assert_int_equal(sf_planned_count(fitter, 1), first + 52 * SF_SHORT_RUN / 100);
+    fitter->options.plan_steps = SF_SHORT_TIME;
+    assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_TIME);
     sf_fitter_destroy(&fitter);
     options.max_gaussians = (int64_t)first + 10;
     fitter = start(&options);
