@@ -138,7 +138,7 @@ BENCH_OBJ := $(BENCH_SRC:%.c=$(O)/%.o) $(CHART_OBJ) $(foreach l,$(LEVELS),$(O)/a
 REF_OBJ  := $(REF_SRC:%.c=$(O)/%.o)
 # What starts the program.
 PROGRAM_OBJ := $(O)/tests/program.o
-TEST_OBJ := $(addprefix $(O)/tests/,testing.o disturb.o)
+TEST_OBJ := $(addprefix $(O)/tests/,testing.o blobs.o disturb.o)
 # The targets of hostile input, and what of the program they call.
 FUZZ_OBJ := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
             $(filter-out $(O)/src/app/main.o,$(APP_OBJ)) $(BENCH_OBJ) $(PREVIEW_OBJ)

@@ -53,7 +53,7 @@ typedef enum sf_moment_format {
  * "of the run" is a fraction of the progress: steps done of steps, or time of time_limit where that is
  * further. */
 #define SF_FIT_OPTIONS(INT, REAL, FLAG, ENUM)                                                                \
-    INT(steps, 2000, 0, 100000000, "", "optimisation steps; 0: as many as time_limit allows")                \
+    INT(steps, 3000, 0, 100000000, "", "optimisation steps; 0: as many as time_limit allows")                \
     REAL(time_limit, 0, 0, 1e9, "s", "stop after this time, the schedule spread over it; 0: no limit")       \
     INT(plan_steps, 0, 0, 100000000, "",                                                                     \
         "steps for which the schedule is planned; 0: steps, or what time_limit seems to allow")              \

@@ -15,8 +15,8 @@
 #define BAND_PRICE 3.5
 /* So many times their square is hardly seen. */
 #define HARDLY_SEEN 4
-/* What goes at once may raise the squared error by this part; when few steps are left, to make up for it, by
- * the other. */
+/* What goes at once may raise the squared error by this part; when few steps are left, to make up for it, or
+ * where it is more than half of all, by the other. */
 #define RISE      0.5
 #define LATE_RISE 0.002
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
@@ -111,7 +111,13 @@ sf_status sf_consider_growth(sf_fitter *f) {
     int gained = !(f->least_squares > 0) || squares < f->least_squares * (1 - GROWTH_GAIN);
     f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
     if (gained) f->least_squares = squares;
-    if (f->growths_in_vain >= GROWTHS_IN_VAIN) f->grown_out = 1;
+    if (f->growths_in_vain >= GROWTHS_IN_VAIN) {
+        f->grown_out = 1;
+        sf_log(f->ctx, SF_LOG_INFO,
+               "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
+               "error",
+               f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
+    }
     return squares < HARDLY_SEEN * NOTHING * NOTHING * values ? spare_the_good(f) : SF_OK;
 }
 
@@ -141,24 +147,23 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
     return status;
 }
 
-/* What is not worth its price goes, but half of all at most, and no more than the steps to come make up for:
- * where many do the same none is worth much, and what is left of them is worth more. */
+/* What is not worth its price goes, but half of all at most where that is seen, and no more than the steps to
+ * come make up for: where many do the same none is worth much, and what is left of them is worth more. */
 static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
     double before, values, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
     double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
-    size_t n = 0;
+    size_t n = 0, half = w->count / 2;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
         if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0) && sf_was_weighed(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
-    if (n > w->count / 2) n = w->count / 2;
     sf_status status = look_for_squares(f, &before, &values);
     while (n && !status) {
         status = try_without(f, list, n, &after);
-        if (after - before <= rise * (before + unseen)) break;
-        n /= 2;
+        if (after - before <= (n > half ? LATE_RISE : rise) * (before + unseen)) break;
+        n = n > half ? half : n / 2;
     }
     for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);

@@ -46,7 +46,9 @@
     X(A3) \
     X(A4) \
     X(A5) \
-    X(A6)
+    X(A6) \
+    X(S1) \
+    X(S2)
 /* clang-format on */
 
 /* How much of an experiment is wanted. */

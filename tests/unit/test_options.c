@@ -222,10 +222,10 @@ static void test_get_needs_room(void **state) {
     (void)state;
     sf_fit_options options = sf_fit_options_default();
     char text[5] = "????";
-    assert_int_equal(sf_fit_options_get(&options, "steps", text, 4), SF_ERR_ARGUMENT); /* 2000 and its end */
+    assert_int_equal(sf_fit_options_get(&options, "steps", text, 4), SF_ERR_ARGUMENT); /* 3000 and its end */
     assert_int_equal(text[4], 0);
     assert_int_equal(sf_fit_options_get(&options, "steps", text, 5), SF_OK);
-    assert_string_equal(text, "2000");
+    assert_string_equal(text, "3000");
 }
 
 static void assert_check_names(sf_context *ctx, const sf_fit_options *options, const char *name) {
