@@ -69,7 +69,7 @@ static const fault_case
                0.5},
     jumped = {"jump", "&jump=17", 17, 17.1, 38, NULL, 1, 18},
     crossed = {"moving object in a tenth of the frames", "&mover=10:12.4", 10, 12.4, 24, NULL, 0, 0.5},
-    unplugged = {"unplugged", "&unplug=10:13", 10, 13, 24, "no frame for 2 s: is the camera there?", 0, 0.5};
+    unplugged = {"unplugged", "&unplug=10:15", 10, 15, 24, "no frame for 2 s: is the camera there?", 0, 0.5};
 
 typedef struct stream {
     sf_context *ctx, *source_ctx;
