@@ -94,9 +94,20 @@ typedef enum sf_live_state {
     SF_LIVE_STATE_COUNT /* how many there are */
 } sf_live_state;
 
+/* What is wrong of what comes. None of it harms the model: such frames are not fitted. */
+typedef enum sf_live_trouble {
+    SF_LIVE_FINE,    /* nothing */
+    SF_LIVE_SILENT,  /* no frame comes for 2 s */
+    SF_LIVE_BLANK,   /* frames show nothing: a covered lens, darkness */
+    SF_LIVE_BLURRED, /* frames are far less sharp than the model there: a camera that shakes, or is out of
+                        focus */
+    SF_LIVE_TROUBLE_COUNT /* how many there are */
+} sf_live_trouble;
+
 /* Where a live fit stands, between two calls of sf_live_step. */
 typedef struct sf_live_progress {
     sf_live_state state;        /* as of the newest frame that was looked at */
+    sf_live_trouble trouble;    /* now; a warning tells when it begins */
     int paused;                 /* by sf_live_pause */
     int exposure_locked;        /* 1: by sf_live_lock_exposure; 0: it is not; -1: the source cannot be told */
     double seconds;             /* since the first frame */

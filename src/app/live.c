@@ -221,7 +221,11 @@ static const char *state_word(const sf_live_progress *p) {
                                                            [SF_LIVE_STARTING] = "starting: move sideways",
                                                            [SF_LIVE_TRACKING] = "tracking",
                                                            [SF_LIVE_LOST] = "lost: go back to where it was"};
-    return p->paused ? "paused" : words[p->state];
+    static const char *const troubles[SF_LIVE_TROUBLE_COUNT] = {
+        [SF_LIVE_SILENT] = "no frame comes: wait, is the camera there?",
+        [SF_LIVE_BLANK] = "lost: is the lens covered?",
+        [SF_LIVE_BLURRED] = "wait: the pictures are blurred"};
+    return p->paused ? "paused" : troubles[p->trouble] ? troubles[p->trouble] : words[p->state];
 }
 
 /* For the log, --progress json and the page alike. */

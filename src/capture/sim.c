@@ -38,6 +38,14 @@ static sf_status read_span(sf_context *ctx, const char *name, const char *option
                    name, option, text);
 }
 
+/* "1" is always, "0" never. */
+static sf_status read_mover(sf_context *ctx, const char *name, const char *text, sf_sim_span *span) {
+    if (!strcmp(text, "0")) text = "";
+    if (strcmp(text, "1") != 0) return read_span(ctx, name, "mover", text, span);
+    *span = (sf_sim_span){0, INFINITY};
+    return SF_OK;
+}
+
 static sf_status read_exposure(sf_context *ctx, const char *name, const char *text, int *automatic) {
     *automatic = strcmp(text, "auto") == 0;
     if (*automatic || strcmp(text, "fixed") == 0) return SF_OK;
@@ -59,9 +67,9 @@ static void furnish(sf_sim *sim) {
 static void clean(sf_sim *sim) {
     const sf_sim_span never = {-1, -1};
     sim->exact = 1;
-    sim->sensor = sim->blur = sim->auto_exposure = sim->mover = 0;
+    sim->sensor = sim->blur = sim->auto_exposure = 0;
     sim->noise = sim->jitter_s = 0;
-    sim->black = sim->smear = sim->unplug = never;
+    sim->black = sim->smear = sim->unplug = sim->mover = never;
     sim->jump_s = -1;
 }
 
@@ -89,7 +97,7 @@ enum {
 
 /* What options are texts. */
 typedef struct texts {
-    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT];
+    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT];
 } texts;
 
 static void take_numbers(const sf_source_option options[OPTIONS], sf_sim *sim) {
@@ -105,7 +113,6 @@ static void take_numbers(const sf_source_option options[OPTIONS], sf_sim *sim) {
     sim->blur = options[BLUR].value != 0;
     sim->jitter_s = options[JITTER].value * 1e-3;
     sim->jump_s = options[JUMP].value;
-    sim->mover = options[MOVER].value != 0;
     sim->sensor = sim->has_board || sim->blur || sim->auto_exposure || sim->noise > 0;
 }
 
@@ -113,7 +120,8 @@ static sf_status take_texts(sf_context *ctx, const char *name, const texts *text
     sf_status status = read_exposure(ctx, name, text->exposure, &sim->auto_exposure);
     if (status == SF_OK) status = read_span(ctx, name, "black", text->black, &sim->black);
     if (status == SF_OK) status = read_span(ctx, name, "smear", text->smear, &sim->smear);
-    return status == SF_OK ? read_span(ctx, name, "unplug", text->unplug, &sim->unplug) : status;
+    if (status == SF_OK) status = read_span(ctx, name, "unplug", text->unplug, &sim->unplug);
+    return status == SF_OK ? read_mover(ctx, name, text->mover, &sim->mover) : status;
 }
 
 /* With a board the live source's values are the defaults: sf_sim_project_name has those of a project. */
@@ -138,7 +146,7 @@ static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim 
         [SMEAR] = {.name = "smear", .text = text.smear, .text_size = sizeof text.smear},
         [UNPLUG] = {.name = "unplug", .text = text.unplug, .text_size = sizeof text.unplug},
         [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
-        [MOVER] = {.name = "mover", .most = 1, .whole = 1},
+        [MOVER] = {.name = "mover", .text = text.mover, .text_size = sizeof text.mover},
     };
     sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
     if (status == SF_OK) status = take_texts(ctx, name, &text, sim);

@@ -35,9 +35,8 @@ typedef struct sf_sim {
     int sensor;      /* frames tell their exposure */
     int blur, auto_exposure;
     double noise, jitter_s;
-    sf_sim_span black, smear, unplug;
+    sf_sim_span black, smear, unplug, mover;
     double jump_s; /* -1: never */
-    int mover;
 } sf_sim;
 
 /* Reads the name of a simulated source; README.md lists the options. SF_ERR_ARGUMENT: unknown scene or

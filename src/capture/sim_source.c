@@ -169,7 +169,7 @@ static const float *light_of(sim_source *s, const sf_camera *camera, const momen
         return s->linear;
     }
     draw(s, camera, s->linear, s->depth);
-    if (s->sim.mover) draw_mover(s, m->seconds);
+    if (sf_span_holds(s->sim.mover, m->seconds)) draw_mover(s, m->seconds);
     if (!s->sim.blur && !smear) return s->linear;
     sf_motion motion = motion_at(s, m, time);
     sf_sensor_smear(s->ctx->pool, camera, &motion, smear ? heavy : usual, s->linear, s->depth, s->smeared);
@@ -288,7 +288,9 @@ static void sim_release(void *self, sf_frame *frame) {
     *(int *)frame->lease = 0;
 }
 
-static int needs_depth(const sf_sim *sim) { return sim->blur || sim->smear.from >= 0 || sim->mover; }
+static int needs_depth(const sf_sim *sim) {
+    return sim->blur || sim->smear.from >= 0 || sim->mover.from >= 0;
+}
 
 static sf_status take_memory(sim_source *s) {
     size_t pixels = (size_t)s->sim.width * (size_t)s->sim.height;

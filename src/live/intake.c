@@ -6,6 +6,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "../base/clock.h"
+
 enum {
     WAIT_MS = 100, /* for a frame: so soon is the end noticed */
     PICTURES = 3   /* one is taken in, one waits, one is looked at */
@@ -36,6 +38,8 @@ struct sf_intake {
     char error[1024];
     sf_source_counts counts;
     uint64_t passed_over, came;
+    double heard;                     /* s of the clock, of the newest frame */
+    int timeouts;                     /* since */
     int lock_wanted, exposure_locked; /* -1: the source cannot be told */
 };
 
@@ -140,14 +144,39 @@ static void lock_exposure(sf_intake *in) {
     pthread_mutex_unlock(&in->lock);
 }
 
+static double silent(const sf_intake *in) {
+    if (!(in->heard > 0) || !in->timeouts) return 0;
+    return in->live ? sf_clock() - in->heard : 1e-3 * WAIT_MS * in->timeouts;
+}
+
+/* It is said once each time. */
+static sf_status count_timeout(sf_intake *in) {
+    pthread_mutex_lock(&in->lock);
+    double before = silent(in);
+    in->timeouts++;
+    int say = before < SF_INTAKE_SILENCE && silent(in) >= SF_INTAKE_SILENCE;
+    pthread_mutex_unlock(&in->lock);
+    if (say) sf_log(in->ctx, SF_LOG_WARNING, "no frame for %.0f s: is the camera there?", SF_INTAKE_SILENCE);
+    return SF_OK;
+}
+
+static void hear(sf_intake *in) {
+    pthread_mutex_lock(&in->lock);
+    double was = silent(in);
+    in->heard = sf_clock(), in->timeouts = 0;
+    pthread_mutex_unlock(&in->lock);
+    if (was >= SF_INTAKE_SILENCE) sf_log(in->ctx, SF_LOG_INFO, "frames come again");
+}
+
 /* A frame that cannot be decoded is passed over; a camera that has gone may come back. */
 static sf_status take_in(sf_intake *in) {
     sf_frame frame;
     rest(in);
     lock_exposure(in);
     sf_status status = (in->live ? sf_source_newest : sf_source_next)(in->source, WAIT_MS, &frame);
-    if (status == SF_ERR_TIMEOUT) return SF_OK;
+    if (status == SF_ERR_TIMEOUT) return count_timeout(in);
     if (status) return status;
+    hear(in);
     pthread_mutex_lock(&in->lock);
     while (!in->live && in->filled >= 0 && !in->ending) pthread_cond_wait(&in->changed, &in->lock);
     int slot = free_slot(in);
@@ -276,6 +305,13 @@ int sf_intake_waits(sf_intake *in) {
     int waits = in->filled >= 0 || in->status;
     pthread_mutex_unlock(&in->lock);
     return waits;
+}
+
+double sf_intake_silent(sf_intake *in) {
+    pthread_mutex_lock(&in->lock);
+    double seconds = silent(in);
+    pthread_mutex_unlock(&in->lock);
+    return seconds;
 }
 
 void sf_intake_count(sf_intake *in, sf_source_counts *counts, uint64_t *passed_over, uint64_t *came) {

@@ -25,6 +25,9 @@ static inline float sf_picture_grey(const sf_picture *p, size_t at) {
 
 typedef struct sf_intake sf_intake;
 
+/* No frame for so long (s) is said. */
+#define SF_INTAKE_SILENCE 2.0
+
 /* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`, for who
  * wants `rate` a second. Of a source in real time the newest waits, and older ones are passed over; of
  * another each waits for its turn. */
@@ -37,13 +40,17 @@ void sf_intake_destroy(sf_intake **intake);
  * SF_ERR_TIMEOUT: none has come; SF_ERR_END, SF_ERR_IO, ...: none will come any more, why is in
  * sf_last_error. */
 sf_status sf_intake_take(sf_intake *intake, int timeout_ms, const sf_picture **picture);
-/* Whether one waits. */
 /* As sf_source_lock_exposure, before the next frame. sf_intake_locked: whether it is, -1: the source cannot
  * be told. */
 void sf_intake_lock(sf_intake *intake, int locked);
 int sf_intake_locked(sf_intake *intake);
 
+/* Whether one waits. */
 int sf_intake_waits(sf_intake *intake);
+
+/* How long no frame has come, s; of a source that is not in real time, as it counts it. 0 before the first.
+ */
+double sf_intake_silent(sf_intake *intake);
 
 void sf_intake_count(sf_intake *intake, sf_source_counts *counts, uint64_t *passed_over, uint64_t *came);
 

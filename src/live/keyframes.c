@@ -19,7 +19,6 @@ enum {
 #define FIRST_GAP      0.4  /* of the gap between keyframes, before the fit begins */
 #define SHARP          0.7  /* of the usual sharpness: enough for a keyframe */
 #define PATIENCE       0.7  /* s, for a sharper one */
-#define SHARP_MEMORY   0.05 /* part of a frame in the usual sharpness */
 #define OPEN           0.02 /* part of a picture without a model: worth a search for points */
 #define MISSING        0.4f /* transmittance of where nothing is */
 #define NEARER         0.87f
@@ -28,7 +27,7 @@ enum {
 
 /* 1. Pictures, small and sharp */
 
-void sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
+double sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
     size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
     double mean = 0, squares = 0;
     for (size_t ty = 0; ty < SF_THUMB_HEIGHT; ty++)
@@ -44,6 +43,7 @@ void sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
     for (int i = 0; i < SF_THUMB; i++) squares += pow((double)thumb[i] - mean, 2);
     for (int i = 0; i < SF_THUMB; i++)
         thumb[i] = squares > 1e-9 ? (float)(((double)thumb[i] - mean) / sqrt(squares)) : 0;
+    return sqrt(squares / SF_THUMB);
 }
 
 static double likeness(const float *a, const float *b) {
@@ -69,7 +69,7 @@ const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB]
 
 /* Mean square of the Laplacian of grey over 2 x 2 pixels, relative to the picture's own contrast: brightness
  * does not matter. */
-static double sharpness_of(const sf_picture *p) {
+double sf_live_sharpness(const sf_picture *p) {
     size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
     double edges = 0, sum = 0, squares = 0, count = 0;
     for (size_t y = 2; y + 2 < height; y += 2)
@@ -161,10 +161,7 @@ static sf_status take_keyframe(sf_live *live) {
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
     double now = 1e-9 * (double)live->picture->time_ns, gap = live->options.keyframe_gap, center[3];
     *taken = 0;
-    live->sharpness = sharpness_of(live->picture);
-    double usual = live->usual_sharpness > 0 ? live->usual_sharpness : live->sharpness;
-    live->usual_sharpness = usual + SHARP_MEMORY * (live->sharpness - usual);
-    if (live->frame.from == SF_POSE_NONE || !(live->distance > 0)) return SF_OK;
+    if (live->frame.from == SF_POSE_NONE || !live->sure || !(live->distance > 0)) return SF_OK;
     if (!live->fitter) gap *= FIRST_GAP;
     sf_camera_center(&live->frame.camera, center);
     if (least_gap(live, &live->pose, center, SIZE_MAX) < gap) {
@@ -172,7 +169,7 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
         return SF_OK;
     }
     if (!live->wanted) live->wanted = 1, live->wanted_since = now;
-    if (live->sharpness < SHARP * usual && now - live->wanted_since < PATIENCE) return SF_OK;
+    if (live->unlike < SHARP && now - live->wanted_since < PATIENCE) return SF_OK;
     sf_status status = take_keyframe(live);
     *taken = !status;
     return status;

@@ -38,7 +38,9 @@ sf_live_options sf_live_options_default(void) {
     o.fit.recent = SF_LIVE_RECENT;
     o.fit.first = SF_FIRST_SWEEP;
     o.fit.init_random = 1000;
-    o.fit.pyramid_levels = 1; /* what comes late has no time to begin coarsely */
+    o.fit.pyramid_levels = 1;  /* what comes late has no time to begin coarsely, */
+    o.fit.pyramid_end = 0.001; /* and the model is looked at from the start */
+    o.fit.grow_every = 20;     /* many new Gaussians at once are seen, and tracked against */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
     return o;
@@ -260,10 +262,16 @@ static void count_quality(const sf_live *live, sf_live_progress *p) {
     p->first_psnr = live->keyframe_count ? live->keyframes[0].psnr_corrected : NAN;
 }
 
+static sf_live_trouble trouble_of(const sf_live *live) {
+    int ended = live->source_ended || sf_intake_waits(live->intake);
+    return !ended && sf_intake_silent(live->intake) >= SF_INTAKE_SILENCE ? SF_LIVE_SILENT : live->trouble;
+}
+
 void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     double now = sf_clock();
     uint64_t came;
     *p = (sf_live_progress){.state = live->state,
+                            .trouble = trouble_of(live),
                             .paused = live->paused,
                             .exposure_locked = sf_intake_locked(live->intake),
                             .seconds = live->first_frame > 0 ? now - live->first_frame : 0,

@@ -17,7 +17,8 @@ enum {
     SF_THUMB = SF_THUMB_WIDTH * SF_THUMB_HEIGHT,
     SF_LIVE_RECENT = 6, /* keyframes: the window that every other step is of */
     SF_LIVE_FIRST = 24,
-    SF_LIVE_TIMES = 64
+    SF_LIVE_TIMES = 64,
+    SF_LIVE_SURE = 6 /* poses one after another, of a camera that was lost, until it is found */
 };
 
 /* A keyframe's picture is in the scene; here is what it is found again by. */
@@ -60,9 +61,10 @@ struct sf_live {
     const sf_picture *picture;
     sf_live_frame frame;
     int fixed;      /* its pose is known well from outside the model */
+    int sure;       /* it is where its pose says, and as sharp as others */
     uint8_t *bytes; /* [height][width][3], and grey */
     size_t byte_capacity;
-    double sharpness, usual_sharpness;
+    double sharpness, usual_sharpness, unlike; /* unlike: in parts of what was usual before it */
 
     /* Where the camera is. */
     sf_live_state state;
@@ -70,6 +72,10 @@ struct sf_live {
     int64_t pose_ns, pose_before_ns;
     int poses;                              /* found one after another, up to 2 */
     int misses;                             /* frames since */
+    int doubts;                             /* poses that are still to come, for it to be found again */
+    double usual_agreement, usual_detail;   /* of the frames that were tracked; 0: none yet */
+    int blurred, blank;                     /* frames one after another */
+    sf_live_trouble trouble;                /* of the frames */
     double distance;                        /* to what the camera sees, world units; 0: not known */
     sf_camera first_cameras[SF_LIVE_FIRST]; /* of poses from outside, until the distance is known */
     size_t first_count;
@@ -98,11 +104,13 @@ void sf_live_forget_pose(sf_live *live);
 /* keyframes.c */
 /* Takes the frame as a keyframe where one is wanted and it is good enough. *taken: whether. */
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken);
+/* Of a picture, relative to its own contrast: brightness does not matter. */
+double sf_live_sharpness(const sf_picture *picture);
 /* The keyframe that looks most like the picture of this thumbnail, of those after `rank` better ones. NULL.
  */
 const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank);
-/* Of the picture that is looked at. */
-void sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
+/* Of the picture that is looked at. Returns the standard deviation of its greys, 0..1. */
+double sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
 /* Tells the fit which poses to hold. */
 void sf_live_hold_poses(sf_live *live);
 /* Begins the fit when there are keyframes from enough places. */

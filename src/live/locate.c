@@ -9,13 +9,25 @@
 
 enum {
     LEAST_CORNERS = 8, /* of a board: two tags */
-    CANDIDATES = 2,    /* keyframes to find a lost pose by, a frame */
-    FIRST_POSES = 6    /* that a distance is guessed from */
+    TURNS = 8,      /* keyframes to find a lost pose by: the one most like it, and of so many one in turn */
+    SAID_AFTER = 3, /* frames one after another, for what is wrong of them to be said */
+    FIRST_POSES = 6 /* that a distance is guessed from */
 };
 
 /* A pose is trusted from here on. */
 #define AGREES 0.55
 #define SEEN   0.12
+/* Of the usual agreement: to be tracked on, and to be found again after it was lost. */
+#define LIKE_BEFORE 0.75
+#define FOUND       0.9
+/* Part of a frame in what is usual. */
+#define USUAL_MEMORY 0.05
+/* Detail in that of the model, and sharpness, in parts of what is usual, below which a picture is blurred. */
+#define SHARP_ENOUGH 0.5
+#define DULL         0.4
+#define BLUR_MEMORY  0.004 /* part of a blurred frame in what is usual */
+/* Standard deviation of the greys of a picture that shows nothing: the noise is averaged out. */
+#define BLANK 0.012
 /* Without the model: a board's pose. */
 #define AMBIGUOUS 0.7
 #define BOARD_RMS 1.5 /* px */
@@ -120,8 +132,9 @@ static sf_rigid predict(const sf_live *live, double *spread) {
     return pose;
 }
 
-static int is_good(const sf_track *track) {
-    return track->agreement >= AGREES && track->seen >= SEEN && is_finite(&track->pose) &&
+static int is_good(const sf_live *live, const sf_track *track) {
+    double least = fmax(AGREES, (live->doubts ? FOUND : LIKE_BEFORE) * live->usual_agreement);
+    return track->agreement >= least && track->seen >= SEEN && is_finite(&track->pose) &&
            isfinite(track->covariance[0]);
 }
 
@@ -153,7 +166,7 @@ static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int
     double apart = spread * fmax(live->distance, 1e-9);
     for (int k = 0; k < 6; k++) steady.information[7 * k] = 1 / pow(k < 3 ? apart : spread, 2);
     sf_status status = track_from(live, guess, prior, 0, track);
-    *good = !status && is_good(track) && (fix->from || !jumps(live, guess, &track->pose));
+    *good = !status && is_good(live, track) && (fix->from || !jumps(live, guess, &track->pose));
     return status;
 }
 
@@ -161,12 +174,12 @@ static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int
 static sf_status find_again(sf_live *live, sf_track *track, int *good) {
     float thumb[SF_THUMB];
     sf_live_thumb(live->picture, thumb);
-    for (int rank = 0; rank < CANDIDATES && !*good; rank++) {
-        const sf_keyframe *like = sf_live_like(live, thumb, rank);
-        if (!like) return SF_OK;
+    for (int turn = 0; turn < 2 && !*good; turn++) {
+        const sf_keyframe *like = sf_live_like(live, thumb, turn ? 1 + live->misses % TURNS : 0);
+        if (!like) continue;
         sf_status status = track_from(live, &like->pose, NULL, 1, track);
         if (status) return status;
-        *good = is_good(track) && !jumps(live, &like->pose, &track->pose);
+        *good = is_good(live, track) && !jumps(live, &like->pose, &track->pose);
     }
     return SF_OK;
 }
@@ -203,6 +216,7 @@ static void note_pose(sf_live *live, const sf_rigid *pose, sf_pose_from from) {
     live->pose = *pose, live->pose_ns = live->picture->time_ns;
     live->poses = again ? 1 : live->poses < 2 ? live->poses + 1 : 2;
     live->misses = 0;
+    if (live->doubts) live->doubts--;
     memcpy(c->R_cw, pose->R, sizeof pose->R);
     memcpy(c->t_cw, pose->t, sizeof pose->t);
     live->frame.from = from;
@@ -219,6 +233,42 @@ static void note_miss(sf_live *live) {
     live->state = SF_LIVE_LOST;
     live->lost++;
     live->poses = 0;
+    live->doubts = SF_LIVE_SURE;
+}
+
+/* How sharp a picture is says its own detail, next to that of those before, and its detail in that of the
+ * model where it is drawn: a wall has little of the first, and new ground may have little in the model. Both
+ * fall where it begins to be blurred; then its own tells when that is over. What is usual comes slowly from
+ * what is blurred: the lens may be so. */
+static void judge_sharpness(sf_live *live, const sf_track *track) {
+    double usual = live->usual_sharpness > 0 ? live->usual_sharpness : live->sharpness;
+    double usual_detail = live->usual_detail > 0 || !track ? live->usual_detail : track->detail;
+    if (live->blank) return;
+    int dull = live->sharpness < DULL * usual;
+    int begins = track && track->detail < SHARP_ENOUGH * usual_detail;
+    live->blurred = dull && (live->blurred || begins) ? live->blurred + 1 : 0;
+    live->usual_sharpness = usual + (live->blurred ? BLUR_MEMORY : USUAL_MEMORY) * (live->sharpness - usual);
+    live->unlike = live->sharpness / fmax(usual, 1e-9);
+    if (track && !live->blurred)
+        live->usual_detail = usual_detail + USUAL_MEMORY * (track->detail - usual_detail);
+}
+
+static void note_track(sf_live *live, const sf_track *track) {
+    double usual = live->usual_agreement > 0 ? live->usual_agreement : track->agreement;
+    live->usual_agreement = usual + USUAL_MEMORY * (track->agreement - usual);
+}
+
+/* What is wrong of the frames, said when it begins. */
+static void note_trouble(sf_live *live) {
+    static const char *const words[SF_LIVE_TROUBLE_COUNT] = {
+        [SF_LIVE_BLANK] = "nothing is to be seen: is the lens covered?",
+        [SF_LIVE_BLURRED] = "the pictures are blurred: they are not fitted"};
+    sf_live_trouble before = live->trouble;
+    live->trouble = live->blank >= SAID_AFTER     ? SF_LIVE_BLANK
+                    : live->blurred >= SAID_AFTER ? SF_LIVE_BLURRED
+                                                  : SF_LIVE_FINE;
+    if (live->trouble != before && words[live->trouble])
+        sf_log(live->ctx, SF_LOG_WARNING, "%s", words[live->trouble]);
 }
 
 /* Whether a pose from outside leaves the model nothing to say. */
@@ -236,21 +286,33 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     int good = 0;
     sf_status status = SF_OK;
     live->fixed = is_fixed(fix);
-    if (live->fitter) {
+    if (fix->from) live->doubts = 0;
+    if (live->fitter && !live->blank) {
         if (fix->from || live->poses) status = track_on(live, fix, &track, &good);
         if (!status && !good && !fix->from && live->misses) status = find_again(live, &track, &good);
         if (status) return status;
         live->frame.agreement = track.agreement;
     }
+    judge_sharpness(live, (good || fix->from) && track.seen >= SEEN ? &track : NULL);
+    if (live->blurred >= SAID_AFTER && !fix->from) live->doubts = SF_LIVE_SURE;
+    live->sure = !live->doubts && !live->blurred && !live->blank;
     if (good) {
         live->distance = track.depth;
+        if (live->sure) note_track(live, &track);
         note_pose(live, &track.pose, SF_POSE_TRACK);
     } else if (fix->from) {
         note_pose(live, &fix->prior.pose, fix->from);
     } else {
         note_miss(live);
     }
+    live->sure &= !live->doubts;
+    note_trouble(live);
     return SF_OK;
+}
+
+static int is_blank(const sf_picture *picture) {
+    float thumb[SF_THUMB];
+    return sf_live_thumb(picture, thumb) < BLANK;
 }
 
 sf_status sf_live_locate(sf_live *live) {
@@ -264,6 +326,8 @@ sf_status sf_live_locate(sf_live *live) {
                                   .rgb = {p->rgb[0], p->rgb[1], p->rgb[2]}};
     sf_status status = find_fix(live, &fix);
     if (!status) status = sf_tracker_take(live->tracker, &p->camera, p->rgb, (size_t)p->camera.width);
+    live->blank = is_blank(p) ? live->blank + 1 : 0;
+    live->sharpness = sf_live_sharpness(p);
     if (!status) status = look(live, &fix);
     live->looked_at++;
     return status;
@@ -271,7 +335,8 @@ sf_status sf_live_locate(sf_live *live) {
 
 void sf_live_forget_pose(sf_live *live) {
     live->state = SF_LIVE_WAITING;
-    live->poses = live->misses = 0;
+    live->poses = live->misses = live->doubts = 0;
+    live->usual_agreement = live->usual_detail = live->usual_sharpness = 0;
     live->distance = 0;
     live->first_count = 0;
 }

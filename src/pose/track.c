@@ -40,6 +40,7 @@ typedef struct point {
 typedef struct row_sums {
     double H[UNKNOWNS * (UNKNOWNS + 1) / 2], g[UNKNOWNS], cost;
     double points, count, a, b, aa, bb, ab, moved; /* all but the first weighted, for the correlation; px */
+    double drawn_detail, detail;                   /* squares of differences of neighbours */
     uint32_t bins[BINS];
 } row_sums;
 
@@ -193,8 +194,8 @@ static sf_status draw(sf_tracker *t, level *l, const sf_model *model, const sf_r
 
 /* 3. Gauss and Newton */
 
-/* The picture between its pixels; 0: outside of it. */
-static int look_up(const level *l, double u, double v, double *value) {
+/* The picture between its pixels, and the square of its slope there, a px; 0: outside of it. */
+static int look_up(const level *l, double u, double v, double *value, double *slope) {
     int width = l->camera.width, height = l->camera.height;
     if (!(u >= 0.5 && v >= 0.5 && u < width - 0.5 && v < height - 0.5)) return 0;
     int x = (int)(u - 0.5), y = (int)(v - 0.5);
@@ -203,18 +204,20 @@ static int look_up(const level *l, double u, double v, double *value) {
     double a = u - 0.5 - x, b = v - 0.5 - y;
     double top = (double)p[0] + a * (double)(p[1] - p[0]);
     double bottom = (double)p[width] + a * (double)(p[width + 1] - p[width]);
+    double across = (1 - b) * (double)(p[1] - p[0]) + b * (double)(p[width + 1] - p[width]);
     *value = top + b * (bottom - top);
+    *slope = across * across + (bottom - top) * (bottom - top);
     return 1;
 }
 
 static void add_point(const sf_tracker *t, const point *p, row_sums *s) {
     const sf_camera *c = &t->at->camera;
-    double at[3] = {(double)p->at[0], (double)p->at[1], (double)p->at[2]}, q[3], value;
+    double at[3] = {(double)p->at[0], (double)p->at[1], (double)p->at[2]}, q[3], value, slope;
     sf_mat3_vec(t->moved.R, at, q);
     for (int k = 0; k < 3; k++) q[k] += t->moved.t[k];
     if (!(q[2] > 0.1 * at[2])) return;
     double u = c->fx * q[0] / q[2] + c->cx, v = c->fy * q[1] / q[2] + c->cy;
-    if (!look_up(t->at, u, v, &value)) return;
+    if (!look_up(t->at, u, v, &value, &slope)) return;
     double drawn = (double)p->value, r = value - (t->gain * drawn + t->bias), part = r / t->width;
     double w = 1 / (1 + part * part), J[UNKNOWNS];
     for (int k = 0; k < SF_TWIST; k++) J[k] = t->gain * (double)p->d_twist[k];
@@ -228,6 +231,8 @@ static void add_point(const sf_tracker *t, const point *p, row_sums *s) {
     s->count += w;
     s->a += w * drawn, s->b += w * value;
     s->aa += w * drawn * drawn, s->bb += w * value * value, s->ab += w * drawn * value;
+    s->drawn_detail += (pow(J[0] * at[2] / c->fx, 2) + pow(J[1] * at[2] / c->fy, 2));
+    s->detail += slope;
     s->moved += w * (fabs(u - (c->fx * at[0] / at[2] + c->cx)) + fabs(v - (c->fy * at[1] / at[2] + c->cy)));
     int bin = (int)(fabs(r) * BIN_SCALE);
     s->bins[bin < BINS ? bin : BINS - 1]++;
@@ -256,6 +261,7 @@ static void add_up(sf_tracker *t, row_sums *all) {
         all->points += s->points;
         all->a += s->a, all->b += s->b, all->aa += s->aa, all->bb += s->bb, all->ab += s->ab;
         all->moved += s->moved;
+        all->drawn_detail += s->drawn_detail, all->detail += s->detail;
     }
 }
 
@@ -353,6 +359,7 @@ static void conclude(const sf_tracker *t, const row_sums *s, const sf_track_prio
     track->depth = mean_depth(t);
     track->rms = sqrt(s->cost / n);
     track->seen = (double)found / (double)pixels_of(&t->at->camera);
+    track->detail = s->detail / fmax(s->drawn_detail, 1e-12);
     track->agreement = aa > 1e-8 && bb > 1e-8 ? ab / sqrt(aa * bb) : 0;
     equations(t, s, &track->pose, prior, A, g);
     memset(track->covariance, 0, sizeof track->covariance);

@@ -20,7 +20,9 @@ typedef struct sf_track {
     double gain, bias;                      /* the picture is gain x render + bias, in grey, 0..1 */
     double depth;                           /* mean, of what was compared, world units */
     double rms;                             /* of the differences, where both agree */
-    double seen;                            /* the share of the picture that the model fills, 0..1 */
+    double detail; /* of the picture, in that of the render: mean square differences of neighbours; falls with
+                      blur */
+    double seen;   /* the share of the picture that the model fills, 0..1 */
     double agreement; /* correlation of picture and render there, -1..1; 0 where nothing is to be compared */
 } sf_track;
 

@@ -355,6 +355,8 @@ static void test_faults(void **state) {
     }
     take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&mover=1", 5, odd);
     for (int i = 0; i < 5; i++) assert_true(odd[i].hash != usual[i].hash);
+    take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&mover=2:3", 5, odd);
+    for (int i = 0; i < 5; i++) assert_int_equal(odd[i].hash != usual[i].hash, i == 2);
     sf_context_destroy(&ctx);
 }
 
@@ -460,7 +462,7 @@ static void test_names(void **state) {
                {BOARD "?unplug=nan:2", "unplug: \"nan:2\""},
                {BOARD "?exposure=manual", "exposure: \"manual\" is neither auto nor fixed"},
                {BOARD "?jump=-3", "jump: -3"},
-               {BOARD "?mover=2", "mover: 2"},
+               {BOARD "?mover=2", "mover: \"2\" is not A:B"},
                {BOARD "?noise=11", "noise: 11"},
                {"sim:studio-boards", "known: sim:studio, sim:studio-board"}};
     sf_context *ctx = test_context();
