@@ -18,8 +18,8 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* SH degree 1 starts at this part of sh_end. */
 #define SH_START 0.33
 
-/* A run without an end stays at this part of lr_settle. */
-#define OPEN_END 0.999
+/* This part of lr_settle is the last before the rates fall: where a run without an end stays. */
+#define UNSETTLED 0.999
 
 /* A short run grows this part of grow_most. */
 #define SHORT_GROWTH 0.26
@@ -64,11 +64,17 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
 }
 
+/* Where time alone ends a run its phases go by the planned steps, too, up to the settling: the coarse
+ * pictures of the start are quick, and by time there would be too many of them. */
 double sf_fraction_at(const sf_fitter *f, double time) {
+    const sf_fit_options *o = &f->options;
     double fraction = 0;
-    if (f->options.steps > 0) fraction = (double)f->step / (double)f->options.steps;
+    if (o->steps > 0)
+        fraction = (double)f->step / (double)o->steps;
+    else if (o->time_limit > 0 && o->plan_steps > 0)
+        fraction = fmin((double)f->step / (double)o->plan_steps, UNSETTLED * o->lr_settle);
     fraction = fmin(fmax(fraction, time), 1);
-    return f->options.open_end ? fmin(fraction, OPEN_END * f->options.lr_settle) : fraction;
+    return o->open_end ? fmin(fraction, UNSETTLED * o->lr_settle) : fraction;
 }
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
