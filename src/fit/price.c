@@ -104,25 +104,20 @@ static sf_status spare_the_good(sf_fitter *f) {
     return status;
 }
 
-/* Ends growth where those before this one were in vain. */
-static void judge_growth(sf_fitter *f, double squares) {
-    int gained = !(f->least_squares > 0) || squares < f->least_squares * (1 - GROWTH_GAIN);
-    f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
-    if (gained) f->least_squares = squares;
-    if (f->growths_in_vain < GROWTHS_IN_VAIN) return;
-    f->grown_out = 1;
-    sf_log(
-        f->ctx, SF_LOG_INFO,
-        "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the error",
-        f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
-}
-
-sf_status sf_consider_growth(sf_fitter *f, double fraction) {
+sf_status sf_consider_growth(sf_fitter *f) {
     double squares, values;
     sf_status status = look_for_squares(f, &squares, &values);
     if (status) return status;
-    /* What is learned of coarse pictures alone leaves the errors of fine ones as they are. */
-    if (fraction >= f->options.pyramid_end) judge_growth(f, squares);
+    int gained = !(f->least_squares > 0) || squares < f->least_squares * (1 - GROWTH_GAIN);
+    f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
+    if (gained) f->least_squares = squares;
+    if (f->growths_in_vain >= GROWTHS_IN_VAIN) {
+        f->grown_out = 1;
+        sf_log(f->ctx, SF_LOG_INFO,
+               "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
+               "error",
+               f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
+    }
     return squares < HARDLY_SEEN * NOTHING * NOTHING * values ? spare_the_good(f) : SF_OK;
 }
 
