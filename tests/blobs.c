@@ -59,9 +59,6 @@ static sf_camera camera_of(int view, int views) {
     double z = 1 - 2 * (view + 0.5) / views, turn = 2.39996323 * view, r = sqrt(1 - z * z);
     const double ahead[3] = {-r * cos(turn), -r * sin(turn), -z};
     const double right[3] = {-sin(turn), cos(turn), 0};
-    const double down[3] = {ahead[1] * right[2] - ahead[2] * right[1],
-                            ahead[2] * right[0] - ahead[0] * right[2],
-                            ahead[0] * right[1] - ahead[1] * right[0]};
     sf_camera camera = {.width = SIDE,
                         .height = SIDE,
                         .fx = FOCAL,
@@ -69,9 +66,7 @@ static sf_camera camera_of(int view, int views) {
                         .cx = SIDE / 2.0,
                         .cy = SIDE / 2.0,
                         .t_cw = {0, 0, DISTANCE}};
-    memcpy(camera.R_cw, right, sizeof right);
-    memcpy(camera.R_cw + 3, down, sizeof down);
-    memcpy(camera.R_cw + 6, ahead, sizeof ahead);
+    test_turn_camera(&camera, right, ahead);
     return camera;
 }
 

@@ -268,6 +268,15 @@ sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change chan
     return to;
 }
 
+void test_turn_camera(sf_camera *camera, const double right[3], const double ahead[3]) {
+    for (int k = 0; k < 3; k++) {
+        camera->R_cw[k] = right[k];
+        camera->R_cw[3 + k] =
+            ahead[(k + 1) % 3] * right[(k + 2) % 3] - ahead[(k + 2) % 3] * right[(k + 1) % 3];
+        camera->R_cw[6 + k] = ahead[k];
+    }
+}
+
 sf_camera test_camera_around(int view, int views, int width, int height) {
     const double pi = 3.141592653589793;
     double angle = 2 * pi * view / views, c = cos(angle), s = sin(angle);

@@ -55,6 +55,9 @@ int test_exists(const char *path);
 /* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
 int test_count_entries(const char *path);
 
+/* Turns a camera: its axes to the right and ahead, unit vectors of the world at right angles. */
+void test_turn_camera(sf_camera *camera, const double right[3], const double ahead[3]);
+
 /* Camera `view` of `views` on a ring 4 about the middle, upright, that look inwards; f = 60 px. */
 sf_camera test_camera_around(int view, int views, int width, int height);
 

@@ -51,7 +51,7 @@ typedef enum sf_moment_format {
  *
  * Kinds: INT int64_t; REAL double; FLAG int 0 or 1; ENUM int, values in the order of the text.
  * "of the run" is a fraction of the progress: steps done of steps, or time of time_limit where that is
- * further. */
+ * further; without steps those done of the plan count too, until the rates fall. */
 #define SF_FIT_OPTIONS(INT, REAL, FLAG, ENUM)                                                                \
     INT(steps, 3000, 0, 100000000, "", "optimisation steps; 0: as many as time_limit allows")                \
     REAL(time_limit, 0, 0, 1e9, "s", "stop after this time, the schedule spread over it; 0: no limit")       \

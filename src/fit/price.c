@@ -23,7 +23,6 @@
  */
 #define GROWTH_GAIN 0.02
 enum { GROWTHS_IN_VAIN = 4 };
-
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
 #define GROWTH_PART 0.25
 
@@ -73,28 +72,11 @@ static double price_of(const sf_fitter *f, const sf_worth *w) {
     return PRICE / f->options.quality * (mean + NOTHING * NOTHING);
 }
 
-/* At full resolution. */
-static sf_status weigh(sf_fitter *f, sf_worth *w) {
-    int level = f->level;
-    f->level = 0;
-    sf_status status = sf_weigh(f, WEIGHED, w);
-    f->level = level;
-    return status;
-}
-
-static sf_status look_for_squares(sf_fitter *f, double *squares, double *values) {
-    int level = f->level;
-    f->level = 0;
-    sf_status status = sf_look_for_squares(f, LOOKED, squares, values);
-    f->level = level;
-    return status;
-}
-
 /* Where errors are hardly seen only those grow that have a part in them: elsewhere this chooses worse than
  * the gradient does. */
 static sf_status spare_the_good(sf_fitter *f) {
     sf_worth w;
-    sf_status status = weigh(f, &w);
+    sf_status status = sf_weigh(f, WEIGHED, &w);
     if (!status && w.views) {
         double price = price_of(f, &w);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
@@ -106,7 +88,7 @@ static sf_status spare_the_good(sf_fitter *f) {
 
 sf_status sf_consider_growth(sf_fitter *f) {
     double squares, values;
-    sf_status status = look_for_squares(f, &squares, &values);
+    sf_status status = sf_look_for_squares(f, LOOKED, &squares, &values);
     if (status) return status;
     int gained = !(f->least_squares > 0) || squares < f->least_squares * (1 - GROWTH_GAIN);
     f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
@@ -136,13 +118,12 @@ static int by_effect(const void *a, const void *b) {
 
 /* The squared error of some views without the first n of the list. */
 static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares) {
-    double values;
     float *logit = f->model->params.field[SF_FIELD_logit_opacity];
     for (size_t k = 0; k < n; k++) {
         list[k].logit = logit[list[k].gaussian];
         logit[list[k].gaussian] = SF_INVISIBLE;
     }
-    sf_status status = look_for_squares(f, squares, &values);
+    sf_status status = sf_look_for_squares(f, LOOKED, squares, NULL);
     for (size_t k = 0; k < n; k++) logit[list[k].gaussian] = list[k].logit;
     return status;
 }
@@ -150,7 +131,7 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
 /* What is not worth its price goes, but half of all at most where that is seen, and no more than the steps to
  * come make up for: where many do the same none is worth much, and what is left of them is worth more. */
 static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
-    double before, values, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
+    double before, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
     double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0, half = w->count / 2;
@@ -159,7 +140,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
         if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0) && sf_was_weighed(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
-    sf_status status = look_for_squares(f, &before, &values);
+    sf_status status = sf_look_for_squares(f, LOOKED, &before, NULL);
     while (n && !status) {
         status = try_without(f, list, n, &after);
         if (after - before <= (n > half ? LATE_RISE : rise) * (before + unseen)) break;
@@ -195,7 +176,7 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
 }
 
 sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
-    sf_status status = weigh(f, w);
+    sf_status status = sf_weigh(f, WEIGHED, w);
     if (status) return status;
     double price = price_of(f, w);
     int taking = taking_out(f, fraction);
@@ -215,7 +196,7 @@ sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) 
     if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
         if (!sf_trials_promise(f)) return SF_OK;
         sf_worth_free(f->ctx, w);
-        status = weigh(f, w);
+        status = sf_weigh(f, WEIGHED, w);
         if (!status) leave_visible_alone(w);
     }
     return status ? status : sf_trials_begin(f, w);

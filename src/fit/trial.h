@@ -10,7 +10,7 @@ enum { SF_TRIAL_STEPS = 50 /* that those on trial have to make up for what is mi
 /* Whether trials are worth looking at the views for; else they are only where these are looked at anyway. */
 int sf_trials_promise(const sf_fitter *fitter);
 
-/* Puts the pairs that are likely to cost least on trial. worth: of the model as it is, not at a glance;
+/* Puts the pairs that are likely to cost least on trial. worth: of the model as it is;
  * its tiles, which are the trial's then, are what that is judged by, and its effects are those of the pairs.
  * SF_ERR_MEMORY: nothing is on trial. */
 sf_status sf_trials_begin(sf_fitter *fitter, sf_worth *worth);

@@ -190,11 +190,20 @@ static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, do
     return residual(job_pointer, pixels);
 }
 
+static sf_status look_at_full(sf_fitter *f, size_t views, sf_look_fn look, weigh_job *job, size_t *there) {
+    int level = f->level;
+    f->level = 0;
+    sf_status status = sf_look_at_views(f, views, 0, look, job, there);
+    f->level = level;
+    return status;
+}
+
 sf_status sf_look_for_squares(sf_fitter *f, size_t views, double *squares, double *values) {
     sf_worth w = {0};
     weigh_job job = {.ws = &f->workspace, .worth = &w};
-    sf_status status = sf_look_at_views(f, views, 0, glance_at, &job, NULL);
-    *squares = w.squares, *values = w.values;
+    sf_status status = look_at_full(f, views, glance_at, &job, NULL);
+    *squares = w.squares;
+    if (values) *values = w.values;
     return status;
 }
 
@@ -239,7 +248,7 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     size_t there = 0;
     if (!status && f->trials.count) status = watch_trials(f, &job);
     uint8_t *tried = job.tried;
-    if (!status) status = sf_look_at_views(f, views, 0, look_at, &job, &there);
+    if (!status) status = look_at_full(f, views, look_at, &job, &there);
     sf_free(f->ctx, tried);
     w->whole = !views || views >= there;
     if (!status && !w->whole) scale_up(w, (double)there / (double)views);

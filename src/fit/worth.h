@@ -32,15 +32,15 @@ typedef struct sf_worth {
 } sf_worth;
 
 /* Weighs all Gaussians by `views` of the views that are trained on (0: all), evenly spread and the same each
- * time, at the level, degree and background of the moment. The arrays are the caller's to free with
- * sf_worth_free, also on failure. SF_ERR_MEMORY. */
+ * time, at full resolution, with the degree and the background of the moment. The arrays are the caller's to
+ * free with sf_worth_free, also on failure. SF_ERR_MEMORY. */
 sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 /* Whether Gaussian i may be judged: what only views see that were not looked at may not. */
 int sf_was_weighed(const sf_worth *worth, size_t i);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
-/* The squared error alone and its values, of so many views, at the level and background of the moment.
- * SF_ERR_MEMORY. */
+/* The squared error alone of `views` of them (0: all), and its values (may be NULL), likewise. SF_ERR_MEMORY.
+ */
 sf_status sf_look_for_squares(sf_fitter *fitter, size_t views, double *squares, double *values);
 
 #endif

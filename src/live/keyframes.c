@@ -148,7 +148,7 @@ static sf_status take_keyframe(sf_live *live) {
     sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->pose};
     k.held_out = every > 0 && live->keyframes_made % every == every / 2;
     sf_camera_center(&live->frame.camera, k.center);
-    sf_live_thumb(live->picture, k.thumb);
+    memcpy(k.thumb, live->thumb, sizeof k.thumb);
     status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
     k.hold = live->fixed && !k.held_out;

@@ -60,9 +60,10 @@ struct sf_live {
     /* The frame that is looked at. */
     const sf_picture *picture;
     sf_live_frame frame;
-    int fixed;      /* its pose is known well from outside the model */
-    int sure;       /* it is where its pose says, and as sharp as others */
-    uint8_t *bytes; /* [height][width][3], and grey */
+    float thumb[SF_THUMB]; /* of the picture */
+    int fixed;             /* its pose is known well from outside the model */
+    int sure;              /* it is where its pose says, and as sharp as others */
+    uint8_t *bytes;        /* [height][width][3], and grey */
     size_t byte_capacity;
     double sharpness, usual_sharpness, unlike; /* unlike: in parts of what was usual before it */
 
@@ -109,7 +110,8 @@ double sf_live_sharpness(const sf_picture *picture);
 /* The keyframe that looks most like the picture of this thumbnail, of those after `rank` better ones. NULL.
  */
 const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank);
-/* Of the picture that is looked at. Returns the standard deviation of its greys, 0..1. */
+/* A picture made small, its greys around 0 with squares that sum to 1. Returns the standard deviation of its
+ * greys, 0..1. */
 double sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
 /* Tells the fit which poses to hold. */
 void sf_live_hold_poses(sf_live *live);

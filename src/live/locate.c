@@ -172,10 +172,8 @@ static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int
 
 /* From the keyframes that look most like the picture. */
 static sf_status find_again(sf_live *live, sf_track *track, int *good) {
-    float thumb[SF_THUMB];
-    sf_live_thumb(live->picture, thumb);
     for (int turn = 0; turn < 2 && !*good; turn++) {
-        const sf_keyframe *like = sf_live_like(live, thumb, turn ? 1 + live->misses % TURNS : 0);
+        const sf_keyframe *like = sf_live_like(live, live->thumb, turn ? 1 + live->misses % TURNS : 0);
         if (!like) continue;
         sf_status status = track_from(live, &like->pose, NULL, 1, track);
         if (status) return status;
@@ -310,11 +308,6 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     return SF_OK;
 }
 
-static int is_blank(const sf_picture *picture) {
-    float thumb[SF_THUMB];
-    return sf_live_thumb(picture, thumb) < BLANK;
-}
-
 sf_status sf_live_locate(sf_live *live) {
     const sf_picture *p = live->picture;
     sf_fix fix;
@@ -326,7 +319,7 @@ sf_status sf_live_locate(sf_live *live) {
                                   .rgb = {p->rgb[0], p->rgb[1], p->rgb[2]}};
     sf_status status = find_fix(live, &fix);
     if (!status) status = sf_tracker_take(live->tracker, &p->camera, p->rgb, (size_t)p->camera.width);
-    live->blank = is_blank(p) ? live->blank + 1 : 0;
+    live->blank = sf_live_thumb(p, live->thumb) < BLANK ? live->blank + 1 : 0;
     live->sharpness = sf_live_sharpness(p);
     if (!status) status = look(live, &fix);
     live->looked_at++;

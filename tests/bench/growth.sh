@@ -15,7 +15,7 @@ here=$(dirname "$0")
 mkdir -p "$dir"
 
 # A fit: scene, length, way to grow.
-lengths=('short|--steps 825 --max-gaussians 30000' 'default|--steps 2000'
+lengths=('short|--steps 825 --max-gaussians 30000' 'default|--steps 3000'
     'long|--steps 6000 --max-gaussians 80000 --lr-mean 3.2e-4')
 reg='--reg-opacity 0.01 --reg-scale 0.01'
 ways=('gradient|' 'error|--growth error' 'relocate|--growth relocate' "gradient, regularised|$reg"

@@ -120,12 +120,7 @@ static sf_camera camera_in_room(double turn, double radius, double aside, double
     const double at[3] = {radius * cos(turn), radius * sin(turn), 0.2 * sin(3 * turn)};
     sf_camera camera = {
         .width = WIDTH, .height = HEIGHT, .fx = FOCAL, .fy = FOCAL, .cx = WIDTH / 2.0, .cy = HEIGHT / 2.0};
-    for (int k = 0; k < 3; k++) {
-        camera.R_cw[k] = right[k];
-        camera.R_cw[3 + k] =
-            ahead[(k + 1) % 3] * right[(k + 2) % 3] - ahead[(k + 2) % 3] * right[(k + 1) % 3];
-        camera.R_cw[6 + k] = ahead[k];
-    }
+    test_turn_camera(&camera, right, ahead);
     for (int j = 0; j < 3; j++)
         camera.t_cw[j] =
             -(camera.R_cw[3 * j] * at[0] + camera.R_cw[3 * j + 1] * at[1] + camera.R_cw[3 * j + 2] * at[2]);

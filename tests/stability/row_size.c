@@ -99,12 +99,7 @@ static sf_camera camera_above(int view, int views, double twist) {
                         .cx = SIDE / 2.0,
                         .cy = SIDE / 2.0,
                         .t_cw = {0, 0, 2.5}};
-    for (int k = 0; k < 3; k++) {
-        camera.R_cw[k] = right[k];
-        camera.R_cw[3 + k] =
-            ahead[(k + 1) % 3] * right[(k + 2) % 3] - ahead[(k + 2) % 3] * right[(k + 1) % 3];
-        camera.R_cw[6 + k] = ahead[k];
-    }
+    test_turn_camera(&camera, right, ahead);
     return camera;
 }
 
