@@ -23,6 +23,7 @@
 
 enum {
     FEWEST = 8,        /* views that have something in common */
+    FEWEST_ROWS = 96,  /* of a picture, evenly spread, that speak for it; all where there are not twice as many */
     PASSES_OF_ONE = 4, /* of a blurred view: it may be the only one that sees something */
     MOST_NAMES = 400   /* characters of them in the warning */
 };
@@ -38,47 +39,64 @@ typedef struct detail {
 typedef struct detail_job {
     const sf_workspace *ws;
     float *const *planes;
-    detail *rows; /* of each row of the picture, with the pairs to the next one */
+    size_t apart;
+    detail *rows; /* of each row that is taken, with the pairs to the next one of the picture */
 } detail_job;
 
-static int counts(const sf_workspace *ws, size_t at) { return !ws->has_weight || ws->weight[at] > 0.999f; }
+/* Counts and sums of one channel of a row, and of its pairs: branches and calls for each value would take
+ * longer than drawing the view. */
+typedef struct channel_row {
+    const float *value, *below;         /* NULL: the last row */
+    const float *weight, *weight_below; /* NULL: all count */
+    size_t width;
+} channel_row;
 
-static double shown(float value) { return (double)fminf(fmaxf(value, 0), 1); }
+static double shown(float value) { return value > 0 ? value < 1 ? (double)value : 1 : 0; }
 
-static void take_pair(const detail_job *job, size_t at, size_t other, int direction, detail *d) {
-    if (!counts(job->ws, other)) return;
-    d->pairs[direction]++;
-    for (int ch = 0; ch < SF_CHANNELS; ch++) {
-        double difference = shown(job->planes[ch][at]) - shown(job->planes[ch][other]);
-        d->differences[direction] += difference * difference;
+static double counts(const float *weight, size_t x) { return !weight || weight[x] > 0.999f; }
+
+static void add_row(const channel_row *r, int ch, detail *d) {
+    double sum = 0, squares = 0, across = 0, down = 0, last = 0, last_counts = 0;
+    double pixels = 0, pairs_across = 0, pairs_down = 0;
+    for (size_t x = 0; x < r->width; x++) {
+        double in = counts(r->weight, x), value = shown(r->value[x]);
+        double along = value - last, in_along = in * last_counts;
+        sum += in * value, squares += in * value * value, pixels += in;
+        across += in_along * along * along, pairs_across += in_along;
+        last = value, last_counts = in;
+        if (!r->below) continue;
+        double to_below = value - shown(r->below[x]), in_down = in * counts(r->weight_below, x);
+        down += in_down * to_below * to_below, pairs_down += in_down;
     }
+    d->sum[ch] = sum, d->squares += squares;
+    d->differences[ACROSS] += across, d->differences[DOWN] += down;
+    d->pixels = pixels, d->pairs[ACROSS] = pairs_across, d->pairs[DOWN] = pairs_down; /* of every channel */
 }
 
-static void detail_task(void *job_pointer, size_t row, int thread) {
+static void detail_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     const detail_job *job = job_pointer;
     const sf_workspace *ws = job->ws;
-    size_t width = (size_t)ws->eye.width;
+    size_t row = task * job->apart, at = row * ws->stride;
+    int last = row + 1 == (size_t)ws->eye.height;
     detail d = {0};
-    for (size_t x = 0; x < width; x++) {
-        size_t at = row * ws->stride + x;
-        if (!counts(ws, at)) continue;
-        d.pixels++;
-        for (int ch = 0; ch < SF_CHANNELS; ch++) {
-            double value = shown(job->planes[ch][at]);
-            d.sum[ch] += value;
-            d.squares += value * value;
-        }
-        if (x + 1 < width) take_pair(job, at, at + 1, ACROSS, &d);
-        if (row + 1 < (size_t)ws->eye.height) take_pair(job, at, at + ws->stride, DOWN, &d);
+    for (int ch = 0; ch < SF_CHANNELS; ch++) {
+        const float *value = job->planes[ch] + at, *weight = ws->has_weight ? ws->weight + at : NULL;
+        channel_row r = {.value = value,
+                         .below = last ? NULL : value + ws->stride,
+                         .weight = weight,
+                         .weight_below = weight && !last ? weight + ws->stride : NULL,
+                         .width = (size_t)ws->eye.width};
+        add_row(&r, ch, &d);
     }
-    job->rows[row] = d;
+    job->rows[task] = d;
 }
 
 /* Of the target or the render that the workspace has. */
 static sf_status measure(sf_workspace *ws, float *const *planes, detail *all) {
-    size_t rows = (size_t)ws->eye.height;
-    detail_job job = {ws, planes, sf_alloc(ws->ctx, rows, sizeof *job.rows)};
+    size_t height = (size_t)ws->eye.height, apart = height < 2 * FEWEST_ROWS ? 1 : height / FEWEST_ROWS;
+    size_t rows = (height + apart - 1) / apart;
+    detail_job job = {ws, planes, apart, sf_alloc(ws->ctx, rows, sizeof *job.rows)};
     *all = (detail){0};
     if (!job.rows) return SF_ERR_MEMORY;
     sf_pool_run(ws->ctx->pool, rows, detail_task, &job);
