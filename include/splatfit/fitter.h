@@ -59,13 +59,15 @@ typedef enum sf_moment_format {
         "steps for which the schedule is planned; 0: steps, or what time_limit seems to allow")              \
     INT(validate, 8, 0, 1000, "",                                                                            \
         "of n training views or more every n-th is kept out of the training until the rates fall, to stop "  \
-        "and to choose by (with target_psnr to the end, and of 3 or more at least one); 0: none")            \
+        "and to choose by (with target_psnr to the end, and of 3 or more at least one; without it not in a " \
+        "run that time ends after fewer than 2000 steps); 0: none")                                          \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
          "the rates fall where they have gained nothing for so long; 0: never")                              \
     REAL(blur, 0.33, 0, 1, "",                                                                               \
          "training views with less than this part of the detail that the model has there, against the "      \
-         "median of all, are blurred and count less; 0: none")                                               \
+         "median of all, are blurred and count less (not in a run that time ends after fewer than 2000 "     \
+         "steps); 0: none")                                                                                  \
     INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap",                                                                                \
          "Gaussians: those that pay for themselves, in runs of 1000 steps or more (2000 where time alone "   \

@@ -277,6 +277,7 @@ static sf_status make_plan(sf_fitter *f) {
         planned = sf_steps_in(f, o->time_limit - (sf_clock() - f->start), seconds);
     }
     sf_plan_schedule(f, planned);
+    if (!o->validate) f->kept_out_count = 0; /* too short for it, after all */
     return SF_OK;
 }
 

@@ -15,7 +15,7 @@
 
 enum {
     MEDIAN_OF = 9,    /* losses */
-    FIRST_VIEWS = 5,  /* that the first model is looked at in */
+    FIRST_VIEWS = 3,  /* that the first model is looked at in */
     MOST_RETURNS = 8, /* what they do not cure, lower rates do not */
     KEEP_EVERY = 100  /* steps, where no views of validation say which model is good */
 };

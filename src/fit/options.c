@@ -42,6 +42,8 @@ sf_status sf_fit_options_preset(sf_context *ctx, const char *name, sf_fit_option
     if (!strcmp(name, "draft")) {
         preset.steps = 800;
         preset.max_gaussians = 30000;
+        preset.blur = 0;
+        preset.validate = 0;
     } else if (!strcmp(name, "high")) {
         preset.steps = 12000;
         preset.max_gaussians = 150000;

@@ -58,6 +58,10 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
     if (is_short(f, planned)) o->size = SF_SIZE_CAP;
+    if (!o->steps && is_short(f, planned)) { /* looks at views take the time of steps on them */
+        o->blur = 0;
+        if (!(o->target_psnr > 0)) o->validate = 0;
+    }
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
@@ -65,13 +69,13 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
 }
 
 /* Where time alone ends a run its phases go by the planned steps, too, up to the settling: the coarse
- * pictures of the start are quick, and by time there would be too many of them. */
+ * pictures of the start are quick, and by time there would be too many of them. A short run wants them. */
 double sf_fraction_at(const sf_fitter *f, double time) {
     const sf_fit_options *o = &f->options;
     double fraction = 0;
     if (o->steps > 0)
         fraction = (double)f->step / (double)o->steps;
-    else if (o->time_limit > 0 && o->plan_steps > 0)
+    else if (o->time_limit > 0 && !is_short(f, (double)o->plan_steps))
         fraction = fmin((double)f->step / (double)o->plan_steps, UNSETTLED * o->lr_settle);
     fraction = fmin(fmax(fraction, time), 1);
     return o->open_end ? fmin(fraction, UNSETTLED * o->lr_settle) : fraction;

@@ -95,6 +95,37 @@ static void test_time_is_planned_as_steps(void **state) {
     assert_int_equal(planned(options).plan_steps, 77);
 }
 
+/* Looks at views would take the time of its steps. */
+static void test_little_time_is_spent_on_steps(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(0);
+    options.time_limit = 1000;
+    options.validate = 4;
+    options.plan_steps = SF_SHORT_TIME;
+    sf_fitter *fitter = start(&options);
+    assert_true(fitter->kept_out_count > 0);
+    assert_int_equal(fitter->options.validate, 4);
+    assert_true(fitter->options.blur > 0);
+    assert_true(sf_fraction_at(fitter, 0.1) < 0.11);
+    fitter->step = SF_SHORT_TIME / 2;
+    assert_true(fabs(sf_fraction_at(fitter, 0.1) - 0.5) < 1e-9); /* of the planned steps */
+    sf_fitter_destroy(&fitter);
+
+    options.plan_steps = SF_SHORT_TIME - 1;
+    fitter = start(&options);
+    assert_int_equal(fitter->kept_out_count, 0);
+    assert_int_equal(fitter->options.validate, 0);
+    assert_true(fitter->options.blur == 0);
+    fitter->step = SF_SHORT_TIME / 2;
+    assert_true(fabs(sf_fraction_at(fitter, 0.1) - 0.1) < 1e-9); /* of the time alone */
+    sf_fitter_destroy(&fitter);
+
+    options.target_psnr = 30; /* needs them */
+    fitter = start(&options);
+    assert_true(fitter->kept_out_count > 0);
+    sf_fitter_destroy(&fitter);
+}
+
 static void test_growth_is_bounded_by_the_plan(void **state) {
     (void)state;
     sf_fit_options options = short_fit(100);
@@ -269,6 +300,7 @@ int main(void) {
         cmocka_unit_test(test_longer_runs_have_shorter_phases),
         cmocka_unit_test(test_what_the_user_chose_stays),
         cmocka_unit_test(test_time_is_planned_as_steps),
+        cmocka_unit_test(test_little_time_is_spent_on_steps),
         cmocka_unit_test(test_growth_is_bounded_by_the_plan),
         cmocka_unit_test(test_resolution_and_rates_follow_the_plan),
         cmocka_unit_test(test_presets_have_names),
