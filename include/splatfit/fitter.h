@@ -352,6 +352,12 @@ SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *pat
  * view of that id was taken up yet. */
 SF_API sf_status sf_fitter_get_exposure(const sf_fitter *fitter, uint32_t id, double gain[3], double bias[3]);
 
+/* With exposure: a training picture's exposure is taken to be this from now on, and learned on from there;
+ * that the means are 0 is seen to by the next step. SF_ERR_ARGUMENT: no training view of that id was taken up
+ * yet; a gain that is not above 0 or a value that is not finite. */
+SF_API sf_status sf_fitter_set_exposure(sf_fitter *fitter, uint32_t id, const double gain[3],
+                                        const double bias[3]);
+
 /* How to render the fit's model as the fit saw it, for sf_render. */
 SF_API void sf_fitter_render_options(const sf_fitter *fitter, sf_render_options *options);
 

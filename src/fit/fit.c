@@ -509,6 +509,17 @@ sf_status sf_fitter_get_exposure(const sf_fitter *f, uint32_t id, double gain[3]
     }
     return SF_OK;
 }
+sf_status sf_fitter_set_exposure(sf_fitter *f, uint32_t id, const double gain[3], const double bias[3]) {
+    sf_view_state *state = sf_view_state_of(&f->views, id);
+    if (!state) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "id: no training view %u was taken up", id);
+    for (int k = 0; k < 3; k++)
+        if (!(gain[k] > 0 && isfinite(gain[k]) && isfinite(bias[k])))
+            return sf_fail(f->ctx, SF_ERR_ARGUMENT, "exposure: a gain of %g and a bias of %g", gain[k],
+                           bias[k]);
+    for (int k = 0; k < 3; k++) state->log_gain[k] = log(gain[k]), state->bias[k] = bias[k];
+    return SF_OK;
+}
+
 void sf_fitter_get_options(const sf_fitter *f, sf_fit_options *options) { *options = f->options; }
 
 void sf_fitter_render_options(const sf_fitter *f, sf_render_options *options) {

@@ -112,6 +112,7 @@ static sf_status develop(sf_intake *in, const sf_frame *frame, int slot) {
         status = sf_remap_run(in->remap, from, width, p->rgb, (size_t)in->pinhole.width, p->weight);
     p->camera = in->pinhole;
     p->time_ns = frame->time_ns;
+    p->light = frame->exposure_s * frame->gain;
     p->sequence = frame->sequence;
     p->has_truth = frame->has_camera;
     if (frame->has_camera) p->truth = sf_camera_downscaled(&frame->camera, in->downscale);

@@ -13,6 +13,7 @@ typedef struct sf_picture {
     float *rgb[3];    /* [height][width], 0..1 */
     float *weight;    /* [height][width], 0..1: what the lens shows; NULL: all */
     int64_t time_ns;
+    double light; /* exposure times gain, s; 0: not known */
     uint64_t sequence;
     int has_truth;
     sf_camera truth; /* the frame's own camera, scaled to the picture */

@@ -24,6 +24,9 @@ enum {
 #define NEARER         0.87f
 #define WRONG          0.1f /* grey */
 #define LOOK_EVERY     0.5  /* s: evaluations */
+/* sRGB: value = (1 + offset) light^(1 / power) - offset */
+#define SRGB_POWER  2.4
+#define SRGB_OFFSET 0.055
 
 /* 1. Pictures, small and sharp */
 
@@ -151,7 +154,8 @@ static sf_status take_keyframe(sf_live *live) {
     memcpy(k.thumb, live->thumb, sizeof k.thumb);
     status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
-    k.hold = live->fixed && !k.held_out;
+    k.hold = live->fixed;
+    k.light = live->picture->light, k.gain = live->gain, k.bias = live->bias;
     live->keyframes[live->keyframe_count++] = k;
     live->keyframes_made++;
     live->wanted = 0;
@@ -175,12 +179,35 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
     return status;
 }
 
-void sf_live_hold_poses(sf_live *live) {
+/* The mean of the logarithms of what light the training keyframes had. NAN: of one it is not known. */
+static double usual_light(const sf_live *live) {
+    double sum = 0, n = 0;
+    for (size_t i = 0; i < live->keyframe_count; i++)
+        if (!live->keyframes[i].held_out) sum += log(live->keyframes[i].light), n++;
+    return isfinite(sum) && n > 0 ? sum / n : NAN;
+}
+
+/* What light does to values in sRGB, but for its darkest; else what the tracker found. From nothing each new
+ * picture taught the model its own exposure where nothing else was seen, and a path through brighter and
+ * darker places ended in colours that go with the exposures along it. */
+static void begin_exposure(sf_live *live, const sf_keyframe *k, double usual) {
+    double gain = k->gain, bias = k->bias;
+    if (!isnan(usual)) {
+        gain = exp((log(k->light) - usual) / SRGB_POWER);
+        bias = SRGB_OFFSET * (gain - 1);
+    }
+    (void)sf_fitter_set_exposure(live->fitter, k->id, (double[3]){gain, gain, gain},
+                                 (double[3]){bias, bias, bias});
+}
+
+void sf_live_tell_fit(sf_live *live) {
+    double usual = usual_light(live);
     for (size_t i = live->keyframe_count; i--;) {
         sf_keyframe *k = &live->keyframes[i];
-        if (k->hold && sf_view_state_of(&live->fitter->views, k->id) &&
-            !sf_fitter_hold_pose(live->fitter, k->id))
-            k->hold = 0;
+        if (k->told || k->held_out || !sf_view_state_of(&live->fitter->views, k->id)) continue;
+        if (k->hold) (void)sf_fitter_hold_pose(live->fitter, k->id);
+        begin_exposure(live, k, usual);
+        k->told = 1;
     }
 }
 

@@ -41,6 +41,7 @@ sf_live_options sf_live_options_default(void) {
     o.fit.pyramid_levels = 1;  /* what comes late has no time to begin coarsely, */
     o.fit.pyramid_end = 0.001; /* and the model is looked at from the start */
     o.fit.grow_every = 20;     /* many new Gaussians at once are seen, and tracked against */
+    o.fit.blur = 0;           /* such frames are no keyframes */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
     return o;
@@ -205,7 +206,7 @@ static sf_status step_fit(sf_live *live) {
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_evaluate(live);
     if (!status) status = sf_fitter_step(live->fitter);
-    if (!status) sf_live_hold_poses(live);
+    if (!status) sf_live_tell_fit(live);
     double now = sf_clock();
     live->rest_until = now + (now - began) * (1 / live->duty - 1);
     return status;

@@ -24,7 +24,10 @@ enum {
 /* A keyframe's picture is in the scene; here is what it is found again by. */
 typedef struct sf_keyframe {
     uint32_t id;                 /* of the view */
-    int held_out, hold;          /* its pose is to be held, once the fit knows of it */
+    int held_out;
+    int told, hold;              /* the fit: of all here; to hold its pose */
+    double light;                /* as sf_picture has it */
+    double gain, bias;           /* of the picture against the model, in grey */
     sf_rigid pose;               /* as it was found */
     double center[3];            /* of the camera */
     float thumb[SF_THUMB];       /* grey, mean 0, norm 1 */
@@ -66,6 +69,7 @@ struct sf_live {
     uint8_t *bytes;        /* [height][width][3], and grey */
     size_t byte_capacity;
     double sharpness, usual_sharpness, unlike; /* unlike: in parts of what was usual before it */
+    double gain, bias;                         /* against the model, in grey; 1 and 0: not known */
 
     /* Where the camera is. */
     sf_live_state state;
@@ -113,8 +117,9 @@ const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB]
 /* A picture made small, its greys around 0 with squares that sum to 1. Returns the standard deviation of its
  * greys, 0..1. */
 double sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
-/* Tells the fit which poses to hold. */
-void sf_live_hold_poses(sf_live *live);
+/* Tells the fit which poses to hold, and what exposures to begin with, as soon as it has taken up the views.
+ */
+void sf_live_tell_fit(sf_live *live);
 /* Begins the fit when there are keyframes from enough places. */
 sf_status sf_live_begin(sf_live *live);
 /* Looks at a keyframe that is held out, or the first one, now and then. */
