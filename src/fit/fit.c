@@ -489,6 +489,8 @@ sf_status sf_fitter_hold_pose(sf_fitter *f, uint32_t id) {
     sf_view_state *state = sf_view_state_of(&f->views, id);
     if (!state) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "id: no training view %u was taken up", id);
     state->held = 1;
+    memcpy(state->R_cw, state->given.R_cw, sizeof state->R_cw); /* a step may have moved it */
+    memcpy(state->t_cw, state->given.t_cw, sizeof state->t_cw);
     return SF_OK;
 }
 
