@@ -46,6 +46,7 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(joined)                                                                                                \
     F(blur_judged)                                                                                           \
     F(trials.in_vain)                                                                                        \
+    F(least_level)                                                                                           \
     F(end)                                                                                                   \
     F(adam_before)                                                                                           \
     F(guard_since)                                                                                           \

@@ -55,7 +55,8 @@ struct sf_fitter {
     uint32_t *screen_seen; /* views in which it was seen */
     int grown_out;         /* price.c: growth no longer pays */
     int growths_in_vain;   /* since the one with least_squares */
-    double least_squares;  /* error of some views at full resolution, the least after a growth; 0: none yet */
+    double least_squares;  /* error of some views, the least after a growth; 0: none yet */
+    int least_level;       /* that of the resolution it was at */
     double least_mean;     /* squared error of a value, the least that was charged with; 0: none yet */
     sf_trials trials;
     int growth_ended; /* memory ran out: said once, and N stays */

@@ -22,7 +22,7 @@
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
  */
 #define GROWTH_GAIN 0.02
-enum { GROWTHS_IN_VAIN = 4 };
+enum { GROWTHS_IN_VAIN = 3 };
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
 #define GROWTH_PART 0.25
 
@@ -86,20 +86,29 @@ static sf_status spare_the_good(sf_fitter *f) {
     return status;
 }
 
+/* Pictures as coarse as those that are trained on: what coarse ones teach makes fine ones no better. */
+static sf_status judge_growth(sf_fitter *f) {
+    double squares;
+    sf_status status = sf_look_for_squares(f, f->level, LOOKED, &squares, NULL);
+    if (status) return status;
+    int compares = f->least_squares > 0 && f->level == f->least_level;
+    int gained = compares && squares < f->least_squares * (1 - GROWTH_GAIN);
+    if (compares) f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
+    if (gained || !compares) f->least_squares = squares, f->least_level = f->level;
+    if (f->growths_in_vain < GROWTHS_IN_VAIN) return SF_OK;
+    f->grown_out = 1;
+    sf_log(f->ctx, SF_LOG_INFO,
+           "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
+           "error",
+           f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
+    return SF_OK;
+}
+
 sf_status sf_consider_growth(sf_fitter *f) {
     double squares, values;
-    sf_status status = sf_look_for_squares(f, LOOKED, &squares, &values);
+    sf_status status = judge_growth(f);
+    if (!status) status = sf_look_for_squares(f, 0, LOOKED, &squares, &values);
     if (status) return status;
-    int gained = !(f->least_squares > 0) || squares < f->least_squares * (1 - GROWTH_GAIN);
-    f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
-    if (gained) f->least_squares = squares;
-    if (f->growths_in_vain >= GROWTHS_IN_VAIN) {
-        f->grown_out = 1;
-        sf_log(f->ctx, SF_LOG_INFO,
-               "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
-               "error",
-               f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
-    }
     return squares < HARDLY_SEEN * NOTHING * NOTHING * values ? spare_the_good(f) : SF_OK;
 }
 
@@ -123,7 +132,7 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
         list[k].logit = logit[list[k].gaussian];
         logit[list[k].gaussian] = SF_INVISIBLE;
     }
-    sf_status status = sf_look_for_squares(f, LOOKED, squares, NULL);
+    sf_status status = sf_look_for_squares(f, 0, LOOKED, squares, NULL);
     for (size_t k = 0; k < n; k++) logit[list[k].gaussian] = list[k].logit;
     return status;
 }
@@ -140,7 +149,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
         if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0) && sf_was_weighed(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
-    sf_status status = sf_look_for_squares(f, LOOKED, &before, NULL);
+    sf_status status = sf_look_for_squares(f, 0, LOOKED, &before, NULL);
     while (n && !status) {
         status = try_without(f, list, n, &after);
         if (after - before <= (n > half ? LATE_RISE : rise) * (before + unseen)) break;

@@ -190,18 +190,19 @@ static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, do
     return residual(job_pointer, pixels);
 }
 
-static sf_status look_at_full(sf_fitter *f, size_t views, sf_look_fn look, weigh_job *job, size_t *there) {
-    int level = f->level;
-    f->level = 0;
-    sf_status status = sf_look_at_views(f, views, 0, look, job, there);
+static sf_status look_at_level(sf_fitter *f, int level, size_t views, sf_look_fn look, weigh_job *job,
+                               size_t *there) {
+    int before = f->level;
     f->level = level;
+    sf_status status = sf_look_at_views(f, views, 0, look, job, there);
+    f->level = before;
     return status;
 }
 
-sf_status sf_look_for_squares(sf_fitter *f, size_t views, double *squares, double *values) {
+sf_status sf_look_for_squares(sf_fitter *f, int level, size_t views, double *squares, double *values) {
     sf_worth w = {0};
     weigh_job job = {.ws = &f->workspace, .worth = &w};
-    sf_status status = look_at_full(f, views, glance_at, &job, NULL);
+    sf_status status = look_at_level(f, level, views, glance_at, &job, NULL);
     *squares = w.squares;
     if (values) *values = w.values;
     return status;
@@ -248,7 +249,7 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     size_t there = 0;
     if (!status && f->trials.count) status = watch_trials(f, &job);
     uint8_t *tried = job.tried;
-    if (!status) status = look_at_full(f, views, look_at, &job, &there);
+    if (!status) status = look_at_level(f, 0, views, look_at, &job, &there);
     sf_free(f->ctx, tried);
     w->whole = !views || views >= there;
     if (!status && !w->whole) scale_up(w, (double)there / (double)views);

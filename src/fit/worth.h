@@ -39,8 +39,8 @@ sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 int sf_was_weighed(const sf_worth *worth, size_t i);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
-/* The squared error alone of `views` of them (0: all), and its values (may be NULL), likewise. SF_ERR_MEMORY.
- */
-sf_status sf_look_for_squares(sf_fitter *fitter, size_t views, double *squares, double *values);
+/* The squared error alone of `views` of them (0: all), after `level` halvings but counted as at full
+ * resolution, and its values (may be NULL). SF_ERR_MEMORY. */
+sf_status sf_look_for_squares(sf_fitter *fitter, int level, size_t views, double *squares, double *values);
 
 #endif
