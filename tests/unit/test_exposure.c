@@ -258,6 +258,13 @@ static void mean_is_held(void **state) {
                   2 * difference / number);
     assert_true(difference > 0);
     assert_ok(ctx, sf_scene_get_view(scene, 1, &view));
+    const double chosen[3] = {1.2, 1.1, 1.3}, offset[3] = {0.01, 0.02, -0.01}, none[3] = {1, 0, 1};
+    assert_status(ctx, sf_fitter_set_exposure(fitter, view.id, none, offset), SF_ERR_ARGUMENT);
+    assert_status(ctx, sf_fitter_set_exposure(fitter, UINT32_MAX, chosen, offset), SF_ERR_ARGUMENT);
+    assert_ok(ctx, sf_fitter_set_exposure(fitter, view.id, chosen, offset));
+    assert_ok(ctx, sf_fitter_get_exposure(fitter, view.id, gain, bias));
+    for (int k = 0; k < 3; k++)
+        assert_true(fabs(gain[k] - chosen[k]) < 1e-12 && fabs(bias[k] - offset[k]) < 1e-12);
     uint32_t gone = view.id;
     assert_ok(ctx, sf_scene_remove_view(scene, gone));
     for (size_t i = 0; i < info.train_views; i++) assert_ok(ctx, sf_fitter_step(fitter));

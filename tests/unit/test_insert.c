@@ -146,8 +146,7 @@ static void poses_are_held(void **state) {
     assert_int_equal(sf_fitter_hold_pose(fitter, view[1].id), SF_ERR_ARGUMENT); /* not taken up yet */
     assert_ok(ctx, sf_fitter_step(fitter));
     sf_view_state *state_of = sf_view_state_of(&fitter->views, view[1].id);
-    memcpy(state_of->R_cw, view[1].camera.R_cw, sizeof state_of->R_cw);
-    memcpy(state_of->t_cw, view[1].camera.t_cw, sizeof state_of->t_cw);
+    state_of->t_cw[0] += 0.01; /* as a step may have left it */
     assert_ok(ctx, sf_fitter_hold_pose(fitter, view[1].id));
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     assert_ok(ctx, sf_fitter_get_camera(fitter, view[1].id, &camera));
