@@ -43,7 +43,7 @@ sf_live_options sf_live_options_default(void) {
     o.fit.pyramid_levels = 1;  /* what comes late has no time to begin coarsely, */
     o.fit.pyramid_end = 0.001; /* and the model is looked at from the start */
     o.fit.grow_every = 20;     /* many new Gaussians at once are seen, and tracked against */
-    o.fit.blur = 0;           /* such frames are no keyframes */
+    o.fit.blur = 0;            /* such frames are no keyframes */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
     return o;

@@ -23,7 +23,7 @@ enum {
 
 /* A keyframe's picture is in the scene; here is what it is found again by. */
 typedef struct sf_keyframe {
-    uint32_t id;                 /* of the view */
+    uint32_t id; /* of the view */
     int held_out;
     int told, hold;              /* the fit: of all here; to hold its pose */
     double light;                /* as sf_picture has it */

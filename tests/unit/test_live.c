@@ -270,8 +270,7 @@ int main(void) {
         cmocka_unit_test(fits_what_passes_by), cmocka_unit_test(runs_can_be_repeated),
         cmocka_unit_test(is_paused_and_reset), cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
         cmocka_unit_test(is_cancelled),        cmocka_unit_test(refuses_options_by_name),
-        cmocka_unit_test(exposure_is_locked),
-                                       cmocka_unit_test(exposures_begin_where_they_are),
+        cmocka_unit_test(exposure_is_locked),  cmocka_unit_test(exposures_begin_where_they_are),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
