@@ -155,7 +155,7 @@ static sf_status take_keyframe(sf_live *live) {
     status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
     k.hold = live->fixed;
-    k.light = live->picture->light, k.gain = live->gain, k.bias = live->bias;
+    k.light = live->picture->light;
     live->keyframes[live->keyframe_count++] = k;
     live->keyframes_made++;
     live->wanted = 0;
@@ -187,17 +187,14 @@ static double usual_light(const sf_live *live) {
     return isfinite(sum) && n > 0 ? sum / n : NAN;
 }
 
-/* What light does to values in sRGB, but for its darkest; else what the tracker found. From nothing each new
- * picture taught the model its own exposure where nothing else was seen, and a path through brighter and
- * darker places ended in colours that go with the exposures along it. */
+/* What light does to values in sRGB, but for its darkest. Where all began alike each new picture taught the
+ * model its own exposure where nothing else was seen, and a path through brighter and darker places ended in
+ * colours that go with the exposures along it. */
 static void begin_exposure(sf_live *live, const sf_keyframe *k, double usual) {
-    double gain = k->gain, bias = k->bias;
-    if (!isnan(usual)) {
-        gain = exp((log(k->light) - usual) / SRGB_POWER);
-        bias = SRGB_OFFSET * (gain - 1);
-    }
-    (void)sf_fitter_set_exposure(live->fitter, k->id, (double[3]){gain, gain, gain},
-                                 (double[3]){bias, bias, bias});
+    double gain = exp((log(k->light) - usual) / SRGB_POWER), bias = SRGB_OFFSET * (gain - 1);
+    if (!isnan(usual))
+        (void)sf_fitter_set_exposure(live->fitter, k->id, (double[3]){gain, gain, gain},
+                                     (double[3]){bias, bias, bias});
 }
 
 void sf_live_tell_fit(sf_live *live) {

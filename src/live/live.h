@@ -27,7 +27,6 @@ typedef struct sf_keyframe {
     int held_out;
     int told, hold;              /* the fit: of all here; to hold its pose */
     double light;                /* as sf_picture has it */
-    double gain, bias;           /* of the picture against the model, in grey */
     sf_rigid pose;               /* as it was found */
     double center[3];            /* of the camera */
     float thumb[SF_THUMB];       /* grey, mean 0, norm 1 */
@@ -69,7 +68,6 @@ struct sf_live {
     uint8_t *bytes;        /* [height][width][3], and grey */
     size_t byte_capacity;
     double sharpness, usual_sharpness, unlike; /* unlike: in parts of what was usual before it */
-    double gain, bias;                         /* against the model, in grey; 1 and 0: not known */
 
     /* Where the camera is. */
     sf_live_state state;

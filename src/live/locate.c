@@ -284,7 +284,6 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     int good = 0;
     sf_status status = SF_OK;
     live->fixed = is_fixed(fix);
-    live->gain = 1, live->bias = 0;
     if (fix->from) live->doubts = 0;
     if (live->fitter && !live->blank) {
         if (fix->from || live->poses) status = track_on(live, fix, &track, &good);
@@ -297,7 +296,6 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     live->sure = !live->doubts && !live->blurred && !live->blank;
     if (good) {
         live->distance = track.depth;
-        live->gain = track.gain, live->bias = track.bias;
         if (live->sure) note_track(live, &track);
         note_pose(live, &track.pose, SF_POSE_TRACK);
     } else if (fix->from) {
