@@ -22,9 +22,8 @@
 #define ROUNDING (1 / 255.0)
 
 enum {
-    FEWEST = 8, /* views that have something in common */
-    FEWEST_ROWS =
-        96, /* of a picture, evenly spread, that speak for it; all where there are not twice as many */
+    FEWEST = 8,        /* views that have something in common */
+    FEWEST_ROWS = 96,  /* of a picture, evenly spread, that speak for it */
     PASSES_OF_ONE = 4, /* of a blurred view: it may be the only one that sees something */
     MOST_NAMES = 400   /* characters of them in the warning */
 };
