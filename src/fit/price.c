@@ -87,27 +87,25 @@ static sf_status spare_the_good(sf_fitter *f) {
 }
 
 /* Pictures as coarse as those that are trained on: what coarse ones teach makes fine ones no better. */
-static sf_status judge_growth(sf_fitter *f) {
-    double squares;
-    sf_status status = sf_look_for_squares(f, f->level, LOOKED, &squares, NULL);
-    if (status) return status;
+static void judge_growth(sf_fitter *f, double squares) {
     int compares = f->least_squares > 0 && f->level == f->least_level;
     int gained = compares && squares < f->least_squares * (1 - GROWTH_GAIN);
     if (compares) f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
     if (gained || !compares) f->least_squares = squares, f->least_level = f->level;
-    if (f->growths_in_vain < GROWTHS_IN_VAIN) return SF_OK;
+    if (f->growths_in_vain < GROWTHS_IN_VAIN) return;
     f->grown_out = 1;
     sf_log(f->ctx, SF_LOG_INFO,
            "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
            "error",
            f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
-    return SF_OK;
 }
 
 sf_status sf_consider_growth(sf_fitter *f) {
     double squares, values;
-    sf_status status = judge_growth(f);
-    if (!status) status = sf_look_for_squares(f, 0, LOOKED, &squares, &values);
+    sf_status status = sf_look_for_squares(f, f->level, LOOKED, &squares, &values);
+    if (status) return status;
+    judge_growth(f, squares);
+    if (f->level) status = sf_look_for_squares(f, 0, LOOKED, &squares, &values);
     if (status) return status;
     return squares < HARDLY_SEEN * NOTHING * NOTHING * values ? spare_the_good(f) : SF_OK;
 }

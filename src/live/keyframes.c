@@ -190,7 +190,8 @@ static double usual_light(const sf_live *live) {
 /* What light does to values in sRGB, but for its darkest. Where all began alike each new picture taught the
  * model its own exposure where nothing else was seen, and a path through brighter and darker places ended in
  * colours that go with the exposures along it. */
-static void begin_exposure(sf_live *live, const sf_keyframe *k, double usual) {
+static void begin_exposure(sf_live *live, const sf_keyframe *k) {
+    double usual = usual_light(live);
     double gain = exp((log(k->light) - usual) / SRGB_POWER), bias = SRGB_OFFSET * (gain - 1);
     if (!isnan(usual))
         (void)sf_fitter_set_exposure(live->fitter, k->id, (double[3]){gain, gain, gain},
@@ -198,12 +199,11 @@ static void begin_exposure(sf_live *live, const sf_keyframe *k, double usual) {
 }
 
 void sf_live_tell_fit(sf_live *live) {
-    double usual = usual_light(live);
     for (size_t i = live->keyframe_count; i--;) {
         sf_keyframe *k = &live->keyframes[i];
         if (k->told || k->held_out || !sf_view_state_of(&live->fitter->views, k->id)) continue;
         if (k->hold) (void)sf_fitter_hold_pose(live->fitter, k->id);
-        begin_exposure(live, k, usual);
+        begin_exposure(live, k);
         k->told = 1;
     }
 }

@@ -25,7 +25,7 @@ enum {
 typedef struct sf_keyframe {
     uint32_t id; /* of the view */
     int held_out;
-    int told, hold;              /* the fit: of all here; to hold its pose */
+    int hold, told;              /* its pose is to be held; the fit knows of it */
     double light;                /* as sf_picture has it */
     sf_rigid pose;               /* as it was found */
     double center[3];            /* of the camera */
