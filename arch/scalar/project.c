@@ -101,8 +101,9 @@ static int project_shape(const sf_project_args *a, size_t i, const double *mean,
                   (f->R[k] * normal[0] + f->R[3 + k] * normal[1] + f->R[6 + k] * normal[2]);
     f->nn = dot3(f->n, f->n);
     double aa = dot3(f->A0, f->A0), cc = dot3(f->A1, f->A1);
-    f->a = aa + SF_LOW_PASS, f->b = dot3(f->A0, f->A1), f->c = cc + SF_LOW_PASS;
-    f->det = f->nn + SF_LOW_PASS * (aa + cc) + SF_LOW_PASS * SF_LOW_PASS;
+    double low = eye->low_pass;
+    f->a = aa + low, f->b = dot3(f->A0, f->A1), f->c = cc + low;
+    f->det = f->nn + low * (aa + cc) + low * low;
 
     f->opacity = 1.0 / (1.0 + exp(-logit));
     f->log2_compensation = a->antialiased ? 0.5 * log2(fmax(2.5e-5, f->nn / f->det)) : 0.0;
@@ -244,26 +245,26 @@ static void colour_bwd(const sf_project_args *a, size_t i, const projection *f, 
 }
 
 /* dL/dA from the whitened second moments: G_A = L^T S (L A), and through the opacity compensation. */
-static void covariance_bwd(const sf_splat *s, const projection *f, const double *sums, int antialiased,
-                           double *d_A0, double *d_A1) {
+static void covariance_bwd(const sf_project_args *a, const sf_splat *s, const projection *f,
+                           const double *sums, double *d_A0, double *d_A1) {
     double turn0[3], turn1[3]; /* A1 x n, n x A0 */
     cross3(f->A1, f->n, turn0);
     cross3(f->n, f->A0, turn1);
     double tt = sums[6], ts = sums[7], ss = sums[8], undo2 = SF_WHITEN_UNDO * SF_WHITEN_UNDO;
-    double lead = SF_WHITEN / sqrt(f->c * f->det);
+    double lead = SF_WHITEN / sqrt(f->c * f->det), low = a->eye->low_pass;
     for (int k = 0; k < 3; k++) {
         /* l00 A0 + l01 A1 = (c A0 - b A1) / sqrt(c det), and c A0 - b A1 = eps A0 + A1 x n without
          * cancellation */
-        double B0 = lead * (SF_LOW_PASS * f->A0[k] + turn0[k]), B1 = s->m * f->A1[k];
+        double B0 = lead * (low * f->A0[k] + turn0[k]), B1 = s->m * f->A1[k];
         double H0 = tt * B0 + ts * B1, H1 = ts * B0 + ss * B1;
         d_A0[k] = undo2 * s->l00 * H0;
         d_A1[k] = undo2 * (s->l01 * H0 + s->m * H1);
     }
-    if (!antialiased || !(f->nn / f->det > 2.5e-5)) return;
-    double p = sums[3], d_nn = 1 / f->nn - 1 / f->det, low = SF_LOW_PASS / f->det;
+    if (!a->antialiased || !(f->nn / f->det > 2.5e-5)) return;
+    double p = sums[3], d_nn = 1 / f->nn - 1 / f->det, low_det = low / f->det;
     for (int k = 0; k < 3; k++) { /* ln k = (ln |n|^2 - ln det) / 2 */
-        d_A0[k] += p * (d_nn * turn0[k] - low * f->A0[k]);
-        d_A1[k] += p * (d_nn * turn1[k] - low * f->A1[k]);
+        d_A0[k] += p * (d_nn * turn0[k] - low_det * f->A0[k]);
+        d_A1[k] += p * (d_nn * turn1[k] - low_det * f->A1[k]);
     }
 }
 
@@ -320,7 +321,7 @@ static void gradient_one(const sf_project_args *a, size_t i, const double *sums,
 
     /* 3. covariance: to A, then to scales, rotation and T */
     double d_A0[3], d_A1[3], d_T0[3] = {0}, d_T1[3] = {0}, d_R[9];
-    covariance_bwd(s, &f, sums, a->antialiased, d_A0, d_A1);
+    covariance_bwd(a, s, &f, sums, d_A0, d_A1);
     for (int k = 0; k < 3; k++) { /* column k of M = R diag(s) */
         g->log_scale[k] = d_A0[k] * f.A0[k] + d_A1[k] * f.A1[k];
         for (int r = 0; r < 3; r++) {

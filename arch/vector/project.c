@@ -135,9 +135,9 @@ VEC void project_shape(const sf_project_args *a, size_t at, projection *f) {
         f->n[k] = vd_mul(vd_mul(f->s[(k + 1) % 3], f->s[(k + 2) % 3]), dot3(axis, normal));
     }
     f->nn = dot3(f->n, f->n);
-    vd aa = dot3(f->A0, f->A0), cc = dot3(f->A1, f->A1), low = vd_set(SF_LOW_PASS);
+    vd aa = dot3(f->A0, f->A0), cc = dot3(f->A1, f->A1), low = vd_set(eye->low_pass);
     f->a = vd_add(aa, low), f->b = dot3(f->A0, f->A1), f->c = vd_add(cc, low);
-    f->det = vd_add(f->nn, vd_fma(low, vd_add(aa, cc), vd_set(SF_LOW_PASS * SF_LOW_PASS)));
+    f->det = vd_add(f->nn, vd_fma(low, vd_add(aa, cc), vd_mul(low, low)));
     f->finite = vdm_and(f->finite, vd_le(f->det, vd_set((double)FLT_MAX)));
 
     f->opacity = vd_reciprocal(vd_add(one, vd_exp2(vd_times(-1.4426950408889634, logit))));
@@ -384,13 +384,13 @@ VEC void colour_bwd(const sf_project_bwd_args *b, size_t first, size_t to, int d
 }
 
 /* dL/dA from the whitened second moments: G_A = L^T S (L A), and through the opacity compensation. */
-VEC void covariance_bwd(const projection *f, const vd *sums, const vd *l, int antialiased, vd *d_A0,
+VEC void covariance_bwd(const sf_project_args *a, const projection *f, const vd *sums, const vd *l, vd *d_A0,
                         vd *d_A1) {
     vd turn0[3], turn1[3]; /* A1 x n, n x A0 */
     cross3(f->A1, f->n, turn0);
     cross3(f->n, f->A0, turn1);
     vd tt = sums[6], ts = sums[7], ss = sums[8], undo2 = vd_set(SF_WHITEN_UNDO * SF_WHITEN_UNDO);
-    vd lead = vd_times(SF_WHITEN, vd_rsqrt(vd_mul(f->c, f->det))), low = vd_set(SF_LOW_PASS);
+    vd lead = vd_times(SF_WHITEN, vd_rsqrt(vd_mul(f->c, f->det))), low = vd_set(a->eye->low_pass);
     for (int k = 0; k < 3; k++) {
         /* l00 A0 + l01 A1 = (c A0 - b A1) / sqrt(c det), and c A0 - b A1 = eps A0 + A1 x n without
          * cancellation */
@@ -400,7 +400,7 @@ VEC void covariance_bwd(const projection *f, const vd *sums, const vd *l, int an
         d_A0[k] = vd_mul(l[0], H0);
         d_A1[k] = vd_fma(l[1], H0, vd_mul(l[2], H1));
     }
-    if (!antialiased) return;
+    if (!a->antialiased) return;
     vd inv_det = vd_reciprocal(f->det);
     vdm above =
         vd_lt(vd_set(2.5e-5), vd_mul(f->nn, inv_det)); /* where the compensation is not at its floor */
@@ -484,7 +484,7 @@ VEC unsigned geometry_bwd(const sf_project_bwd_args *b, size_t first, size_t to,
 
     /* 3. covariance: to A, then to scales, rotation and T */
     vd d_A0[3], d_A1[3], d_T0[3], d_T1[3], d_R[9], d_scale[3], d_quat[4];
-    covariance_bwd(&f, sums, l, a->antialiased, d_A0, d_A1);
+    covariance_bwd(a, &f, sums, l, d_A0, d_A1);
     for (int k = 0; k < 3; k++) d_T0[k] = d_T1[k] = vd_set(0);
     for (int k = 0; k < 3; k++) { /* column k of M = R diag(s) */
         d_scale[k] = vd_fma(d_A0[k], f.A0[k], vd_mul(d_A1[k], f.A1[k]));

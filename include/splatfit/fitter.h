@@ -102,6 +102,9 @@ typedef enum sf_moment_format {
     REAL(lr_sh_rest, 0.001, 0, 1, "", "learning rate of the higher SH bands")                                \
     REAL(lr_opacity, 0.07, 0, 1, "", "learning rate of the logit-opacities")                                 \
     REAL(lr_scale, 0.015, 0, 1, "", "learning rate of the log-scales")                                       \
+    REAL(lr_haste, 0, 0, 100, "",                                                                            \
+         "the rates of scales, higher SH bands and a background are so many times as high, that of "         \
+         "opacities by the root of it; 0: as plan_steps suggest")                                            \
     REAL(lr_quat, 0.003, 0, 1, "", "learning rate of the quaternions")                                       \
     REAL(lr_background, 0.01, 0, 1, "", "learning rate of an estimated background")                          \
     FLAG(exposure, 0, "learn a gain and a bias per channel of each training picture")                        \
@@ -122,7 +125,7 @@ typedef enum sf_moment_format {
     ENUM(first, 0, "auto|points|sweep|random",                                                               \
          "first Gaussians: the scene's points, found by matching its views, or at random")                   \
     REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the first Gaussians")                               \
-    REAL(init_scale, 1, 0.001, 1000, "", "their scale, in mean distances to the 3 nearest points")           \
+    REAL(init_scale, 0.8, 0.001, 1000, "", "their scale, in mean distances to the 3 nearest points")         \
     INT(init_random, 10000, 1, 100000000, "", "first Gaussians at random, where there are no points")        \
     INT(pyramid_levels, 2, 0, 4, "", "halvings of the picture at the start")                                 \
     REAL(pyramid_end, 0, 0, 1, "of the run", "full resolution from here on; 0: as plan_steps suggest")       \
@@ -142,7 +145,7 @@ typedef enum sf_moment_format {
     REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
     REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
     REAL(grow_most, 50, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
-    INT(grow_every, 100, 1, 100000000, "steps", "steps between growths")                                     \
+    INT(grow_every, 0, 0, 100000000, "steps", "steps between growths; 0: as plan_steps suggest")             \
     REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
          "least mean screen gradient (device units) or error (px) of what grows")                            \
     REAL(grow_rate, 0.5, 0, 1, "", "largest growth at once, as a fraction of the Gaussians")                 \

@@ -203,6 +203,7 @@ sf_status sf_draw_view(sf_fitter *f, const sf_view *view, const sf_view_state *s
     sf_refine_camera(&f->views, view->id, &camera);
     camera = sf_camera_downscaled(&camera, 1 << f->level);
     sf_status status = sf_workspace_look(ws, &camera, f->near_plane);
+    if (!status) sf_workspace_reduced(ws, 1 << f->level);
     if (!status) status = sf_workspace_loss_room(ws);
     if (!status) status = sf_stage_project(ws, f->model, f->sh_degree, f->model->antialiased);
     if (!status) status = sf_stage_bin(ws);

@@ -21,8 +21,17 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* This part of lr_settle is the last before the rates fall: where a run without an end stays. */
 #define UNSETTLED 0.999
 
+/* Growths are so many steps apart, and nearer where that would be more than this part of the run. */
+#define GROW_EVERY      100
+#define GROW_EVERY_MOST 0.125
+
+/* Few steps have to be large: rates rise with the root of what is missing to so many. A model gone on from has
+ * its shapes already. */
+#define STEADY_STEPS 3300
+#define HASTE_MOST   4
+
 /* A short run grows this part of grow_most. */
-#define SHORT_GROWTH 0.26
+#define SHORT_GROWTH 0.52
 
 /* A mean step in full steps with the first Gaussians; how steps grow with the Gaussians. */
 #define MEAN_STEP   0.55
@@ -65,6 +74,9 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
+    if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
+    if (!(o->lr_haste > 0))
+        o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
 }
 
@@ -134,15 +146,15 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
     case SF_FIELD_mean:
         return o->lr_mean * f->extent * pow(o->lr_mean_final, fraction);
     case SF_FIELD_log_scale:
-        return o->lr_scale;
+        return o->lr_scale * o->lr_haste;
     case SF_FIELD_quat:
         return o->lr_quat;
     case SF_FIELD_logit_opacity:
-        return o->lr_opacity;
+        return o->lr_opacity * sqrt(o->lr_haste);
     case SF_FIELD_sh0:
         return o->lr_sh0;
     default:
-        return o->lr_sh_rest;
+        return o->lr_sh_rest * o->lr_haste;
     }
 }
 

@@ -113,7 +113,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
 }
 
 void sf_update_background(sf_fitter *f, double fraction, const double *gradient) {
-    double step[3], rate = sf_settled_rate(f, fraction, f->options.lr_background);
+    double step[3], rate = sf_settled_rate(f, fraction, f->options.lr_background * f->options.lr_haste);
     sf_adam_small(&f->options, rate, f->step + 1, 3, gradient, f->background_m, f->background_v, step);
     for (int k = 0; k < 3; k++) f->background[k] = fmin(fmax(f->background[k] - step[k], 0), 1);
 }

@@ -38,7 +38,7 @@ enum {
 #define SF_ALPHA_MIN (1.0f / 255.0f) /* a pair below it is skipped */
 #define SF_ALPHA_MAX 0.99f           /* alpha' is clamped here; no gradient passes the clamp */
 #define SF_T_STOP    1e-4f           /* a pixel is finished before the Gaussian that would bring T under it */
-#define SF_LOW_PASS  0.3             /* px^2 on the diagonal of the 2D covariance */
+#define SF_LOW_PASS  0.3             /* px^2: the usual sf_eye.low_pass */
 #define SF_QUAT_MIN  1e-12           /* quaternions of a smaller norm are culled */
 #define SF_LOG2_255  7.99435343685886
 
@@ -84,6 +84,7 @@ typedef struct sf_eye {
     float fx, fy, cx, cy;   /* px */
     float clamp_x, clamp_y; /* 1.3 W / (2 fx), 1.3 H / (2 fy) */
     float near_plane;       /* world units */
+    double low_pass;        /* px^2 on the diagonal of the 2D covariance, above 0 */
     int width, height;      /* px */
     int tiles_x, tiles_y;
 } sf_eye;

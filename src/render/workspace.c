@@ -50,9 +50,17 @@ static void set_eye(sf_eye *eye, const sf_camera *camera, float near_plane) {
     eye->clamp_x = (float)(1.3 * camera->width / (2 * camera->fx));
     eye->clamp_y = (float)(1.3 * camera->height / (2 * camera->fy));
     eye->near_plane = near_plane;
+    eye->low_pass = SF_LOW_PASS;
     eye->width = camera->width, eye->height = camera->height;
     eye->tiles_x = (camera->width + SF_TILE - 1) / SF_TILE;
     eye->tiles_y = (camera->height + SF_TILE - 1) / SF_TILE;
+}
+
+/* The low-pass of the large picture, and the variance of where its pixels stand in a square. Each with its
+ * own 0.3 px^2, a model that suits one of two sizes is too large in the other. */
+void sf_workspace_reduced(sf_workspace *ws, int factor) {
+    double square = (double)factor * factor;
+    ws->eye.low_pass = SF_LOW_PASS / square + (1 - 1 / square) / 12;
 }
 
 sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float near_plane) {

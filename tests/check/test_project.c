@@ -44,8 +44,10 @@ static void make_eye(check *c, scene *s) {
     const double R[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
                          2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
                          2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
-    *e = (sf_eye){
-        .width = 1 + (int)check_pick(c, 400), .height = 1 + (int)check_pick(c, 300), .near_plane = 0.2f};
+    *e = (sf_eye){.width = 1 + (int)check_pick(c, 400),
+                  .height = 1 + (int)check_pick(c, 300),
+                  .near_plane = 0.2f,
+                  .low_pass = check_pick(c, 2) ? SF_LOW_PASS : check_between(c, 0.05, 0.5)};
     longest = e->width > e->height ? e->width : e->height;
     if (s->kind == LONG_LENS) longest *= 20;
     e->fx = (float)(longest * check_between(c, 0.5, 1.5)),
@@ -328,6 +330,7 @@ static void to_reference(const scene *s, test_ref_scene *r) {
     for (int k = 0; k < 9; k++) r->camera.R_cw[k] = (double)e->R[k];
     for (int k = 0; k < 3; k++) r->camera.t_cw[k] = (double)e->t[k];
     r->near_plane = (double)e->near_plane;
+    r->low_pass = e->low_pass;
     r->antialiased = s->args.antialiased;
     r->sh_degree = s->args.sh_degree;
     r->count = s->count;

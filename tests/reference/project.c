@@ -16,7 +16,7 @@ typedef struct geometry {
     int x_clamped, y_clamped;
     double J[6], T[6], A[6];
     double cross[3], cross2; /* A0 x A1 and its square */
-    double det;
+    double low_pass, det;
     double o;            /* sigmoid of the logit */
     double compensation; /* k; 1 unless anti-aliased */
     int floored;
@@ -67,7 +67,7 @@ static void flatten(geometry *g, const sf_camera *c) {
     const double *a0 = g->A, *a1 = g->A + 3;
     cross3(a0, a1, g->cross);
     g->cross2 = dot3(g->cross, g->cross);
-    g->det = g->cross2 + LOW_PASS * (dot3(a0, a0) + dot3(a1, a1)) + LOW_PASS * LOW_PASS;
+    g->det = g->cross2 + g->low_pass * (dot3(a0, a0) + dot3(a1, a1)) + g->low_pass * g->low_pass;
 }
 
 /* 0: culled. */
@@ -81,6 +81,7 @@ static int geometry_of(const test_ref_scene *scene, size_t i, geometry *g) {
 
     for (int k = 0; k < 4; k++) g->qn[k] = q[k] / g->norm;
     shape(g, scene->gaussians.log_scales + 3 * i);
+    g->low_pass = scene->low_pass > 0 ? scene->low_pass : LOW_PASS;
     flatten(g, c);
     g->o = 1 / (1 + exp(-scene->gaussians.logit_opacities[i]));
     g->floored = scene->antialiased && g->cross2 / g->det < LEAST_COMPENSATION;
@@ -126,9 +127,9 @@ void test_ref_project(const test_ref_scene *scene, size_t i, test_ref_splat *spl
     splat->mean2d[0] = scene->camera.fx * g.p[0] / g.p[2] + scene->camera.cx; /* F.1.2 */
     splat->mean2d[1] = scene->camera.fy * g.p[1] / g.p[2] + scene->camera.cy;
     for (int k = 0; k < 6; k++) splat->factor[k] = g.A[k];
-    splat->cov2d[0] = dot3(a0, a0) + LOW_PASS;
+    splat->cov2d[0] = dot3(a0, a0) + g.low_pass;
     splat->cov2d[1] = dot3(a0, a1);
-    splat->cov2d[2] = dot3(a1, a1) + LOW_PASS;
+    splat->cov2d[2] = dot3(a1, a1) + g.low_pass;
     splat->det = g.det;
     splat->conic[0] = splat->cov2d[2] / g.det;
     splat->conic[1] = -splat->cov2d[1] / g.det;
@@ -184,7 +185,7 @@ static void compensation_backward(const geometry *g, double d_compensation, doub
     double d_ratio = d_compensation / (2 * g->compensation);
     for (int i = 0; i < 2; i++)
         for (int k = 0; k < 3; k++) {
-            double dn = 2 * d_cross2[i][k], d_det = dn + 2 * LOW_PASS * a[i][k];
+            double dn = 2 * d_cross2[i][k], d_det = dn + 2 * g->low_pass * a[i][k];
             G_A[3 * i + k] += d_ratio * (dn * g->det - g->cross2 * d_det) / (g->det * g->det);
         }
 }

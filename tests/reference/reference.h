@@ -36,6 +36,7 @@ typedef struct test_ref_scene {
     test_ref_gaussians gaussians;
     double background[3];
     double near_plane;
+    double low_pass; /* px^2; 0: 0.3 */
     int antialiased;
     test_ref_form form;
 } test_ref_scene;

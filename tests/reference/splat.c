@@ -16,7 +16,7 @@ static const double COLOUR_ROUNDINGS = 8;
 static const double MARGIN = 0.01;
 
 /* As src/render/README.md has them. */
-static const double LOW_PASS = 0.3, LEAST_NORM = 1e-12, LEAST_COMPENSATION = 2.5e-5;
+static const double LEAST_NORM = 1e-12, LEAST_COMPENSATION = 2.5e-5;
 /* sqrt(log2(e) / 2), log2(255), 2 ln 2 */
 static const double WHITEN = 0.84932180028801904, LOG2_255 = 7.9943534368588575, UNDO = 1.3862943611198906;
 
@@ -81,7 +81,7 @@ static void column(const shape *s, int k, bounded out[3]) {
 
 /* M.1 to the covariance and its determinant, a sum of squares. */
 static void flatten(const sf_eye *eye, shape *s) {
-    bounded inv_z = b_div(b_of(1), s->p[2]), R_cw[3][3], normal[3], axis[3], low = b_of(LOW_PASS);
+    bounded inv_z = b_div(b_of(1), s->p[2]), R_cw[3][3], normal[3], axis[3], low = b_of(eye->low_pass);
     for (int k = 0; k < 9; k++) R_cw[k / 3][k % 3] = b_of((double)eye->R[k]);
     s->J00 = b_scale((double)eye->fx, inv_z), s->J11 = b_scale((double)eye->fy, inv_z);
     s->J02 = b_negative(b_mul(s->J00, s->X)), s->J12 = b_negative(b_mul(s->J11, s->Y));
@@ -99,7 +99,7 @@ static void flatten(const sf_eye *eye, shape *s) {
     bounded aa = b_dot3(s->A[0], s->A[0]), cc = b_dot3(s->A[1], s->A[1]);
     s->nn = b_dot3(s->n, s->n);
     s->a = b_add(aa, low), s->b = b_dot3(s->A[0], s->A[1]), s->c = b_add(cc, low);
-    s->det = b_add(s->nn, b_add(b_mul(low, b_add(aa, cc)), b_of(LOW_PASS * LOW_PASS)));
+    s->det = b_add(s->nn, b_add(b_mul(low, b_add(aa, cc)), b_of(eye->low_pass * eye->low_pass)));
 }
 
 /* 0: a parameter that is none. */
@@ -292,20 +292,22 @@ static void color_backward(const sf_project_args *a, size_t i, const shape *s, c
 }
 
 /* dL/dA: G_A = L^T S (L A), and through the compensation. */
-static void covariance_backward(const shape *s, const bounded *splat, const double *sums, bounded d_A[2][3]) {
+static void covariance_backward(const sf_eye *eye, const shape *s, const bounded *splat, const double *sums,
+                                bounded d_A[2][3]) {
     bounded turn[2][3], l00 = splat[2], l01 = splat[3], m = splat[4];
     b_cross3(s->A[1], s->n, turn[0]);
     b_cross3(s->n, s->A[0], turn[1]);
     bounded tt = b_of(sums[6]), ts = b_of(sums[7]), ss = b_of(sums[8]);
     bounded lead = b_div(b_of(WHITEN), b_sqrt(b_mul(s->c, s->det)));
     for (int k = 0; k < 3; k++) {
-        bounded B0 = b_mul(lead, b_fma(b_of(LOW_PASS), s->A[0][k], turn[0][k])), B1 = b_mul(m, s->A[1][k]);
+        bounded B0 = b_mul(lead, b_fma(b_of(eye->low_pass), s->A[0][k], turn[0][k])),
+                B1 = b_mul(m, s->A[1][k]);
         bounded H0 = b_fma(tt, B0, b_mul(ts, B1)), H1 = b_fma(ts, B0, b_mul(ss, B1));
         d_A[0][k] = b_scale(UNDO * UNDO, b_mul(l00, H0));
         d_A[1][k] = b_scale(UNDO * UNDO, b_fma(l01, H0, b_mul(m, H1)));
     }
     if (!s->compensated) return;
-    bounded p = b_of(sums[3]), low = b_div(b_of(LOW_PASS), s->det);
+    bounded p = b_of(sums[3]), low = b_div(b_of(eye->low_pass), s->det);
     bounded d_nn = b_sub(b_div(b_of(1), s->nn), b_div(b_of(1), s->det));
     for (int r = 0; r < 2; r++)
         for (int k = 0; k < 3; k++) {
@@ -411,7 +413,7 @@ void test_ref_unsee(const sf_project_args *a, size_t i, const double sums[9], te
     bounded nx = b_scale(0.5 * eye->width, du), ny = b_scale(0.5 * eye->height, dv);
     g->screen = b_sqrt(b_fma(nx, nx, b_square(ny)));
 
-    covariance_backward(&s, seen.splat, sums, d_A);
+    covariance_backward(a->eye, &s, seen.splat, sums, d_A);
     for (int k = 0; k < 3; k++) d_T[0][k] = d_T[1][k] = zero;
     for (int k = 0; k < 3; k++) {
         column(&s, k, axis);

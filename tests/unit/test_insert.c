@@ -166,6 +166,7 @@ static void runs_without_an_end_go_on(void **state) {
     sf_fit_options o = options_of(20);
     o.open_end = 1;
     o.extent = 2.5;
+    o.lr_haste = 1;
     sf_fit_progress p;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &o, &fitter));
     assert_true(fabs(fitter->extent - 2.5) < 1e-12);

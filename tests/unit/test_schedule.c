@@ -76,11 +76,39 @@ static void test_longer_runs_have_shorter_phases(void **state) {
     }
 }
 
+static void test_brief_runs_make_large_steps(void **state) {
+    (void)state;
+    static const int64_t steps[] = {100, 825, 20000};
+    sf_fit_options plans[3];
+    for (int i = 0; i < 3; i++) {
+        sf_fit_options options = short_fit(steps[i]);
+        options.grow_every = 0;
+        plans[i] = planned(options);
+    }
+    sf_fit_options brief = plans[0], usual = plans[1], lengthy = plans[2];
+    assert_true(brief.lr_haste == 4 && fabs(usual.lr_haste - 2) < 1e-9 && lengthy.lr_haste == 1);
+    assert_int_equal(brief.grow_every, 12);
+    assert_int_equal(usual.grow_every, 100);
+    assert_int_equal(lengthy.grow_every, 100);
+    sf_fit_options options = short_fit(825);
+    sf_fitter *f = start(&options);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_log_scale) - 2 * options.lr_scale) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh1) - 2 * options.lr_sh_rest) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_logit_opacity) - sqrt(2) * options.lr_opacity) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh0) - options.lr_sh0) < 1e-12);
+    sf_fitter *on;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, f->model, &options, &on));
+    assert_true(on->options.lr_haste == 1); /* its shapes are what they are */
+    sf_fitter_destroy(&on);
+    sf_fitter_destroy(&f);
+}
+
 static void test_what_the_user_chose_stays(void **state) {
     (void)state;
     sf_fit_options options = short_fit(100);
     options.pyramid_end = 0.31, options.grow_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
     options.pyramid_mix = 0.34;
+    options.grow_every = 35, options.lr_haste = 1.5;
     sf_fit_options got = planned(options);
     assert_same_options(&got, &options);
 }
@@ -133,14 +161,14 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     options.grow_most = 2;
     sf_fitter *fitter = start(&options);
     size_t first = fitter->first_count;
-    assert_int_equal(sf_planned_count(fitter, 1), first + 52); /* a short run: 0.26 of it */
+    assert_int_equal(sf_planned_count(fitter, 1), first + 104); /* a short run: 0.52 of it */
     assert_int_equal(fitter->options.size, SF_SIZE_CAP);
     fitter->options.plan_steps = SF_SHORT_RUN;
     assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_RUN);
     assert_int_equal(sf_planned_count(fitter, 0), first);
     assert_true(sf_planned_count(fitter, fitter->options.grow_end / 2) > first);
     fitter->options.steps = 0; /* time alone ends it */
-    assert_int_equal(sf_planned_count(fitter, 1), first + 52 * SF_SHORT_RUN / 100);
+    assert_int_equal(sf_planned_count(fitter, 1), first + 104 * SF_SHORT_RUN / 100);
     fitter->options.plan_steps = SF_SHORT_TIME;
     assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_TIME);
     sf_fitter_destroy(&fitter);
@@ -298,6 +326,7 @@ static void test_patience_ends_the_run(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_longer_runs_have_shorter_phases),
+        cmocka_unit_test(test_brief_runs_make_large_steps),
         cmocka_unit_test(test_what_the_user_chose_stays),
         cmocka_unit_test(test_time_is_planned_as_steps),
         cmocka_unit_test(test_little_time_is_spent_on_steps),

@@ -215,6 +215,7 @@ static sf_fit_progress fit_few(int64_t validate, curve *c) {
     sf_fit_options options = short_fit(600);
     options.sh_degree = 3;
     options.lr_sh_rest = 0.05;
+    options.lr_haste = 1;
     options.size = SF_SIZE_CAP;
     options.pyramid_levels = 0;
     options.grow_end = 0.1;
