@@ -5,7 +5,7 @@
 #include "fitter.h"
 #include "worth.h"
 
-enum { SF_TRIAL_STEPS = 50 /* that those on trial have to make up for what is missing */ };
+enum { SF_TRIAL_STEPS = 100 /* that those on trial have to make up for what is missing */ };
 
 /* Whether trials are worth looking at the views for; else they are only where these are looked at anyway. */
 int sf_trials_promise(const sf_fitter *fitter);
