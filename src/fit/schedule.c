@@ -25,8 +25,8 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define GROW_EVERY      100
 #define GROW_EVERY_MOST 0.125
 
-/* Few steps have to be large: rates rise with the root of what is missing to so many. A model gone on from has
- * its shapes already. */
+/* Few steps have to be large: rates rise with the root of what is missing to so many. A model gone on from
+ * has its shapes already. */
 #define STEADY_STEPS 3300
 #define HASTE_MOST   4
 

@@ -84,8 +84,8 @@ void sf_workspace_free(sf_workspace *ws);
 
 /* Chooses the camera and makes room for its picture. */
 sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float near_plane);
-/* The camera's picture stands for one of `factor` times the size, averaged over squares of that side: Gaussians
- * are drawn as they are in those averages. */
+/* The camera's picture stands for one of `factor` times the size, averaged over squares of that side:
+ * Gaussians are drawn as they are in those averages. */
 void sf_workspace_reduced(sf_workspace *ws, int factor);
 /* Makes room for the loss's planes of the present picture. */
 sf_status sf_workspace_loss_room(sf_workspace *ws);
