@@ -57,7 +57,7 @@ static void set_eye(sf_eye *eye, const sf_camera *camera, float near_plane) {
 }
 
 /* The low-pass of the large picture, and the variance of where its pixels stand in a square. Each with its
- * own 0.3 px^2, a model that suits one of two sizes is too large in the other. */
+ * own 0.3 px^2, a model that suits the small picture is too thin in the large one. */
 void sf_workspace_reduced(sf_workspace *ws, int factor) {
     double square = (double)factor * factor;
     ws->eye.low_pass = SF_LOW_PASS / square + (1 - 1 / square) / 12;

@@ -144,12 +144,14 @@ static void test_noise_is_no_divergence(void **state) {
     sf_rng_seed(&rng, 5);
     sf_scene *scene = test_changed_scene(s->ctx, SCENE, make_noise, &rng);
     sf_fitter *f;
-    assert_ok(s->ctx, sf_fitter_create(s->ctx, scene, NULL, &s->options, &f));
+    sf_fit_options options = s->options;
+    options.steps = 240; /* enough to fit what is coarse */
+    assert_ok(s->ctx, sf_fitter_create(s->ctx, scene, NULL, &options, &f));
     take_steps(s, f, 10);
     double coarse = progress_of(f).loss;
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
     print_message("coarse %.3f, fine %.3f, at the start %.3f\n", coarse, progress_of(f).loss, f->start_loss);
-    assert_true(progress_of(f).loss > 1.1 * coarse);
+    assert_true(progress_of(f).loss > 1.2 * coarse);
     assert_int_equal(progress_of(f).diverged, 0);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);

@@ -2,7 +2,6 @@
 #include "testing.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 #include "reference/random.h"
 #include "render/workspace.h"
