@@ -31,8 +31,9 @@ sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn l
         if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
     if (there) *there = kept;
     if (!wanted || wanted > kept) wanted = kept;
-    double turn = (double)(f->step / f->options.grow_every),
-           shift = others && wanted < kept ? fmod(golden * turn, 1) : 0;
+    double shift = 0;
+    if (others && wanted < kept) /* a fitter that only weighs has no plan, thus no time between growths */
+        shift = fmod(golden * (double)(f->step / f->options.grow_every), 1);
     for (size_t k = 0; k < wanted && !status; k++) {
         size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
         status = look_at(f, ids[at < kept ? at : kept - 1], look, user);
