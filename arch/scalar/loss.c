@@ -49,6 +49,8 @@ static void clear_rings(const sf_loss_args *a, int first, int end, int y) {
 
 static float weight_at(const sf_loss_args *a, size_t at) { return a->weight ? a->weight[at] : 1.0f; }
 
+static float delta_of(const sf_loss_args *a) { return fmaxf(a->delta, SF_LOSS_LEAST_DELTA); }
+
 /* 1. x, y, x^2 + y^2 and x y of a row, filtered along it. The variances are needed in their sum alone. */
 static void enter_row(const sf_loss_args *a, int y) {
     if (y < 0 || y >= a->height) {
@@ -96,12 +98,12 @@ static double compare_row(const sf_loss_args *a, int y) {
 /* 4. the gradient of a row. */
 static void differentiate_row(const sf_loss_args *a, int y) {
     int with_ssim = a->ssim_scale != 0.0f;
-    float *d_x = a->d_x + (size_t)y * a->stride, *mean[MAPS];
+    float *d_x = a->d_x + (size_t)y * a->stride, *mean[MAPS], delta = delta_of(a);
     for (int k = 0; with_ssim && k < MAPS; k++) filter_down(a, PLANES + k, y, mean[k] = spare_row(a, k));
     for (int i = 0; i < a->width; i++) {
         size_t at = (size_t)y * a->stride + (size_t)i;
         float weight = weight_at(a, at), u = a->x[at] * weight, v = a->y[at];
-        float d = a->l1_scale * (float)((u > v) - (u < v));
+        float d = -a->l1_scale * fminf(fmaxf((v - u) * (1.0f / delta), -1.0f), 1.0f);
         if (with_ssim) d += a->ssim_scale * (mean[0][i] + 2 * u * mean[1][i] + v * mean[2][i]);
         d_x[i] = weight * d;
     }
@@ -110,9 +112,11 @@ static void differentiate_row(const sf_loss_args *a, int y) {
 
 static double l1_row(const sf_loss_args *a, int y) {
     double sum = 0;
+    float delta = delta_of(a), half = 0.5f / delta;
     for (int i = 0; i < a->width; i++) {
         size_t at = (size_t)y * a->stride + (size_t)i;
-        sum += (double)fabsf(a->x[at] * weight_at(a, at) - a->y[at]);
+        float d = fabsf(a->x[at] * weight_at(a, at) - a->y[at]), h = fminf(d, delta);
+        sum += (double)(d - h + h * (h * half));
     }
     return sum;
 }

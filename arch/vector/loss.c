@@ -145,14 +145,18 @@ VEC double compare_row(const sf_loss_args *a, int r, int y, int backward) {
 VEC double differentiate_row(const sf_loss_args *a, int r, int y, int with_ssim) {
     const float *mean[MAPS];
     for (int k = 0; k < MAPS; k++) mean[k] = group_row(a, k, r);
-    vf sum = vf_set(0), scale = vf_set(a->l1_scale), ssim_scale = vf_set(a->ssim_scale);
+    float least = a->delta > SF_LOSS_LEAST_DELTA ? a->delta : SF_LOSS_LEAST_DELTA;
+    vf sum = vf_set(0), rising = vf_set(-a->l1_scale), ssim_scale = vf_set(a->ssim_scale);
+    vf delta = vf_set(least), slope = vf_set(1.0f / least), half = vf_set(0.5f / least), one = vf_set(1);
     for (int i = 0; i < a->width; i += VW) {
         size_t at = (size_t)y * a->stride + (size_t)i;
         vm in = inside(i, a->width);
-        vf u = weighted(a, at), v = vf_load(a->y + at);
-        sum = vf_add(sum, vf_keep(in, magnitude(vf_sub(u, v))));
+        /* y - x: 0, and never -0, where both have no weight */
+        vf u = weighted(a, at), v = vf_load(a->y + at), off = vf_sub(v, u), far = magnitude(off);
+        vf h = vf_min(far, delta);
+        sum = vf_add(sum, vf_keep(in, vf_fma(h, vf_mul(h, half), vf_sub(far, h))));
         if (!a->d_x) continue;
-        vf d = vf_sub(vf_keep(vf_ge(u, v), scale), vf_keep(vf_ge(v, u), scale));
+        vf d = vf_mul(rising, vf_max(vf_min(vf_mul(off, slope), one), vf_neg(one)));
         if (with_ssim) {
             vf g = vf_fma(vf_add(u, u), vf_load(mean[1] + i), vf_load(mean[0] + i));
             d = vf_fma(ssim_scale, vf_fma(v, vf_load(mean[2] + i), g), d);

@@ -168,7 +168,7 @@ static sf_status run_cull(bench_lab *lab) {
 
 static sf_status run_loss(bench_lab *lab) {
     sf_loss_value value;
-    sf_stage_loss(&lab->ws, 0.2, (double)lab->ws.eye.width * lab->ws.eye.height, 0, 1, &value);
+    sf_stage_loss(&lab->ws, 0.2, 0, (double)lab->ws.eye.width * lab->ws.eye.height, 0, 1, &value);
     return SF_OK;
 }
 

@@ -96,7 +96,7 @@ sf_status bench_step(sf_workspace *ws, const sf_model *model, const bench_moment
     end_stage(ws, &mark, &seconds[STAGE_BLEND]);
     double weights = load_target(ws, view);
     end_stage(ws, &mark, &seconds[STAGE_TARGET]);
-    sf_stage_loss(ws, 0.2, weights, 0, 1, &loss);
+    sf_stage_loss(ws, 0.2, 0, weights, 0, 1, &loss);
     end_stage(ws, &mark, &seconds[STAGE_LOSS]);
     status = sf_stage_blend_bwd(ws);
     if (!status) status = sf_stage_background_bwd(ws, d_background);

@@ -226,7 +226,7 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
     sf_status status = sf_draw_view(f, view, state, &weight_sum);
     if (status) return status;
     if (state) sf_note_depth(state, ws, f->extent);
-    sf_stage_loss(ws, f->options.lambda_dssim, weight_sum, 0, 1, loss);
+    sf_stage_loss(ws, f->options.lambda_dssim, f->options.huber_delta, weight_sum, 0, 1, loss);
     if (exposed) sf_expose_bwd(&f->exposure, ws, state, d->exposure);
     status = sf_stage_blend_bwd(ws);
     if (!status && f->options.background == SF_BACKGROUND_AUTO)

@@ -54,7 +54,7 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, doub
     (void)state, (void)pixels;
     first_losses *first = user;
     sf_loss_value loss;
-    sf_stage_loss(&f->workspace, f->options.lambda_dssim, weight_sum, 0, 0, &loss);
+    sf_stage_loss(&f->workspace, f->options.lambda_dssim, f->options.huber_delta, weight_sum, 0, 0, &loss);
     if (isfinite(loss.loss)) first->loss[first->count++] = loss.loss;
     return SF_OK;
 }

@@ -30,6 +30,11 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define STEADY_STEPS 3300
 #define HASTE_MOST   4
 
+/* Squares learn faster what is far off, the absolute value is better in the end: Huber's delta falls with the
+ * steps that there are. */
+#define SQUARED_STEPS 100
+#define DELTA_MOST    0.4
+
 /* A short run grows this part of grow_most. */
 #define SHORT_GROWTH 0.52
 
@@ -75,6 +80,7 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
     if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
+    if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS / planned, DELTA_MOST);
     if (!(o->lr_haste > 0))
         o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);

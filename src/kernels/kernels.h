@@ -171,12 +171,17 @@ typedef struct sf_loss_args {
     size_t stride;
     int first_row, end_row;
     float *scratch;   /* sf_loss_scratch(stride) floats */
-    double *l1;       /* out: [end_row - first_row] sums over each row of |weight x - y| */
+    float delta;      /* 0: L1; else Huber's: d^2 / (2 delta) for |d| <= delta, |d| - delta / 2 beyond */
+    double *l1;       /* out: [end_row - first_row] sums over each row of that, of d = weight x - y */
     double *ssim;     /* out: like l1, of S; NULL: L1 alone */
     float l1_scale;   /* (1 - lambda) / (3 sum m) */
     float ssim_scale; /* -lambda / (3 sum m); 0, as it must be without ssim: the gradient of L1 alone */
     float *d_x;       /* out: the rows' gradient, 0 beyond the width; NULL: not wanted */
 } sf_loss_args;
+
+/* Huber's loss with this delta is L1: both come of one formula, |d| - h + h^2 / (2 delta) with h = min(|d|,
+ * delta), and slope d / delta within -1..1. */
+#define SF_LOSS_LEAST_DELTA 1e-20f
 
 /* Room for rows on their way through the two filters: rings of rows of four planes and three maps, and as
  * many again as one ring, each with margins. */

@@ -11,7 +11,7 @@ enum { LEAST_BAND = 24 };
 
 typedef struct loss_job {
     sf_workspace *ws;
-    float l1_scale, ssim_scale;
+    float delta, l1_scale, ssim_scale;
     int with_ssim, with_gradient;
     int band, bands; /* rows of a task; tasks of a channel */
 } loss_job;
@@ -31,6 +31,7 @@ static void loss_task(void *job_pointer, size_t task, int thread) {
                          .first_row = first,
                          .end_row = end < ws->eye.height ? end : ws->eye.height,
                          .scratch = ws->scratch + (size_t)thread * sf_loss_scratch(ws->stride),
+                         .delta = job->delta,
                          .l1 = row_sums,
                          .ssim = job->with_ssim ? row_sums + height : NULL,
                          .l1_scale = job->l1_scale,
@@ -45,13 +46,14 @@ static void clear_below(const sf_workspace *ws) {
     for (int ch = 0; ch < SF_CHANNELS; ch++) memset(ws->d_rgb[ch] + from, 0, (end - from) * sizeof(float));
 }
 
-void sf_stage_loss(sf_workspace *ws, double lambda, double weight_sum, int with_ssim, int with_gradient,
-                   sf_loss_value *value) {
+void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_sum, int with_ssim,
+                   int with_gradient, sf_loss_value *value) {
     double scale = 1.0 / (3.0 * weight_sum);
     size_t height = (size_t)ws->eye.height;
     /* the sums are kept by row: the bands may follow the number of threads */
     int threads = sf_pool_threads(ws->ctx->pool), per_channel = threads < 2 ? 1 : (4 * threads + 2) / 3;
     loss_job job = {.ws = ws,
+                    .delta = (float)delta,
                     .l1_scale = (float)((1 - lambda) * scale),
                     .ssim_scale = (float)(-lambda * scale),
                     .with_ssim = with_ssim || lambda > 0,

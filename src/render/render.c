@@ -159,7 +159,7 @@ sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb
     sf_status status = load_pair(renderer, width, height, rgb, target, weight, &weight_sum);
     if (status) return status;
     sf_workspace *ws = &renderer->comparison;
-    sf_stage_loss(ws, lambda, weight_sum, 1, d_rgb != NULL, value);
+    sf_stage_loss(ws, lambda, 0, weight_sum, 1, d_rgb != NULL, value);
     for (size_t y = 0; d_rgb && y < (size_t)height; y++)
         for (size_t x = 0; x < (size_t)width; x++)
             for (size_t ch = 0; ch < 3; ch++)
@@ -183,7 +183,7 @@ sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *
                 squares += (weight ? (double)weight[from] : 1.0) * difference * difference;
             }
     sf_loss_value value;
-    sf_stage_loss(ws, 0.2, weight_sum, 1, 0, &value);
+    sf_stage_loss(ws, 0.2, 0, weight_sum, 1, 0, &value);
     quality->psnr = sf_psnr_of(squares / (3 * weight_sum));
     quality->ssim = value.ssim;
     quality->psnr_corrected = sf_corrected_psnr(ws, quality->psnr);

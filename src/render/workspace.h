@@ -98,9 +98,10 @@ sf_status sf_stage_bin(sf_workspace *ws);
 void sf_stage_blend(sf_workspace *ws, const float background[3], int with_depth);
 
 /* The loss of ws->rgb against ws->target (with ws->weight where has_weight) and, if with_gradient, ws->d_rgb.
- * weight_sum: of the weights of all pixels. lambda 0 leaves SSIM out (and value->ssim 0) unless with_ssim. */
-void sf_stage_loss(sf_workspace *ws, double lambda, double weight_sum, int with_ssim, int with_gradient,
-                   sf_loss_value *value);
+ * lambda 0 leaves SSIM out (and value->ssim 0) unless with_ssim. delta: Huber's loss stands in the place of
+ * L1; 0: L1. weight_sum: of the weights of all pixels. */
+void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_sum, int with_ssim,
+                   int with_gradient, sf_loss_value *value);
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws);
 /* The sums of blend_worth in the slots, of ws->d_rgb and ws->weight, which is 0 beyond the picture. */

@@ -79,6 +79,7 @@ static void make_case(check *c, sf_loss_args *a) {
     enum mode mode = (enum mode)(k / SIDES % MODES);
     int with_ssim = mode != L1_GRADIENT && mode != L1_VALUE;
     double scale = 1.0 / (3.0 * a->width * a->height);
+    a->delta = check_pick(c, 2) ? (float)exp2(check_between(c, -12, 0)) : 0;
     a->l1_scale = mode == SSIM_GRADIENT ? 0 : (float)(0.8 * scale);
     a->ssim_scale = mode == SSIM_BESIDE_L1 || !with_ssim ? 0 : (float)(-0.2 * scale);
     a->scratch = check_floats_out(c, "scratch", sf_loss_scratch(a->stride));

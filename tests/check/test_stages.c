@@ -69,7 +69,7 @@ static step run(sf_workspace *ws, const sf_model *model, const test_ref_scene *s
     for (size_t i = 0; i < s.pixels; i++)
         ws->weight[i / (size_t)scene->camera.width * ws->stride + i % (size_t)scene->camera.width] =
             weight[i];
-    sf_stage_loss(ws, 0.2, weights, 1, 1, &s.loss);
+    sf_stage_loss(ws, 0.2, 0, weights, 1, 1, &s.loss);
     assert_ok(ws->ctx, sf_stage_blend_bwd(ws));
     assert_ok(ws->ctx, sf_stage_project_bwd(ws, s.camera, take, &s));
     assert_ok(ws->ctx, sf_stage_background_bwd(ws, s.background));

@@ -71,7 +71,7 @@ static void reproduces_golden_case(void **state) {
     double *d_rgb = test_ref_numbers(3 * pixels);
 
     test_ref_render(&golden.scene, &frame);
-    test_ref_pair pair = {camera->width, camera->height, frame.rgb, golden.target, NULL, golden.lambda};
+    test_ref_pair pair = {camera->width, camera->height, frame.rgb, golden.target, NULL, golden.lambda, 0};
     test_ref_loss loss = test_ref_compare(&pair, d_rgb);
     test_ref_backward(&golden.scene, &frame, d_rgb, &grads);
 
@@ -109,7 +109,7 @@ typedef struct scenario {
     uint64_t seed;
     size_t count;
     int sh_degree, antialiased, weighted;
-    double lambda;
+    double lambda, delta;
     double field;            /* means spread to this multiple of the half field of view */
     double scale, spread;    /* standard deviations: middle, and normal spread of the logarithm */
     double logit;            /* of opacity: mean */
@@ -120,7 +120,7 @@ typedef struct scenario {
 /* A scene, its target and its weights, with the twist and the zoom under which it is seen. */
 typedef struct fixture {
     test_ref_scene scene;
-    double lambda;
+    double lambda, delta;
     double *target, *weight;
     double *offset, *d_rgb;   /* 0, added to the picture; dL/d of it */
     double twist[6], zoom[2]; /* 0, of the camera and of the logarithms of its focal lengths */
@@ -201,7 +201,7 @@ static void random_gaussian(const scenario *how, sf_rng *rng, test_ref_scene *sc
 static void fixture_create(const scenario *how, fixture *f) {
     sf_rng rng;
     sf_rng_seed(&rng, how->seed);
-    *f = (fixture){.lambda = how->lambda};
+    *f = (fixture){.lambda = how->lambda, .delta = how->delta};
     test_ref_scene *s = &f->scene;
     s->camera = random_camera(&rng);
     s->count = how->count;
@@ -239,7 +239,8 @@ static test_ref_loss evaluate(const fixture *f, double *d_rgb, test_ref_counts *
     seen.camera.fx *= exp(f->zoom[0]), seen.camera.fy *= exp(f->zoom[1]);
     test_ref_render(&seen, &frame);
     for (size_t i = 0; i < 3 * pixels_of(f); i++) frame.rgb[i] += f->offset[i];
-    test_ref_pair pair = {seen.camera.width, seen.camera.height, frame.rgb, f->target, f->weight, f->lambda};
+    test_ref_pair pair = {seen.camera.width, seen.camera.height, frame.rgb, f->target,
+                          f->weight,         f->lambda,          f->delta};
     test_ref_loss loss = test_ref_compare(&pair, d_rgb);
     loss.branches = test_ref_branch(loss.branches, frame.branches);
     if (counts) *counts = frame.counts;
@@ -360,6 +361,8 @@ static const scenario scenarios[] = {
      .reaches = {.pairs = 500, .clamped_channels = 3}},
     {"weights", 2, 10, .sh_degree = 1, .weighted = 1, .lambda = 0.4, .field = 0.9, .scale = 0.25,
      .spread = 0.5, .reaches = {.pairs = 500}},
+    {"Huber's loss", 8, 10, .sh_degree = 1, .weighted = 1, .lambda = 0.1, .delta = 0.2, .field = 0.9,
+     .scale = 0.25, .spread = 0.5, .reaches = {.pairs = 500}},
     {"unnormalized quaternions", 3, 14, .lambda = 0.2, .field = 0.9, .scale = 0.2, .spread = 1,
      .quat_decades = 3, .reaches = {.pairs = 500}},
     {"beyond the Jacobian's clamp", 4, 16, .sh_degree = 2, .lambda = 0.2, .field = 2, .scale = 0.6,
@@ -428,7 +431,7 @@ static void weights_mask_the_loss(void **state) {
         ones[i] = 1;
         mask[i] = i % W < 6;
     }
-    test_ref_pair all = {W, H, rgb, target, NULL, 0.3}, one = all, masked = all;
+    test_ref_pair all = {W, H, rgb, target, NULL, 0.3, 0}, one = all, masked = all;
     one.weight = ones;
     masked.weight = mask;
     assert_true(test_ref_compare(&all, NULL).loss == test_ref_compare(&one, NULL).loss);

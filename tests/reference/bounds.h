@@ -42,7 +42,7 @@ typedef struct test_ref_channel {
     uint8_t *cliff; /* [height * width]: the sign of L1 is open */
 } test_ref_channel;
 
-/* Reads x, y, weight, width, height, stride and the two scales. free() the four. */
+/* Reads x, y, weight, width, height, stride, delta and the two scales. free() the four. */
 void test_ref_loss_channel(const sf_loss_args *a, test_ref_channel *channel);
 
 /* A Gaussian on the screen. */

@@ -100,12 +100,29 @@ static bounded row_sum(const bounded *values, int width) {
     return (bounded){v, e + ((double)width / LEAST_LANES + LEAST_LANES) * FLOAT_UNIT * magnitude};
 }
 
+/* Of a magnitude; both halves have the same value and slope where they meet, so that either is right there.
+ */
+static bounded huber(bounded d, double delta) {
+    if (delta == 0) return d;
+    bounded top = b_of(delta), h = d.v < delta ? d : top;
+    bounded square = b_mul(h, b_mul(h, b_div(b_of(0.5), top)));
+    return d.v < delta ? square : b_add(b_sub(d, top), square);
+}
+
+/* Its derivative by the difference. */
+static bounded slope(bounded d, double delta) {
+    if (delta == 0) return b_of((d.v > 0) - (d.v < 0));
+    bounded s = b_mul(d, b_div(b_of(1), b_of(delta)));
+    return (bounded){fmin(fmax(s.v, -1), 1), s.e};
+}
+
 void test_ref_loss_channel(const sf_loss_args *a, test_ref_channel *out) {
     size_t width = (size_t)a->width, height = (size_t)a->height, size = width * height;
     planes p = {a->width,    a->height,   size,        plane(size),
                 plane(size), plane(size), plane(size), {plane(size), plane(size), plane(size)},
                 plane(size)};
     bounded *x = plane(size), *y = plane(size), *weight = plane(size), *difference = plane(size);
+    double delta = (double)a->delta;
     *out = (test_ref_channel){plane(height), plane(height), plane(size), calloc(size, 1)};
     for (size_t i = 0; i < size; i++) {
         size_t at = i / width * a->stride + i % width;
@@ -114,6 +131,7 @@ void test_ref_loss_channel(const sf_loss_args *a, test_ref_channel *out) {
         y[i] = b_of((double)a->y[at]);
         difference[i] = b_sub(x[i], y[i]);
         if (difference[i].v < 0) difference[i] = b_negative(difference[i]);
+        difference[i] = huber(difference[i], delta);
         p.x[i] = x[i];
         p.y[i] = y[i];
         p.squares[i] = b_fma(x[i], x[i], b_square(y[i]));
@@ -134,9 +152,8 @@ void test_ref_loss_channel(const sf_loss_args *a, test_ref_channel *out) {
         out->ssim[row] = row_sum(S + row * width, a->width);
     }
     for (size_t i = 0; i < size; i++) {
-        double sign = (x[i].v > y[i].v) - (x[i].v < y[i].v);
-        bounded d = b_scale((double)a->l1_scale * sign, b_of(1));
-        out->cliff[i] = x[i].e > 0 && fabs(x[i].v - y[i].v) <= 2 * x[i].e;
+        bounded d = b_scale((double)a->l1_scale, slope(b_sub(x[i], y[i]), delta));
+        out->cliff[i] = delta == 0 && x[i].e > 0 && fabs(x[i].v - y[i].v) <= 2 * x[i].e;
         if (a->ssim_scale != 0.0f) {
             bounded g = b_fma(b_twice(x[i]), p.map[1][i], p.map[0][i]);
             d = b_fma(b_of((double)a->ssim_scale), b_fma(y[i], p.map[2][i], g), d);

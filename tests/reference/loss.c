@@ -110,12 +110,14 @@ test_ref_loss test_ref_compare(const test_ref_pair *pair, double *d_rgb) {
         }
         dssim += ssim_channel(&c);
         for (size_t i = 0; i < size; i++) {
-            double difference = c.x[i] - c.y[i], sign = (difference > 0) - (difference < 0);
-            l1 += fabs(difference);
-            loss.branches = test_ref_branch(loss.branches, (uint64_t)(sign + 1));
+            double difference = c.x[i] - c.y[i], far = fabs(difference), delta = pair->delta;
+            double sign = (difference > 0) - (difference < 0),
+                   slope = far < delta ? difference / delta : sign;
+            l1 += far < delta ? 0.5 * difference * slope : far - 0.5 * delta;
+            loss.branches = test_ref_branch(loss.branches, (uint64_t)(sign + 1) + 3 * (far < delta));
             if (!d_rgb) continue;
             double m = pair->weight ? pair->weight[i] : 1;
-            d_rgb[3 * i + k] = m * unit * ((1 - pair->lambda) * sign - pair->lambda * ssim_gradient(&c, i));
+            d_rgb[3 * i + k] = m * unit * ((1 - pair->lambda) * slope - pair->lambda * ssim_gradient(&c, i));
         }
     }
     free(c.block);

@@ -129,7 +129,7 @@ void test_ref_sh_basis_backward(int degree, const double d[3], double d_basis[16
 
 typedef struct test_ref_loss {
     double loss, l1, ssim;
-    uint64_t branches; /* as in a frame: the signs of L1 */
+    uint64_t branches; /* as in a frame: the signs of the differences */
 } test_ref_loss;
 
 /* Two pictures to compare, [height][width][3]; weight [height][width] or NULL for 1. */
@@ -137,6 +137,7 @@ typedef struct test_ref_pair {
     int width, height;
     const double *rgb, *target, *weight;
     double lambda;
+    double delta; /* of Huber's loss; 0: L1 */
 } test_ref_pair;
 
 /* The loss (M.5) and dL/drgb, where d_rgb is not NULL. */

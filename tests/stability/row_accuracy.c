@@ -268,7 +268,7 @@ static void over_loss(stab_run *run) {
     size_t by = stab_count(run, 1, 2, 3), count = stab_count(run, SIDES, 6, 5);
     for (size_t i = 0; i < count; i += by) {
         pair p = make_pair(3 * (size_t)sides[i] * (size_t)sides[i]);
-        test_ref_pair both = {sides[i], sides[i], p.rgb64, p.target64, NULL, 0.2};
+        test_ref_pair both = {sides[i], sides[i], p.rgb64, p.target64, NULL, 0.2, 0};
         test_ref_loss expected = test_ref_compare(&both, p.d_rgb64);
         for (size_t k = 0; k < l.count; k++) at[k][i] = try_loss(&l.labs[k], &p, sides[i], expected);
         free_pair(&p);

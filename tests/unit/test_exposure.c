@@ -56,7 +56,7 @@ static void stage_free(stage *s) {
 static double loss_of(stage *s, double gradient[6]) {
     sf_loss_value loss;
     sf_expose(&s->exposure, &s->ws, &s->view);
-    sf_stage_loss(&s->ws, s->lambda, PIXELS, 0, 1, &loss);
+    sf_stage_loss(&s->ws, s->lambda, 0, PIXELS, 0, 1, &loss);
     sf_expose_bwd(&s->exposure, &s->ws, &s->view, gradient);
     return loss.loss;
 }

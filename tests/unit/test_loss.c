@@ -123,7 +123,7 @@ static void compare(const bench *b, const pair *p, double lambda, errors *w) {
     size_t n = 3 * p->pixels;
     double *rgb = to_double(p->rgb, n), *target = to_double(p->target, n);
     double *weight = to_double(p->weight, p->pixels), *d_rgb = test_ref_numbers(n), largest = 0;
-    test_ref_pair both = {p->width, p->height, rgb, target, weight, lambda};
+    test_ref_pair both = {p->width, p->height, rgb, target, weight, lambda, 0};
     test_ref_loss expected = test_ref_compare(&both, d_rgb);
     note(&w->value, fabs(o.value.loss - expected.loss));
     note(&w->value, fabs(o.value.l1 - expected.l1));
@@ -269,12 +269,41 @@ static void gradient_is_0_beyond_the_picture(void **state) {
     assert_ok(b.ctx, sf_workspace_loss_room(&ws));
     for (size_t ch = 0; ch < SF_CHANNELS; ch++)
         for (size_t i = 0; i < ws.plane_rows * ws.stride; i++) ws.rgb[ch][i] = 0.5f, ws.target[ch][i] = 0;
-    sf_stage_loss(&ws, 0.2, WIDTH * HEIGHT, 0, 1, &value);
+    sf_stage_loss(&ws, 0.2, 0, WIDTH * HEIGHT, 0, 1, &value);
     for (size_t ch = 0; ch < SF_CHANNELS; ch++)
         for (size_t i = 0; i < ws.plane_rows * ws.stride; i++) {
             int inside = i % ws.stride < WIDTH && i / ws.stride < HEIGHT;
             assert_int_equal(ws.d_rgb[ch][i] != 0, inside);
         }
+    sf_workspace_free(&ws);
+    bench_free(&b);
+}
+
+/* Of one difference d in all channels and pixels the mean is that of one: both halves, and where they meet.
+ */
+static void differences_below_delta_are_squared(void **state) {
+    (void)state;
+    enum { SIDE = 20 };
+    static const float differences[] = {0, 0.03f, -0.03f, 0.25f, 0.5f, -0.5f};
+    const double delta = 0.25;
+    const sf_camera camera = {.width = SIDE, .height = SIDE};
+    bench b = bench_create(2);
+    sf_workspace ws;
+    sf_workspace_init(&ws, b.ctx);
+    assert_ok(b.ctx, sf_workspace_look(&ws, &camera, 1));
+    assert_ok(b.ctx, sf_workspace_loss_room(&ws));
+    for (size_t k = 0; k < sizeof differences / sizeof *differences; k++) {
+        double d = (double)differences[k], far = fabs(d);
+        for (size_t ch = 0; ch < SF_CHANNELS; ch++)
+            for (size_t i = 0; i < ws.plane_rows * ws.stride; i++)
+                ws.rgb[ch][i] = 0.5f + differences[k], ws.target[ch][i] = 0.5f;
+        sf_loss_value value;
+        sf_stage_loss(&ws, 0, delta, SIDE * SIDE, 0, 1, &value);
+        double expected = far < delta ? d * d / (2 * delta) : far - delta / 2;
+        double slope = fmin(fmax(d / delta, -1), 1) / (3 * SIDE * SIDE);
+        assert_true(fabs(value.loss - expected) < 1e-6);
+        assert_true(fabs((double)ws.d_rgb[1][3] - slope) < 1e-6 * fabs(slope) + 1e-12);
+    }
     sf_workspace_free(&ws);
     bench_free(&b);
 }
@@ -440,7 +469,8 @@ static void quality_matches_the_reference(void **state) {
         }
         double *rgb = to_double(p.rgb, 3 * p.pixels), *target = to_double(p.target, 3 * p.pixels);
         double *weight = to_double(p.weight, p.pixels);
-        test_ref_loss expected = test_ref_compare(&(test_ref_pair){53, 38, rgb, target, weight, 0.2}, NULL);
+        test_ref_loss expected =
+            test_ref_compare(&(test_ref_pair){53, 38, rgb, target, weight, 0.2, 0}, NULL);
         sf_quality quality = quality_of(&b, &p);
         assert_true(fabs(quality.psnr + 10 * log10(squares / weights)) < 1e-6);
         assert_true(fabs(quality.ssim - expected.ssim) <= VALUE_BOUND);
@@ -461,6 +491,7 @@ int main(void) {
         cmocka_unit_test(ignored_pixels_are_ignored),
         cmocka_unit_test(gradient_is_optional),
         cmocka_unit_test(gradient_is_0_beyond_the_picture),
+        cmocka_unit_test(differences_below_delta_are_squared),
         cmocka_unit_test(identical_pictures_have_no_loss),
         cmocka_unit_test(bad_arguments_are_refused),
         cmocka_unit_test(bad_weights_are_refused),

@@ -87,6 +87,8 @@ static void test_brief_runs_make_large_steps(void **state) {
     }
     sf_fit_options brief = plans[0], usual = plans[1], lengthy = plans[2];
     assert_true(brief.lr_haste == 4 && fabs(usual.lr_haste - 2) < 1e-9 && lengthy.lr_haste == 1);
+    assert_true(brief.huber_delta == 0.4 && fabs(usual.huber_delta - 100.0 / 825) < 1e-9);
+    assert_true(fabs(lengthy.huber_delta - 0.005) < 1e-9);
     assert_int_equal(brief.grow_every, 12);
     assert_int_equal(usual.grow_every, 100);
     assert_int_equal(lengthy.grow_every, 100);
@@ -108,7 +110,7 @@ static void test_what_the_user_chose_stays(void **state) {
     sf_fit_options options = short_fit(100);
     options.pyramid_end = 0.31, options.grow_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
     options.pyramid_mix = 0.34;
-    options.grow_every = 35, options.lr_haste = 1.5;
+    options.grow_every = 35, options.lr_haste = 1.5, options.huber_delta = 0.25;
     sf_fit_options got = planned(options);
     assert_same_options(&got, &options);
 }
