@@ -105,9 +105,31 @@ static sf_view *recent_view(sf_fitter *f) {
     return NULL;
 }
 
-/* The next training view, each once a pass in random order; views that came or went since are taken up with
- * the next pass. With `recent`, every other one is one of the newest, and a pass ends when views come. The
- * reference is the caller's. */
+/* Place k of a pass over n views, so that those one after another are far apart: multiples of the golden
+ * ratio leave no large gap anywhere, here in the order of their fractions. */
+static size_t spread(size_t k, size_t n) {
+    static const double golden = 0.6180339887498949;
+    double mine = fmod((double)k * golden, 1);
+    size_t rank = 0;
+    for (size_t j = 0; j < n; j++) rank += fmod((double)j * golden, 1) < mine;
+    return rank;
+}
+
+/* Views of one time or file name mostly stand side by side. From a place drawn anew in each pass. */
+static sf_status spread_order(sf_fitter *f) {
+    size_t n = f->order_count;
+    uint32_t *order = sf_alloc(f->ctx, n, sizeof *order);
+    if (!order) return SF_ERR_MEMORY;
+    size_t start = n ? (size_t)sf_rng_below(&f->rng, n) : 0;
+    for (size_t k = 0; k < n; k++) order[k] = f->order[(start + spread(k, n)) % n];
+    sf_free(f->ctx, f->order);
+    f->order = order;
+    return SF_OK;
+}
+
+/* The next training view, each once a pass, those far apart after one another; views that came or went since
+ * are taken up with the next pass. With `recent`, every other one is one of the newest, and a pass ends when
+ * views come. The reference is the caller's. */
 static sf_status next_view(sf_fitter *f, sf_view **view) {
     if (f->options.recent) {
         int came;
@@ -133,11 +155,9 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
             }
             if (f->options.refine_poses) (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
             sf_leave_out_blurred(f);
-            for (size_t i = f->order_count; i > 1; i--) {
-                size_t j = (size_t)sf_rng_below(&f->rng, i);
-                uint32_t keep = f->order[i - 1];
-                f->order[i - 1] = f->order[j];
-                f->order[j] = keep;
+            if ((status = spread_order(f))) {
+                f->order_count = 0;
+                return status;
             }
             passes++;
             continue;

@@ -99,7 +99,7 @@ struct sf_fitter {
 
     sf_workspace workspace;
     sf_rng rng;
-    uint32_t *order; /* training views of this pass in random order */
+    uint32_t *order; /* training views of this pass, in turn */
     size_t order_count, order_at;
 
     /* plan.c: time of each step in ticks; kept as the clock says, or given and followed */

@@ -105,6 +105,36 @@ static void test_brief_runs_make_large_steps(void **state) {
     sf_fitter_destroy(&f);
 }
 
+/* Each view once a pass, and two views one after another never nearer than a fifth of all. */
+static void test_views_far_apart_follow_one_another(void **state) {
+    (void)state;
+    sf_fit_options options = short_fit(100);
+    options.validate = 0;
+    sf_fitter *f = start(&options);
+    uint32_t first = 0;
+    int differ = 0;
+    for (int pass = 0; pass < 4; pass++) {
+        assert_ok(ctx, sf_fitter_step(f));
+        size_t n = f->order_count, seen = 0;
+        assert_true(n >= 10);
+        for (size_t k = 0; k < n; k++) {
+            size_t at = 0;
+            for (size_t j = 0; j < n; j++) at += f->order[j] < f->order[k];
+            assert_false(seen >> at & 1);
+            seen |= (size_t)1 << at;
+            size_t next = 0;
+            for (size_t j = 0; j < n; j++) next += f->order[j] < f->order[(k + 1) % n];
+            size_t apart = next > at ? next - at : at - next;
+            assert_true(k + 1 == n || (5 * apart >= n && 5 * (n - apart) >= n));
+        }
+        differ += pass && f->order[0] != first;
+        first = f->order[0];
+        while (f->order_at < n) assert_ok(ctx, sf_fitter_step(f));
+    }
+    assert_true(differ > 0);
+    sf_fitter_destroy(&f);
+}
+
 static void test_what_the_user_chose_stays(void **state) {
     (void)state;
     sf_fit_options options = short_fit(100);
@@ -329,6 +359,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_longer_runs_have_shorter_phases),
         cmocka_unit_test(test_brief_runs_make_large_steps),
+        cmocka_unit_test(test_views_far_apart_follow_one_another),
         cmocka_unit_test(test_what_the_user_chose_stays),
         cmocka_unit_test(test_time_is_planned_as_steps),
         cmocka_unit_test(test_little_time_is_spent_on_steps),
