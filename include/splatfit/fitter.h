@@ -96,7 +96,7 @@ typedef enum sf_moment_format {
     REAL(lambda_dssim, 0.2, 0, 1, "", "weight of 1 - SSIM in the loss; the rest is L1, or Huber's loss")     \
     REAL(huber_delta, 0, 0, 1, "",                                                                           \
          "differences below it count by their squares, d^2 / (2 delta), and the others as |d| - delta / 2: " \
-         "with 1e-9 the loss is L1; 0: as plan_steps suggest")                                               \
+         "with 1e-9 the loss is L1; 0: as plan_steps suggest, L1 where they are many")                       \
     REAL(lr_mean, 4.5e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "", "that rate at the end, as a fraction; exponential between")       \
     REAL(lr_settle, 0.8, 0, 1, "of the run", "all learning rates fall from here on")                         \

@@ -27,11 +27,11 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 
 /* Few steps have to be large: rates rise with the root of what is missing to so many. A model gone on from
  * has its shapes already. */
-#define STEADY_STEPS 3300
+#define STEADY_STEPS 3300.0
 #define HASTE_MOST   4
 
-/* Squares learn faster what is far off, the absolute value is better in the end: Huber's delta falls with the
- * steps that there are. */
+/* Squares learn faster what is far off, the absolute value makes small differences smaller: Huber's delta
+ * falls with the steps that there are. */
 #define SQUARED_STEPS 100
 #define DELTA_MOST    0.4
 
@@ -80,7 +80,8 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
     if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
-    if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS / planned, DELTA_MOST);
+    double missing = fmax(1 / planned - 1 / STEADY_STEPS, 0);
+    if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
     if (!(o->lr_haste > 0))
         o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
