@@ -26,7 +26,7 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define GROW_EVERY_MOST 0.125
 
 /* Few steps have to be large: rates rise with the root of what is missing to so many. A model gone on from
- * has its shapes already. */
+ * has its shapes and colours already. */
 #define STEADY_STEPS 3300.0
 #define HASTE_MOST   4
 
@@ -80,7 +80,7 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
     if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
-    double missing = fmax(1 / planned - 1 / STEADY_STEPS, 0);
+    double missing = f->gone_on ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
     if (!(o->lr_haste > 0))
         o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);

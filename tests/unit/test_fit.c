@@ -350,29 +350,38 @@ static void test_same_bytes_with_half_moments(void **state) {
     free(floats.values);
 }
 
-/* They reach what floats reach, to 0.1 dB: without growth, where a small scene falls into one of several
- * ends. */
+static double psnr_with_moments(int moments, int64_t seed) {
+    sf_context *ctx = test_context();
+    sf_scene *scene = small_scene(ctx);
+    sf_fit_options options = short_fit(300);
+    options.first = SF_FIRST_POINTS;
+    options.moments = moments;
+    options.grow_most = 0;
+    options.seed = seed;
+    sf_fitter *fitter = start(ctx, scene, &options);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    double psnr = psnr_of(ctx, scene, fitter);
+    assert_sound(ctx, fitter);
+    sf_fitter_destroy(&fitter);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+    return psnr;
+}
+
+/* They reach what floats reach, to 0.1 dB: without growth, and with most seeds, for a small scene falls into
+ * one of several ends. */
 static void test_half_moments_are_as_good(void **state) {
     (void)state;
     skip_if_quick();
-    double psnr[2];
-    for (int half = 0; half < 2; half++) {
-        sf_context *ctx = test_context();
-        sf_scene *scene = small_scene(ctx);
-        sf_fit_options options = short_fit(300);
-        options.first = SF_FIRST_POINTS;
-        options.moments = half ? SF_MOMENTS_HALF : SF_MOMENTS_FLOAT;
-        options.grow_most = 0;
-        sf_fitter *fitter = start(ctx, scene, &options);
-        assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
-        psnr[half] = psnr_of(ctx, scene, fitter);
-        assert_sound(ctx, fitter);
-        sf_fitter_destroy(&fitter);
-        sf_scene_destroy(&scene);
-        sf_context_destroy(&ctx);
+    enum { SEEDS = 5 };
+    int as_good = 0;
+    for (int64_t seed = 1; seed <= SEEDS; seed++) {
+        double floats = psnr_with_moments(SF_MOMENTS_FLOAT, seed),
+               halves = psnr_with_moments(SF_MOMENTS_HALF, seed);
+        print_message("moments as floats: %.2f dB, of 16 bits: %.2f dB\n", floats, halves);
+        as_good += halves >= floats - 0.1;
     }
-    print_message("moments as floats: %.2f dB, of 16 bits: %.2f dB\n", psnr[0], psnr[1]);
-    assert_true(psnr[1] >= psnr[0] - 0.1);
+    assert_true(as_good >= SEEDS - 1);
 }
 
 /* A model gone on from keeps what it had: after 20 steps no more than 0.5 dB are lost. */
