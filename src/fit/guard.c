@@ -36,12 +36,20 @@ static double median_loss(const sf_fitter *f) {
     return sf_median(last, MEDIAN_OF);
 }
 
+/* Huber's loss is smaller than L1, which RISE_LEAST is of: by so much where a model is off as first ones are.
+ */
+static double rise_least(const sf_fitter *f) {
+    const double off = 0.25, lambda = f->options.lambda_dssim, delta = f->options.huber_delta;
+    double huber = off < delta ? off * off / (2 * delta) : off - delta / 2;
+    return RISE_LEAST * (lambda + (1 - lambda) * huber / off);
+}
+
 /* The loss at which the fit is taken to have diverged, times part; INFINITY where there is nothing to compare
  * with. */
 static double limit(const sf_fitter *f, double part) {
-    double least = f->least_loss, most = INFINITY;
-    if (f->start_loss > 0) most = f->start_loss + part * RISE_LEAST;
-    return least > 0 ? fmin(most, least + part * fmax((RISE_RATIO - 1) * least, RISE_LEAST)) : most;
+    double least = f->least_loss, most = INFINITY, rise = rise_least(f);
+    if (f->start_loss > 0) most = f->start_loss + part * rise;
+    return least > 0 ? fmin(most, least + part * fmax((RISE_RATIO - 1) * least, rise)) : most;
 }
 
 /* Losses of the first model. */
