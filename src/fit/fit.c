@@ -118,9 +118,10 @@ static size_t spread(size_t k, size_t n) {
 /* Views of one time or file name mostly stand side by side. From a place drawn anew in each pass. */
 static sf_status spread_order(sf_fitter *f) {
     size_t n = f->order_count;
+    if (n < 2) return SF_OK;
     uint32_t *order = sf_alloc(f->ctx, n, sizeof *order);
     if (!order) return SF_ERR_MEMORY;
-    size_t start = n ? (size_t)sf_rng_below(&f->rng, n) : 0;
+    size_t start = (size_t)sf_rng_below(&f->rng, n);
     for (size_t k = 0; k < n; k++) order[k] = f->order[(start + spread(k, n)) % n];
     sf_free(f->ctx, f->order);
     f->order = order;
