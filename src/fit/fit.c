@@ -108,10 +108,9 @@ static sf_view *recent_view(sf_fitter *f) {
 /* Place k of a pass over n views, so that those one after another are far apart: multiples of the golden
  * ratio leave no large gap anywhere, here in the order of their fractions. */
 static size_t spread(size_t k, size_t n) {
-    static const double golden = 0.6180339887498949;
-    double mine = fmod((double)k * golden, 1);
+    double mine = fmod((double)k * SF_GOLDEN, 1);
     size_t rank = 0;
-    for (size_t j = 0; j < n; j++) rank += fmod((double)j * golden, 1) < mine;
+    for (size_t j = 0; j < n; j++) rank += fmod((double)j * SF_GOLDEN, 1) < mine;
     return rank;
 }
 
@@ -150,14 +149,14 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
             if (!status) leave_out_validation(f);
             if (!status && learns_views(f))
                 status = sf_view_states_sync(&f->views, f->scene, f->order, f->order_count);
+            if (!status && f->options.refine_poses)
+                (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
+            if (!status) {
+                sf_leave_out_blurred(f);
+                status = spread_order(f);
+            }
             if (status) {
                 f->order_count = 0; /* the pass has not begun */
-                return status;
-            }
-            if (f->options.refine_poses) (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
-            sf_leave_out_blurred(f);
-            if ((status = spread_order(f))) {
-                f->order_count = 0;
                 return status;
             }
             passes++;

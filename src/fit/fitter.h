@@ -38,6 +38,9 @@ typedef struct sf_trials {
     int in_vain;    /* one after another */
 } sf_trials;
 
+/* The golden ratio's fraction: what goes on by it leaves no large gap. */
+#define SF_GOLDEN 0.6180339887498949
+
 struct sf_fitter {
     sf_context *ctx;
     sf_scene *scene;

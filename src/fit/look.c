@@ -3,9 +3,6 @@
 
 #include <math.h>
 
-/* Each time the first is this part of all views further on than the last time. */
-static const double golden = 0.6180339887498949;
-
 static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user) {
     sf_view *view = sf_scene_retain_id(f->scene, id);
     if (!view) return SF_OK; /* gone since */
@@ -33,7 +30,7 @@ sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn l
     if (!wanted || wanted > kept) wanted = kept;
     double shift = 0;
     if (others && wanted < kept) /* a fitter that only weighs has no plan, thus no time between growths */
-        shift = fmod(golden * (double)(f->step / f->options.grow_every), 1);
+        shift = fmod(SF_GOLDEN * (double)(f->step / f->options.grow_every), 1);
     for (size_t k = 0; k < wanted && !status; k++) {
         size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
         status = look_at(f, ids[at < kept ? at : kept - 1], look, user);

@@ -353,7 +353,7 @@ static void test_same_bytes_with_half_moments(void **state) {
 static double psnr_with_moments(int moments, int64_t seed) {
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
-    sf_fit_options options = short_fit(300);
+    sf_fit_options options = short_fit(200);
     options.first = SF_FIRST_POINTS;
     options.moments = moments;
     options.grow_most = 0;
@@ -368,20 +368,18 @@ static double psnr_with_moments(int moments, int64_t seed) {
     return psnr;
 }
 
-/* They reach what floats reach, to 0.1 dB: without growth, and with most seeds, for a small scene falls into
- * one of several ends. */
+/* They reach what floats reach, to 0.1 dB: without growth, and before a small scene falls into one of several
+ * ends. */
 static void test_half_moments_are_as_good(void **state) {
     (void)state;
     skip_if_quick();
     enum { SEEDS = 5 };
-    int as_good = 0;
     for (int64_t seed = 1; seed <= SEEDS; seed++) {
         double floats = psnr_with_moments(SF_MOMENTS_FLOAT, seed),
                halves = psnr_with_moments(SF_MOMENTS_HALF, seed);
         print_message("moments as floats: %.2f dB, of 16 bits: %.2f dB\n", floats, halves);
-        as_good += halves >= floats - 0.1;
+        assert_true(halves >= floats - 0.1);
     }
-    assert_true(as_good >= SEEDS - 1);
 }
 
 /* A model gone on from keeps what it had: after 20 steps no more than 0.5 dB are lost. */
