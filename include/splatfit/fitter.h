@@ -349,6 +349,12 @@ SF_API sf_status sf_fitter_get_camera(const sf_fitter *fitter, uint32_t id, sf_c
  * that id was taken up yet. */
 SF_API sf_status sf_fitter_hold_pose(sf_fitter *fitter, uint32_t id);
 
+/* Between steps: puts another pose (as in camera.h) in the place of training view id's, as given and as
+ * refined. SF_ERR_ARGUMENT: it is no pose, or the fit has not taken up such a view (as sf_fitter_hold_pose).
+ */
+SF_API sf_status sf_fitter_set_pose(sf_fitter *fitter, uint32_t id, const double R_cw[9],
+                                    const double t_cw[3]);
+
 /* sf_scene_save_cameras with the cameras of sf_fitter_get_camera. */
 SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *path);
 

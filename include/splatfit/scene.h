@@ -95,6 +95,10 @@ SF_API sf_status sf_scene_add_file(sf_scene *scene, const char *path, const sf_c
 /* Takes a view out; a step that uses it ends first on its own copy. SF_ERR_ARGUMENT: no such id. */
 SF_API sf_status sf_scene_remove_view(sf_scene *scene, uint32_t id);
 
+/* Puts another pose (as in camera.h) in the place of view id's. A fit that has taken the view up goes on with
+ * the one that it has: sf_fitter_set_pose. Safe from any thread. SF_ERR_ARGUMENT: no such view, no pose. */
+SF_API sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], const double t_cw[3]);
+
 /* Appends sparse points: xyz [n][3] world units, rgb [n][3] or NULL (grey). Points that are not finite are
  * left out. */
 SF_API sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, const uint8_t *rgb);

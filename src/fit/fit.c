@@ -515,6 +515,19 @@ sf_status sf_fitter_hold_pose(sf_fitter *f, uint32_t id) {
     return SF_OK;
 }
 
+sf_status sf_fitter_set_pose(sf_fitter *f, uint32_t id, const double R_cw[9], const double t_cw[3]) {
+    sf_view_state *state = sf_view_state_of(&f->views, id);
+    if (!state) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "id: no training view %u was taken up", id);
+    sf_camera camera = state->given;
+    memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
+    memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
+    if (sf_camera_check(&camera)) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "pose: of view %u: is none", id);
+    state->given = camera;
+    memcpy(state->R_cw, R_cw, sizeof state->R_cw);
+    memcpy(state->t_cw, t_cw, sizeof state->t_cw);
+    return SF_OK;
+}
+
 static void refine_saved(void *views, uint32_t id, sf_camera *camera) { sf_refine_camera(views, id, camera); }
 
 sf_status sf_fitter_save_cameras(const sf_fitter *f, const char *path) {

@@ -12,9 +12,11 @@
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
     SEED_POINTS = 1500,
-    NEIGHBOURS = 5
+    NEIGHBOURS = 5,
+    ADJUSTED = 60 /* keyframes whose poses are adjusted with each new one */
 };
 
+#define MOVED          2e-5 /* rad, parts of the distance: a pose that is another one */
 #define FIRST_BASELINE 0.06 /* of the distance: so far apart are the first keyframes at least */
 #define FIRST_GAP      0.4  /* of the gap between keyframes, before the fit begins */
 #define SHARP          0.7  /* of the usual sharpness: enough for a keyframe */
@@ -123,6 +125,7 @@ static sf_status make_room(sf_live *live) {
         size_t gone = most_redundant(live);
         sf_status status = sf_scene_remove_view(live->scene, live->keyframes[gone].id);
         if (status) return status;
+        sf_landmarks_drop(live->landmarks, live->keyframes[gone].id);
         live->keyframe_count--;
         memmove(live->keyframes + gone, live->keyframes + gone + 1,
                 (live->keyframe_count - gone) * sizeof *live->keyframes);
@@ -144,6 +147,41 @@ static sf_status add_view(sf_live *live, sf_split split, uint32_t *id) {
     return sf_scene_add_view(live->scene, NULL, &live->frame.camera, &given, split, id);
 }
 
+/* A keyframe's pose as it is known by now. */
+static sf_status correct(sf_live *live, sf_keyframe *k, const sf_rigid *pose) {
+    sf_camera camera;
+    k->pose = *pose;
+    memcpy(camera.R_cw, pose->R, sizeof pose->R), memcpy(camera.t_cw, pose->t, sizeof pose->t);
+    sf_camera_center(&camera, k->center);
+    if (live->fitter && sf_view_state_of(&live->fitter->views, k->id)) /* else it comes with the view */
+        (void)sf_fitter_set_pose(live->fitter, k->id, pose->R, pose->t);
+    return sf_scene_set_pose(live->scene, k->id, pose->R, pose->t);
+}
+
+static int has_moved(const sf_live *live, const sf_rigid *from, const sf_rigid *to) {
+    double twist[6];
+    sf_rigid_twist(from, to, twist);
+    return sqrt(sf_dot3(twist + 3, twist + 3)) > MOVED ||
+           sqrt(sf_dot3(twist, twist)) > MOVED * live->distance;
+}
+
+/* The newest keyframe joins the landmarks; all poses that are known better by now follow. */
+static sf_status adjust(sf_live *live, uint32_t id) {
+    const sf_track_prior *known = live->fix.from ? &live->fix.prior : NULL;
+    sf_status status =
+        sf_landmarks_keep(live->landmarks, id, &live->pose, known, live->distance, live->picture->weight);
+    if (!status) status = sf_landmarks_adjust(live->landmarks, ADJUSTED);
+    for (size_t i = 0; !status && i < live->keyframe_count; i++) {
+        sf_keyframe *k = &live->keyframes[i];
+        sf_rigid pose;
+        if (sf_landmarks_pose(live->landmarks, k->id, &pose) && has_moved(live, &k->pose, &pose)) {
+            if (k->id == id) sf_live_correct_pose(live, &k->pose, &pose);
+            status = correct(live, k, &pose);
+        }
+    }
+    return status;
+}
+
 static sf_status take_keyframe(sf_live *live) {
     int64_t every = live->options.hold_out;
     sf_status status = make_room(live);
@@ -159,7 +197,7 @@ static sf_status take_keyframe(sf_live *live) {
     live->keyframes[live->keyframe_count++] = k;
     live->keyframes_made++;
     live->wanted = 0;
-    return SF_OK;
+    return adjust(live, k.id);
 }
 
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {

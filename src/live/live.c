@@ -113,6 +113,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     status = sf_fit_options_check(ctx, &live->options.fit);
     if (!status) status = sf_scene_create(ctx, &live->scene);
     if (!status) status = sf_tracker_create(ctx, &live->tracker);
+    if (!status) status = sf_landmarks_create(ctx, &live->landmarks);
     if (!status) status = sf_renderer_create(ctx, &live->renderer);
     if (!status) status = sf_seeder_create(ctx, &live->seeder);
     if (!status && options->board) status = sf_detector_create(ctx, options->board, 1, &live->detector);
@@ -132,6 +133,7 @@ void sf_live_destroy(sf_live **live_pointer) {
     sf_fitter_destroy(&live->fitter);
     sf_detector_destroy(&live->detector);
     sf_tracker_destroy(&live->tracker);
+    sf_landmarks_destroy(&live->landmarks);
     sf_renderer_destroy(&live->renderer);
     sf_scene_destroy(&live->scene);
     sf_free(live->ctx, live->keyframes);
@@ -151,6 +153,7 @@ void sf_live_reset(sf_live *live) {
     sf_fitter_destroy(&live->fitter);
     for (size_t i = 0; i < live->keyframe_count; i++)
         (void)sf_scene_remove_view(live->scene, live->keyframes[i].id);
+    sf_landmarks_clear(live->landmarks);
     live->keyframe_count = 0;
     live->keyframes_made = 0;
     live->seeded = 0;

@@ -7,6 +7,7 @@
 #include <splatfit/live.h>
 
 #include "../fit/fitter.h"
+#include "../pose/landmarks.h"
 #include "../pose/track.h"
 #include "intake.h"
 #include "seeds.h"
@@ -51,6 +52,7 @@ struct sf_live {
     sf_intake *intake;
     sf_detector *detector; /* NULL: no board */
     sf_tracker *tracker;
+    sf_landmarks *landmarks;
     sf_renderer *renderer;
     sf_seeder *seeder;
     sf_scene *scene;
@@ -63,6 +65,8 @@ struct sf_live {
     const sf_picture *picture;
     sf_live_frame frame;
     float thumb[SF_THUMB]; /* of the picture */
+    sf_fix fix;            /* what is known of its pose from outside */
+    sf_followed followed;  /* what landmarks say of it */
     int fixed;             /* its pose is known well from outside the model */
     int sure;              /* it is where its pose says, and as sharp as others */
     uint8_t *bytes;        /* [height][width][3], and grey */
@@ -103,6 +107,8 @@ struct sf_live {
 /* Looks for the pose of live->picture, and fills in live->frame. */
 sf_status sf_live_locate(sf_live *live);
 void sf_live_forget_pose(sf_live *live);
+/* The camera moved as it did, from a pose that has become another one. */
+void sf_live_correct_pose(sf_live *live, const sf_rigid *from, const sf_rigid *to);
 
 /* keyframes.c */
 /* Takes the frame as a keyframe where one is wanted and it is good enough. *taken: whether. */

@@ -20,6 +20,8 @@ enum {
 /* Of the usual agreement: to be tracked on, and to be found again after it was lost. */
 #define LIKE_BEFORE 0.75
 #define FOUND       0.9
+/* Of the landmarks that should be seen, for what they say to be believed. */
+#define FOLLOWED 0.4
 /* Part of a frame in what is usual. */
 #define USUAL_MEMORY 0.05
 /* Detail in that of the model, and sharpness, in parts of what is usual, below which a picture is blurred. */
@@ -150,22 +152,36 @@ static int jumps(const sf_live *live, const sf_rigid *from, const sf_rigid *to) 
     return turned > JUMP_TURN || (live->distance > 0 && sqrt(moved) > JUMP_MOVE * live->distance);
 }
 
-static sf_status track_from(sf_live *live, const sf_rigid *guess, const sf_track_prior *prior, int far,
-                            sf_track *track) {
+static sf_status track_from(sf_live *live, const sf_rigid *guess, const sf_track_prior *prior,
+                            sf_track_guess how, sf_track *track) {
     sf_render_options options;
     sf_fitter_render_options(live->fitter, &options);
     options.sh_degree = live->fitter->sh_degree;
-    return sf_track_picture(live->tracker, live->fitter->model, &options, guess, prior, far, track);
+    return sf_track_picture(live->tracker, live->fitter->model, &options, guess, prior, how, track);
+}
+
+/* What landmarks and `prior` (NULL: nothing) say together; 0: landmarks tell nothing. */
+static int add_followed(const sf_live *live, const sf_track_prior *prior, sf_track_prior *both) {
+    const sf_followed *f = &live->followed;
+    if (!(f->used > FOLLOWED * (double)f->expected)) return 0;
+    both->pose = f->pose;
+    for (int k = 0; k < 36; k++)
+        both->information[k] = f->information[k] + (prior ? prior->information[k] : 0);
+    return 1;
 }
 
 static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int *good) {
     double spread;
-    sf_track_prior steady = {.pose = predict(live, &spread)};
+    sf_track_prior steady = {.pose = predict(live, &spread)}, both;
     const sf_track_prior *prior = fix->from ? &fix->prior : live->poses > 1 ? &steady : NULL;
     const sf_rigid *guess = fix->from ? &fix->prior.pose : &steady.pose;
     double apart = spread * fmax(live->distance, 1e-9);
     for (int k = 0; k < 6; k++) steady.information[7 * k] = 1 / pow(k < 3 ? apart : spread, 2);
-    sf_status status = track_from(live, guess, prior, 0, track);
+    sf_status status = sf_landmarks_follow(live->landmarks, guess, prior, &live->followed);
+    if (status) return status;
+    int close = add_followed(live, prior, &both);
+    if (close) prior = &both, guess = &both.pose;
+    status = track_from(live, guess, prior, close ? SF_GUESS_CLOSE : SF_GUESS_NEAR, track);
     *good = !status && is_good(live, track) && (fix->from || !jumps(live, guess, &track->pose));
     return status;
 }
@@ -175,7 +191,7 @@ static sf_status find_again(sf_live *live, sf_track *track, int *good) {
     for (int turn = 0; turn < 2 && !*good; turn++) {
         const sf_keyframe *like = sf_live_like(live, live->thumb, turn ? 1 + live->misses % TURNS : 0);
         if (!like) continue;
-        sf_status status = track_from(live, &like->pose, NULL, 1, track);
+        sf_status status = track_from(live, &like->pose, NULL, SF_GUESS_FAR, track);
         if (status) return status;
         *good = is_good(live, track) && !jumps(live, &like->pose, &track->pose);
     }
@@ -279,11 +295,22 @@ static int is_fixed(const sf_fix *fix) {
     return covariance[21] + covariance[28] + covariance[35] < FIXED * FIXED;
 }
 
+/* What the pose shows of landmarks. */
+static sf_status note_landmarks(sf_live *live) {
+    sf_status status = SF_OK;
+    if (!live->sure) return SF_OK;
+    if (!live->followed.used)
+        status = sf_landmarks_follow(live->landmarks, &live->pose, NULL, &live->followed);
+    if (!status) sf_landmarks_settle(live->landmarks, &live->pose);
+    return status;
+}
+
 static sf_status look(sf_live *live, const sf_fix *fix) {
     sf_track track = {0};
     int good = 0;
     sf_status status = SF_OK;
     live->fixed = is_fixed(fix);
+    live->followed = (sf_followed){0};
     if (fix->from) live->doubts = 0;
     if (live->fitter && !live->blank) {
         if (fix->from || live->poses) status = track_on(live, fix, &track, &good);
@@ -305,23 +332,23 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     }
     live->sure &= !live->doubts;
     note_trouble(live);
-    return SF_OK;
+    return live->frame.from == SF_POSE_NONE ? SF_OK : note_landmarks(live);
 }
 
 sf_status sf_live_locate(sf_live *live) {
     const sf_picture *p = live->picture;
-    sf_fix fix;
     live->frame = (sf_live_frame){.number = live->looked_at + 1,
                                   .time_ns = p->time_ns,
                                   .camera = p->camera,
                                   .has_truth = p->has_truth && !live->options.own_poses,
                                   .truth = p->truth,
                                   .rgb = {p->rgb[0], p->rgb[1], p->rgb[2]}};
-    sf_status status = find_fix(live, &fix);
+    sf_status status = find_fix(live, &live->fix);
     if (!status) status = sf_tracker_take(live->tracker, &p->camera, p->rgb, (size_t)p->camera.width);
+    if (!status) status = sf_landmarks_take(live->landmarks, &p->camera, p->rgb, (size_t)p->camera.width);
     live->blank = sf_live_thumb(p, live->thumb) < BLANK ? live->blank + 1 : 0;
     live->sharpness = sf_live_sharpness(p);
-    if (!status) status = look(live, &fix);
+    if (!status) status = look(live, &live->fix);
     live->looked_at++;
     return status;
 }
@@ -332,4 +359,13 @@ void sf_live_forget_pose(sf_live *live) {
     live->usual_agreement = live->usual_detail = live->usual_sharpness = 0;
     live->distance = 0;
     live->first_count = 0;
+}
+
+void sf_live_correct_pose(sf_live *live, const sf_rigid *from, const sf_rigid *to) {
+    sf_rigid way, *const poses[2] = {&live->pose, &live->pose_before};
+    sf_rigid_invert(from, &way);
+    sf_rigid_compose(&way, to, &way);
+    for (int i = 0; i < 2; i++) sf_rigid_compose(poses[i], &way, poses[i]);
+    memcpy(live->frame.camera.R_cw, live->pose.R, sizeof live->pose.R);
+    memcpy(live->frame.camera.t_cw, live->pose.t, sizeof live->pose.t);
 }

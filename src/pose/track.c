@@ -13,10 +13,11 @@ enum {
     LEVELS = 3,        /* halvings of the picture that is compared: near guesses need the first two */
     FINEST_SIDE = 200, /* px, of that picture's longest side at most */
     LEAST_SIDE = 8,
-    ROUNDS = 12,  /* of Gauss and Newton, for one drawing of the model */
-    DRAWINGS = 3, /* of the model a level, at most */
-    UNKNOWNS = 8, /* twist, gain, bias */
-    BINS = 64,    /* of absolute differences, 1/BIN_SCALE wide */
+    ROUNDS = 12,      /* of Gauss and Newton, for one drawing of the model, */
+    ROUNDS_CLOSE = 3, /* and of a guess that is close */
+    DRAWINGS = 3,     /* of the model a level, at most */
+    UNKNOWNS = 8,     /* twist, gain, bias */
+    BINS = 64,        /* of absolute differences, 1/BIN_SCALE wide */
     BIN_SCALE = 256
 };
 
@@ -317,12 +318,12 @@ static double mean_depth(const sf_tracker *t) {
 
 /* Moves the drawn points to where the picture looks like them. `drawn`: where the drawing was made from; *s:
  * the sums at the end. */
-static void align(sf_tracker *t, const sf_rigid *drawn, const sf_track_prior *prior, row_sums *s,
+static void align(sf_tracker *t, const sf_rigid *drawn, const sf_track_prior *prior, int rounds, row_sums *s,
                   sf_rigid *pose) {
     double depth = mean_depth(t), least = INFINITY, before[2] = {t->gain, t->bias};
     sf_rigid best = t->moved;
     add_up(t, s);
-    for (int round = 0; round < ROUNDS; round++) {
+    for (int round = 0; round < rounds; round++) {
         double A[UNKNOWNS * UNKNOWNS], g[UNKNOWNS], cost = s->points > 0 ? s->cost / s->points : INFINITY;
         if (!(cost < least)) { /* that step did harm */
             t->moved = best, t->gain = before[0], t->bias = before[1];
@@ -373,17 +374,22 @@ static void conclude(const sf_tracker *t, const row_sums *s, const sf_track_prio
 }
 
 sf_status sf_track_picture(sf_tracker *t, const sf_model *model, const sf_render_options *options,
-                           const sf_rigid *guess, const sf_track_prior *prior, int far, sf_track *track) {
+                           const sf_rigid *guess, const sf_track_prior *prior, sf_track_guess how,
+                           sf_track *track) {
     row_sums sums = {0};
-    int coarsest = far ? t->level_count - 1 : t->level_count > 1 ? 1 : 0;
+    int last = t->level_count - 1, coarsest = how == SF_GUESS_FAR            ? last
+                                              : how == SF_GUESS_NEAR && last ? 1
+                                                                             : 0;
+    int drawings = how == SF_GUESS_CLOSE ? 1 : DRAWINGS,
+        rounds = how == SF_GUESS_CLOSE ? ROUNDS_CLOSE : ROUNDS;
     *track = (sf_track){.pose = *guess};
     t->gain = 1, t->bias = 0, t->width = FIRST;
     for (int i = coarsest; i >= 0; i--)
-        for (int drawing = 0; drawing < DRAWINGS; drawing++) {
+        for (int drawing = 0; drawing < drawings; drawing++) {
             sf_rigid drawn = track->pose;
             sf_status status = draw(t, &t->levels[i], model, options, &drawn);
             if (status) return status;
-            align(t, &drawn, prior, &sums, &track->pose);
+            align(t, &drawn, prior, rounds, &sums, &track->pose);
             if (sums.moved <= (i ? 1 : REDRAW) * sums.count) break;
         }
     conclude(t, &sums, prior, track);

@@ -35,11 +35,18 @@ void sf_tracker_destroy(sf_tracker **tracker);
 /* The picture to place: `camera` has its size and intrinsics, rgb planes of height x stride floats, 0..1. */
 sf_status sf_tracker_take(sf_tracker *tracker, const sf_camera *camera, float *const rgb[3], size_t stride);
 
+/* How good a guess is. */
+typedef enum sf_track_guess {
+    SF_GUESS_CLOSE, /* less than a pixel off: at the finest size alone, from one drawing */
+    SF_GUESS_NEAR,  /* some pixels */
+    SF_GUESS_FAR    /* many: begins coarser */
+} sf_track_guess;
+
 /* Looks for the pose from which the model looks like the picture, from `guess` on. prior: NULL, or what else
- * is known. far: begins coarser, for a guess that is many pixels off. What came out is for the caller to
- * trust or not: by agreement and seen. SF_ERR_MEMORY. */
+ * is known. What came out is for the caller to trust or not: by agreement and seen. SF_ERR_MEMORY. */
 sf_status sf_track_picture(sf_tracker *tracker, const sf_model *model, const sf_render_options *options,
-                           const sf_rigid *guess, const sf_track_prior *prior, int far, sf_track *track);
+                           const sf_rigid *guess, const sf_track_prior *prior, sf_track_guess how,
+                           sf_track *track);
 
 /* The twist that takes the pose `from` to `to`: to = (exp(phi), rho) from. */
 void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TWIST]);

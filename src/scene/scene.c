@@ -138,6 +138,38 @@ sf_status sf_scene_remove_view(sf_scene *scene, uint32_t id) {
     return SF_OK;
 }
 
+/* Views never change: another one, with the same pixels, takes the place. */
+static sf_status copy_view(sf_view *from, const sf_camera *camera, sf_view **out) {
+    size_t pixels = (size_t)camera->width * (size_t)camera->height;
+    sf_status status = sf_view_create(from->ctx, from->name, camera, from->split, from->weight != NULL, out);
+    if (status) return status;
+    sf_view *to = *out;
+    to->id = from->id, to->lens = from->lens, to->masked = from->masked, to->alpha = from->alpha;
+    memcpy(to->rgb, from->rgb, 3 * pixels);
+    if (to->weight) memcpy(to->weight, from->weight, pixels);
+    return SF_OK;
+}
+
+sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], const double t_cw[3]) {
+    sf_view *old = sf_scene_retain_id(scene, id), *new = NULL;
+    if (!old) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    sf_camera camera = old->camera;
+    memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
+    memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
+    sf_status status = sf_camera_check(&camera)
+                           ? sf_fail(scene->ctx, SF_ERR_ARGUMENT, "pose: of view %u: is none", id)
+                           : copy_view(old, &camera, &new);
+    sf_view_release(old);
+    if (status) return status;
+    pthread_mutex_lock(&scene->lock);
+    size_t i = find(scene, id);
+    old = new;
+    if (i < scene->view_count) old = scene->views[i], scene->views[i] = new;
+    pthread_mutex_unlock(&scene->lock);
+    sf_view_release(old); /* or the new one, where the view has gone since */
+    return SF_OK;
+}
+
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id) {
     pthread_mutex_lock(&scene->lock);
     size_t i = find(scene, id);

@@ -91,12 +91,12 @@ static void take(fixture *f, double gain, double bias, double noise) {
     assert_ok(f->ctx, sf_tracker_take(f->tracker, &f->camera, plane, WIDTH));
 }
 
-static sf_track track_from(fixture *f, const double twist[6], const sf_track_prior *prior, int far) {
+static sf_track track_from(fixture *f, const double twist[6], const sf_track_prior *prior, sf_track_guess how) {
     sf_render_options options = sf_render_options_default();
     sf_rigid guess = f->truth;
     sf_track track;
     sf_rigid_move(&guess, twist);
-    assert_ok(f->ctx, sf_track_picture(f->tracker, f->model, &options, &guess, prior, far, &track));
+    assert_ok(f->ctx, sf_track_picture(f->tracker, f->model, &options, &guess, prior, how, &track));
     return track;
 }
 
@@ -114,14 +114,14 @@ static void finds_the_pose_of_a_near_guess(void **state) {
     const double off[6] = {0.05, -0.04, 0.06, 0.02, 0.03, -0.02};
     double degrees, distance;
     take(f, 1, 0, 0);
-    sf_track track = track_from(f, off, NULL, 0);
+    sf_track track = track_from(f, off, NULL, SF_GUESS_NEAR);
     off_truth(f, &track, &degrees, &distance);
     print_message("clean: %.4f degrees, %.5f of a depth of 3.5; agreement %.4f\n", degrees, distance,
                   track.agreement);
     assert_true(degrees < 0.06 && distance < 0.005);
     assert_true(track.agreement > 0.999 && track.seen > 0.5 && track.rms < 0.005);
     take(f, 0.7, 0.1, 0.03);
-    track = track_from(f, off, NULL, 0);
+    track = track_from(f, off, NULL, SF_GUESS_NEAR);
     off_truth(f, &track, &degrees, &distance);
     print_message("darker, with noise: %.4f degrees, %.5f; gain %.3f, bias %.3f\n", degrees, distance,
                   track.gain, track.bias);
@@ -136,7 +136,7 @@ static void far_guesses_need_the_coarse_start(void **state) {
     const double off[6] = {0.15, 0.1, -0.1, -0.05, 0.06, 0.05};
     double degrees, distance;
     take(f, 1, 0, 0);
-    sf_track track = track_from(f, off, NULL, 1);
+    sf_track track = track_from(f, off, NULL, SF_GUESS_FAR);
     off_truth(f, &track, &degrees, &distance);
     print_message("from far: %.4f degrees, %.5f\n", degrees, distance);
     assert_true(degrees < 0.06 && distance < 0.005);
@@ -154,11 +154,11 @@ static void a_prior_counts_as_much_as_it_knows(void **state) {
     sf_rigid_move(&prior.pose, (double[6]){0.1, 0, 0, 0, 0, 0});
     take(f, 1, 0, 0.02);
     for (int i = 0; i < 6; i++) prior.information[7 * i] = 1; /* knows to 1 unit: nothing */
-    sf_track track = track_from(f, off, &prior, 0);
+    sf_track track = track_from(f, off, &prior, SF_GUESS_NEAR);
     off_truth(f, &track, &degrees, &distance);
     assert_true(degrees < 0.08 && distance < 0.006);
     for (int i = 0; i < 6; i++) prior.information[7 * i] = 1e12;
-    track = track_from(f, off, &prior, 0);
+    track = track_from(f, off, &prior, SF_GUESS_NEAR);
     off_truth(f, &track, &degrees, &distance);
     assert_true(fabs(distance - 0.1) < 1e-3);
     assert_true(track.covariance[0] < 1.1e-12);
@@ -170,10 +170,10 @@ static void says_when_there_is_nothing_to_see(void **state) {
     fixture *f = create(1);
     const double away[6] = {0, 0, 0, 0, 3, 0}, none[6] = {0};
     take(f, 1, 0, 0);
-    sf_track track = track_from(f, away, NULL, 1);
+    sf_track track = track_from(f, away, NULL, SF_GUESS_FAR);
     assert_true(track.seen < 0.05);
     take(f, 0, 0.02, 0.005); /* a covered lens */
-    track = track_from(f, none, NULL, 0);
+    track = track_from(f, none, NULL, SF_GUESS_NEAR);
     assert_true(track.agreement < 0.3);
     destroy(f);
 }
@@ -186,7 +186,7 @@ static void threads_do_not_matter(void **state) {
         fixture *f = create(i ? 3 : 1);
         take(f, 0.9, 0, 0.02);
         memset(&track[i], 0, sizeof track[i]);
-        track[i] = track_from(f, off, NULL, 0);
+        track[i] = track_from(f, off, NULL, SF_GUESS_NEAR);
         destroy(f);
     }
     assert_memory_equal(&track[0].pose, &track[1].pose, sizeof track[0].pose);

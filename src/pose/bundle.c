@@ -1,0 +1,314 @@
+/* bundle.c - see bundle.h. Points meet each other only through the poses, so that they are taken out of the
+ * normal equations first (Schur). */
+#include "bundle.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/linear.h"
+
+enum { LEAST_SPREAD_COUNT = 8 };
+
+#define CAUCHY       2.385
+#define LEAST_SPREAD 0.2 /* px: corners that are followed are not known better */
+#define FIRST_DAMP   1e-4
+#define MOST_DAMP    1e8
+#define ENOUGH       1e-4 /* part of the cost that a step takes off, to go on */
+#define WARP         (3 * SF_TWIST)
+
+/* The sums of one point, kept for the way back. */
+typedef struct point_sums {
+    double V[9], g[3]; /* the inverse; the gradient */
+} point_sums;
+
+typedef struct adjustment {
+    sf_context *ctx;
+    const sf_bundle *b;
+    size_t *rank; /* [views]: among the free ones, SIZE_MAX of others */
+    size_t free_count;
+    double *S, *g;     /* [6 free][6 free], [6 free] */
+    double *U;         /* [free][6][6]: before points are taken out */
+    double (*W)[WARP]; /* [sightings]: pose by point */
+    point_sums *sums;  /* [points] */
+    sf_rigid *poses;   /* [views], and */
+    double *at;        /* [points][3]: before the step */
+    double *distances; /* [sightings], for their median */
+    double spread;
+} adjustment;
+
+/* 1. One sighting */
+
+static void to_camera(const sf_rigid *T, const double at[3], double p[3]) {
+    sf_mat3_vec(T->R, at, p);
+    for (int k = 0; k < 3; k++) p[k] += T->t[k];
+}
+
+static int project(const sf_bundle_view *view, const double at[3], double p[3], double pixel[2]) {
+    to_camera(&view->pose, at, p);
+    if (!(p[2] > 1e-9)) return 0;
+    pixel[0] = view->fx * p[0] / p[2] + view->cx;
+    pixel[1] = view->fy * p[1] / p[2] + view->cy;
+    return 1;
+}
+
+double sf_bundle_distance(const sf_bundle_view *view, const double at[3], double u, double v) {
+    double p[3], pixel[2];
+    return project(view, at, p, pixel) ? hypot(pixel[0] - u, pixel[1] - v) : INFINITY;
+}
+
+/* The residual, and its derivatives by the pose's twist [2][6] and by the point [2][3]. */
+static int derive(const sf_bundle_view *view, const sf_bundle_point *point, const sf_bundle_sighting *s,
+                  double r[2], double J[2 * SF_TWIST], double K[6]) {
+    double p[3], pixel[2];
+    if (!project(view, point->at, p, pixel)) return 0;
+    r[0] = pixel[0] - s->u, r[1] = pixel[1] - s->v;
+    const double d[2][3] = {{view->fx / p[2], 0, -view->fx * p[0] / (p[2] * p[2])},
+                            {0, view->fy / p[2], -view->fy * p[1] / (p[2] * p[2])}};
+    for (int i = 0; i < 2; i++) {
+        memcpy(J + SF_TWIST * i, d[i], sizeof d[i]);
+        sf_cross3(p, d[i], J + SF_TWIST * i + 3); /* d . (phi x p) = phi . (p x d) */
+        for (int k = 0; k < 3; k++)
+            K[3 * i + k] =
+                d[i][0] * view->pose.R[k] + d[i][1] * view->pose.R[3 + k] + d[i][2] * view->pose.R[6 + k];
+    }
+    return 1;
+}
+
+/* 2. The cost */
+
+/* The spread of all distances, by their median. */
+static double measure_spread(adjustment *a) {
+    size_t count = 0;
+    for (size_t i = 0; i < a->b->sighting_count; i++) {
+        const sf_bundle_sighting *s = &a->b->sightings[i];
+        double d = sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v);
+        if (isfinite(d)) a->distances[count++] = d;
+    }
+    return count < LEAST_SPREAD_COUNT ? 1 : fmax(sf_spread(a->distances, count), LEAST_SPREAD);
+}
+
+static double prior_cost(const sf_bundle_view *view) {
+    double off[SF_TWIST], cost = 0;
+    if (!view->is_free || !view->is_known) return 0;
+    sf_rigid_twist(&view->prior.pose, &view->pose, off);
+    for (int i = 0; i < SF_TWIST; i++)
+        for (int j = 0; j < SF_TWIST; j++)
+            cost += off[i] * view->prior.information[i * SF_TWIST + j] * off[j] / 2;
+    return cost;
+}
+
+static double cost_of(const adjustment *a) {
+    double cost = 0, c2 = pow(CAUCHY * a->spread, 2), far = 20 * CAUCHY * a->spread;
+    for (size_t i = 0; i < a->b->sighting_count; i++) {
+        const sf_bundle_sighting *s = &a->b->sightings[i];
+        double d =
+            fmin(sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v), far);
+        cost += c2 * log1p(d * d / c2) / 2 / (a->spread * a->spread);
+    }
+    for (size_t i = 0; i < a->b->view_count; i++) cost += prior_cost(&a->b->views[i]);
+    for (size_t i = 0; i < a->b->point_count; i++) {
+        const sf_bundle_point *p = &a->b->points[i];
+        double along = 0;
+        for (int k = 0; k < 3; k++) along += (p->at[k] - a->at[3 * i + k]) * p->ray[k];
+        cost += p->ray_information * along * along / 2;
+    }
+    return cost;
+}
+
+/* 3. The normal equations */
+
+/* A sighting's part in the sums of its view and its point. */
+static void add_sighting(adjustment *a, size_t i, double V[9], double g[3]) {
+    const sf_bundle_sighting *s = &a->b->sightings[i];
+    size_t rank = a->rank[s->view];
+    double r[2], J[2 * SF_TWIST], K[6], c2 = pow(CAUCHY * a->spread, 2);
+    memset(a->W[i], 0, sizeof a->W[i]);
+    if (!derive(&a->b->views[s->view], &a->b->points[s->point], s, r, J, K)) return;
+    double w = c2 / (c2 + r[0] * r[0] + r[1] * r[1]) / (a->spread * a->spread);
+    for (int k = 0; k < 3; k++) {
+        g[k] += w * (K[k] * r[0] + K[3 + k] * r[1]);
+        for (int l = 0; l < 3; l++) V[3 * k + l] += w * (K[k] * K[l] + K[3 + k] * K[3 + l]);
+    }
+    if (rank == SIZE_MAX) return;
+    double *U = a->U + 36 * rank, *e = a->g + 6 * rank;
+    for (int k = 0; k < SF_TWIST; k++) {
+        double x = w * J[k], y = w * J[SF_TWIST + k];
+        e[k] += x * r[0] + y * r[1];
+        for (int l = 0; l < SF_TWIST; l++) U[6 * k + l] += x * J[l] + y * J[SF_TWIST + l];
+        for (int l = 0; l < 3; l++) a->W[i][3 * k + l] = x * K[l] + y * K[3 + l];
+    }
+}
+
+static void add_priors(adjustment *a) {
+    for (size_t i = 0; i < a->b->view_count; i++) {
+        const sf_bundle_view *view = &a->b->views[i];
+        double off[SF_TWIST];
+        if (!view->is_free || !view->is_known) continue;
+        sf_rigid_twist(&view->prior.pose, &view->pose, off);
+        for (int k = 0; k < SF_TWIST; k++)
+            for (int l = 0; l < SF_TWIST; l++) {
+                double information = view->prior.information[k * SF_TWIST + l];
+                a->U[36 * a->rank[i] + (size_t)(SF_TWIST * k + l)] += information;
+                a->g[6 * a->rank[i] + (size_t)k] += information * off[l];
+            }
+    }
+}
+
+/* S -= W_i V^-1 W_j^T, for all pairs of the point's sightings; the lower triangle. */
+static void take_out(adjustment *a, size_t first, size_t end, const point_sums *sums) {
+    size_t n = 6 * a->free_count;
+    for (size_t i = first; i < end; i++) {
+        size_t row = a->rank[a->b->sightings[i].view];
+        double Y[WARP];
+        if (row == SIZE_MAX) continue;
+        for (int k = 0; k < SF_TWIST; k++)
+            for (int l = 0; l < 3; l++) Y[3 * k + l] = sf_dot3(a->W[i] + 3 * k, sums->V + 3 * l);
+        for (int k = 0; k < SF_TWIST; k++) a->g[6 * row + (size_t)k] -= sf_dot3(Y + 3 * k, sums->g);
+        for (size_t j = first; j < end; j++) {
+            size_t column = a->rank[a->b->sightings[j].view];
+            if (column == SIZE_MAX || column > row) continue;
+            for (size_t k = 0; k < SF_TWIST; k++)
+                for (size_t l = 0; l < SF_TWIST; l++)
+                    a->S[(6 * row + k) * n + 6 * column + l] -= sf_dot3(Y + 3 * k, a->W[j] + 3 * l);
+        }
+    }
+}
+
+static void add_point(adjustment *a, size_t first, size_t end, double damp) {
+    size_t at = a->b->sightings[first].point;
+    const sf_bundle_point *p = &a->b->points[at];
+    point_sums *sums = &a->sums[at];
+    double V[9] = {0}, L[9];
+    memset(sums, 0, sizeof *sums);
+    for (size_t i = first; i < end; i++) add_sighting(a, i, V, sums->g);
+    double along = 0;
+    for (int k = 0; k < 3; k++) along += (p->at[k] - a->at[3 * at + (size_t)k]) * p->ray[k];
+    for (int k = 0; k < 3; k++) {
+        sums->g[k] += p->ray_information * along * p->ray[k];
+        for (int l = 0; l < 3; l++) V[3 * k + l] += p->ray_information * p->ray[k] * p->ray[l];
+    }
+    for (int k = 0; k < 3; k++) V[4 * k] *= 1 + damp;
+    memcpy(L, V, sizeof L);
+    if (sf_cholesky(3, L)) sf_cholesky_invert(3, L, sums->V); /* else it stays where it is */
+}
+
+/* Where the sightings of the point of `first` end. */
+static size_t end_of(const sf_bundle *b, size_t first) {
+    size_t end = first;
+    while (end < b->sighting_count && b->sightings[end].point == b->sightings[first].point) end++;
+    return end;
+}
+
+static int solve(adjustment *a, double damp) {
+    size_t n = 6 * a->free_count;
+    memset(a->S, 0, n * n * sizeof *a->S);
+    memset(a->U, 0, 36 * a->free_count * sizeof *a->U);
+    memset(a->g, 0, n * sizeof *a->g);
+    for (size_t first = 0, end; first < a->b->sighting_count; first = end) {
+        end = end_of(a->b, first);
+        add_point(a, first, end, damp);
+        take_out(a, first, end, &a->sums[a->b->sightings[first].point]);
+    }
+    add_priors(a);
+    for (size_t i = 0; i < a->free_count; i++)
+        for (size_t k = 0; k < SF_TWIST; k++)
+            for (size_t l = 0; l < SF_TWIST; l++)
+                a->S[(6 * i + k) * n + 6 * i + l] += a->U[36 * i + 6 * k + l] * (k == l ? 1 + damp : 1);
+    if (!sf_cholesky((int)n, a->S)) return 0;
+    sf_cholesky_solve((int)n, a->S, a->g);
+    for (size_t k = 0; k < n; k++) a->g[k] = -a->g[k];
+    return 1;
+}
+
+/* 4. The step */
+
+/* dX = V^-1 (-g - W^T xi) */
+static void move_points(adjustment *a) {
+    for (size_t first = 0, end; first < a->b->sighting_count; first = end) {
+        size_t at = a->b->sightings[first].point;
+        double rhs[3], step[3];
+        end = end_of(a->b, first);
+        for (int k = 0; k < 3; k++) rhs[k] = -a->sums[at].g[k];
+        for (size_t i = first; i < end; i++) {
+            size_t rank = a->rank[a->b->sightings[i].view];
+            if (rank == SIZE_MAX) continue;
+            for (size_t k = 0; k < SF_TWIST; k++)
+                for (size_t l = 0; l < 3; l++) rhs[l] -= a->W[i][3 * k + l] * a->g[6 * rank + k];
+        }
+        sf_mat3_vec(a->sums[at].V, rhs, step);
+        for (int k = 0; k < 3; k++) a->b->points[at].at[k] += step[k];
+    }
+}
+
+static void step(adjustment *a) {
+    move_points(a);
+    for (size_t i = 0; i < a->b->view_count; i++)
+        if (a->rank[i] != SIZE_MAX) sf_rigid_move(&a->b->views[i].pose, a->g + 6 * a->rank[i]);
+}
+
+static void keep(const adjustment *a, sf_rigid *poses, double *at) {
+    for (size_t i = 0; i < a->b->view_count; i++) poses[i] = a->b->views[i].pose;
+    for (size_t i = 0; i < a->b->point_count; i++)
+        memcpy(at + 3 * i, a->b->points[i].at, sizeof a->b->points[i].at);
+}
+
+static void restore(const adjustment *a, const sf_rigid *poses, const double *at) {
+    for (size_t i = 0; i < a->b->view_count; i++) a->b->views[i].pose = poses[i];
+    for (size_t i = 0; i < a->b->point_count; i++)
+        memcpy(a->b->points[i].at, at + 3 * i, sizeof a->b->points[i].at);
+}
+
+static void adjust(adjustment *a, int rounds) {
+    const sf_bundle *b = a->b;
+    double *before = a->at + 3 * b->point_count, damp = FIRST_DAMP;
+    sf_rigid *poses = a->poses;
+    keep(a, poses, a->at);
+    a->spread = measure_spread(a);
+    double cost = cost_of(a);
+    for (int round = 0; round < rounds && damp < MOST_DAMP; round++) {
+        keep(a, poses, before);
+        int solved = solve(a, damp);
+        if (solved) step(a);
+        double now = solved ? cost_of(a) : INFINITY;
+        if (!(now < cost)) {
+            restore(a, poses, before);
+            damp *= 10;
+            continue;
+        }
+        int done = cost - now < ENOUGH * cost;
+        cost = now, damp = fmax(damp / 10, 1e-9);
+        if (done) break;
+    }
+    a->spread = measure_spread(a);
+}
+
+static int make_room(adjustment *a) {
+    const sf_bundle *b = a->b;
+    size_t n = 6 * a->free_count;
+    a->S = sf_alloc(a->ctx, n * n + 1, sizeof *a->S);
+    a->g = sf_alloc(a->ctx, n + 1, sizeof *a->g);
+    a->U = sf_alloc(a->ctx, 36 * a->free_count + 1, sizeof *a->U);
+    a->W = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->W);
+    a->sums = sf_alloc(a->ctx, b->point_count + 1, sizeof *a->sums);
+    a->poses = sf_alloc(a->ctx, b->view_count + 1, sizeof *a->poses);
+    a->at = sf_alloc(a->ctx, 6 * b->point_count + 1, sizeof *a->at);
+    a->distances = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->distances);
+    return a->S && a->g && a->U && a->W && a->sums && a->poses && a->at && a->distances;
+}
+
+static void free_all(adjustment *a) {
+    void *const blocks[] = {a->rank, a->S, a->g, a->U, a->W, a->sums, a->poses, a->at, a->distances};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(a->ctx, blocks[i]);
+}
+
+sf_status sf_bundle_adjust(sf_context *ctx, const sf_bundle *b, int rounds, double *spread) {
+    adjustment a = {.ctx = ctx, .b = b};
+    a.rank = sf_alloc(ctx, b->view_count + 1, sizeof *a.rank);
+    for (size_t i = 0; a.rank && i < b->view_count; i++)
+        a.rank[i] = b->views[i].is_free ? a.free_count++ : SIZE_MAX;
+    int ready = a.rank && make_room(&a);
+    if (ready && b->sighting_count) adjust(&a, rounds);
+    *spread = a.spread;
+    free_all(&a);
+    return ready ? SF_OK : SF_ERR_MEMORY;
+}

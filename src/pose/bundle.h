@@ -1,0 +1,47 @@
+/* bundle.h - poses and points that explain best where the points were seen (README, P.9). */
+#ifndef SF_POSE_BUNDLE_H
+#define SF_POSE_BUNDLE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "../base/context.h"
+#include "track.h"
+
+typedef struct sf_bundle_view {
+    sf_rigid pose; /* world to camera */
+    double fx, fy, cx, cy;
+    int is_free;  /* 0: stays where it is */
+    int is_known; /* prior holds */
+    sf_track_prior prior;
+} sf_bundle_view;
+
+typedef struct sf_bundle_point {
+    double at[3];           /* world */
+    double ray[3];          /* held along this unit vector, */
+    double ray_information; /* to where it was, by this; 0: not at all */
+} sf_bundle_point;
+
+/* A point seen at a pixel. Those of a point follow each other. */
+typedef struct sf_bundle_sighting {
+    uint32_t view, point;
+    double u, v;
+} sf_bundle_sighting;
+
+typedef struct sf_bundle {
+    sf_bundle_view *views;
+    size_t view_count;
+    sf_bundle_point *points;
+    size_t point_count;
+    const sf_bundle_sighting *sightings;
+    size_t sighting_count;
+} sf_bundle;
+
+/* Moves points and the free views' poses, by Levenberg and Marquardt with Cauchy's weights, `rounds` times at
+ * most. *spread: standard deviation of a coordinate, px. On failure all stay as they were. */
+sf_status sf_bundle_adjust(sf_context *ctx, const sf_bundle *bundle, int rounds, double *spread);
+
+/* How far a point is from where it was seen, px; infinite behind the camera. */
+double sf_bundle_distance(const sf_bundle_view *view, const double at[3], double u, double v);
+
+#endif

@@ -1,0 +1,712 @@
+/* landmarks.c - see landmarks.h. */
+#include "landmarks.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../base/linear.h"
+#include "../base/pool.h"
+#include "bundle.h"
+#include "patch.h"
+
+enum {
+    CELLS = 20,      /* along the longer side of the picture, for landmarks to be spread over */
+    PER_CELL = 2,    /* that are followed */
+    NEW_MOST = 150,  /* in a keyframe */
+    NEAREST = 3,     /* whose depths a new one takes over */
+    LEAST_USED = 12, /* for a pose */
+    ROUNDS = 12,     /* of Gauss and Newton, for a pose */
+    BUNDLE_ROUNDS = 8,
+    LEAST_SIGHTINGS = 3, /* in keyframes, for a landmark's place to be known */
+    GIVEN_UP = 3,        /* misses one after another, of one whose place is not known */
+    JUDGED = 24          /* looks at one, until it may be given up */
+};
+
+#define CORNER       3e-4f /* cornerness of a landmark at least */
+#define APART        0.5   /* of a cell, from all others */
+#define ALIKE        0.65  /* correlation */
+#define ALIKE_NEW    0.75
+#define LOOKS_ALIKE  0.6  /* cosine between the rays, at least */
+#define NEAR_MISS    2.0  /* px, from the line that a new one must lie on */
+#define SEEN_SIGMA   0.5  /* px, of a sighting where its pose may be off too */
+#define GUESSED      0.5  /* standard deviation of an inverse depth that was guessed, in parts of it */
+#define LEARNED      0.02 /* the least that is believed of one */
+#define PARALLAX     0.02 /* rad, for a landmark's place to be known */
+#define WIDEST       1.5  /* px: what is farther off is no sighting, */
+#define WIDTHS       3.0  /* or by so many standard deviations */
+#define CAUCHY       2.385
+#define LEAST_SPREAD 0.2 /* px */
+#define CORRELATED   4.0 /* landmarks that tell as much as one */
+#define FOUND_LEAST  0.2 /* of the looks at one */
+
+typedef enum landmark_state { EMPTY, NEW, KNOWN } landmark_state;
+
+typedef struct landmark {
+    landmark_state state;
+    sf_patch patch;
+    size_t keyframe;          /* index, that it was first seen in */
+    double u, v, ray[3];      /* there; ray: (x, y, 1) of that camera */
+    double at[3];             /* world */
+    double inverse, variance; /* of NEW: inverse z in that camera */
+    double off_u, off_v;      /* of NEW: where it was seen from where it was expected */
+    int misses, looks, finds;
+    uint32_t sightings; /* in keyframes */
+} landmark;
+
+/* A look for a landmark in the picture. */
+typedef struct look {
+    size_t landmark;
+    landmark_state state; /* its, and */
+    uint32_t sightings;   /* when the look was planned */
+    double back[4];       /* displacements in the picture to those in its patch */
+    double expected[2];   /* px */
+    double u, v;
+    int found, misled; /* misled: it agrees with no pose that the others do */
+} look;
+
+typedef struct sighting {
+    size_t keyframe, landmark;
+    double u, v;
+} sighting;
+
+typedef struct keyframe {
+    uint32_t id;
+    int gone;
+    sf_bundle_view view;
+} keyframe;
+
+struct sf_landmarks {
+    sf_context *ctx;
+    landmark *all;
+    size_t count, capacity;
+    keyframe *keyframes;
+    size_t keyframe_count, keyframe_capacity;
+    sighting *sightings; /* in keyframes */
+    size_t sighting_count, sighting_capacity;
+
+    /* of the picture */
+    sf_bundle_view view;
+    int width, height;
+    sf_pyramid pyramid;
+    look *looks;
+    size_t look_count, look_capacity;
+    int coarsest;      /* of the looks in progress */
+    double *distances; /* [looks] */
+    size_t distance_capacity;
+};
+
+sf_status sf_landmarks_create(sf_context *ctx, sf_landmarks **landmarks) {
+    *landmarks = sf_calloc(ctx, 1, sizeof **landmarks);
+    if (!*landmarks) return SF_ERR_MEMORY;
+    (*landmarks)->ctx = ctx;
+    return SF_OK;
+}
+
+void sf_landmarks_destroy(sf_landmarks **landmarks) {
+    sf_landmarks *l = *landmarks;
+    if (!l) return;
+    void *const blocks[] = {l->all, l->keyframes, l->sightings, l->looks, l->distances};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(l->ctx, blocks[i]);
+    sf_pyramid_free(l->ctx, &l->pyramid);
+    sf_free(l->ctx, l);
+    *landmarks = NULL;
+}
+
+void sf_landmarks_clear(sf_landmarks *l) {
+    l->count = l->keyframe_count = l->sighting_count = l->look_count = 0;
+}
+
+sf_status sf_landmarks_take(sf_landmarks *l, const sf_camera *c, float *const rgb[3], size_t stride) {
+    l->view = (sf_bundle_view){.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy, .is_free = 1};
+    l->width = c->width, l->height = c->height;
+    l->look_count = 0;
+    return sf_pyramid_make(l->ctx, c, rgb, stride, &l->pyramid);
+}
+
+/* 1. Geometry */
+
+static void to_camera(const sf_rigid *T, const double at[3], double p[3]) {
+    sf_mat3_vec(T->R, at, p);
+    for (int k = 0; k < 3; k++) p[k] += T->t[k];
+}
+
+static void to_world(const sf_rigid *T, const double p[3], double at[3]) {
+    double d[3];
+    for (int k = 0; k < 3; k++) d[k] = p[k] - T->t[k];
+    for (int k = 0; k < 3; k++) at[k] = T->R[k] * d[0] + T->R[3 + k] * d[1] + T->R[6 + k] * d[2];
+}
+
+static int to_pixel(const sf_bundle_view *view, const double p[3], double pixel[2]) {
+    if (!(p[2] > 1e-9)) return 0;
+    pixel[0] = view->fx * p[0] / p[2] + view->cx, pixel[1] = view->fy * p[1] / p[2] + view->cy;
+    return 1;
+}
+
+static double cosine(const double a[3], const double b[3]) {
+    return sf_dot3(a, b) / fmax(sqrt(sf_dot3(a, a) * sf_dot3(b, b)), 1e-300);
+}
+
+/* The point of a new landmark at an inverse depth. */
+static void place(const sf_landmarks *l, const landmark *m, double inverse, double at[3]) {
+    double p[3];
+    for (int k = 0; k < 3; k++) p[k] = m->ray[k] / inverse;
+    to_world(&l->keyframes[m->keyframe].view.pose, p, at);
+}
+
+/* The cosine between the rays to a landmark from its first keyframe and from another camera. */
+static double between_rays(const sf_landmarks *l, const landmark *m, const sf_rigid *pose) {
+    const double zero[3] = {0, 0, 0};
+    double a[3], b[3];
+    to_world(&l->keyframes[m->keyframe].view.pose, zero, a), to_world(pose, zero, b);
+    for (int k = 0; k < 3; k++) a[k] = m->at[k] - a[k], b[k] = m->at[k] - b[k];
+    return cosine(a, b);
+}
+
+/* 2. Looks */
+
+/* Displacements here to those in the first picture. */
+static int map_back(const sf_landmarks *l, const landmark *m, const double here[2], double back[4]) {
+    const sf_bundle_view *first = &l->keyframes[m->keyframe].view;
+    const double reach = 4;
+    double p[3], forth[4];
+    to_camera(&first->pose, m->at, p);
+    for (int i = 0; i < 2; i++) {
+        double q[3] = {p[0], p[1], p[2]}, at[3], there[2];
+        q[i] += reach * p[2] / (i ? first->fy : first->fx);
+        to_world(&first->pose, q, at);
+        to_camera(&l->view.pose, at, q);
+        if (!to_pixel(&l->view, q, there)) return 0;
+        forth[i] = (there[0] - here[0]) / reach, forth[2 + i] = (there[1] - here[1]) / reach;
+    }
+    double det = forth[0] * forth[3] - forth[1] * forth[2];
+    if (!(det > 0.2 && det < 5)) return 0;
+    back[0] = forth[3] / det, back[1] = -forth[1] / det, back[2] = -forth[2] / det, back[3] = forth[0] / det;
+    return 1;
+}
+
+/* Whether the picture should show a landmark, from where it is thought to be taken. */
+static int expect(const sf_landmarks *l, size_t i, look *to) {
+    const landmark *m = &l->all[i];
+    const double margin = SF_PATCH_REACH + 2;
+    double p[3], here[2];
+    if (m->state == EMPTY) return 0;
+    to_camera(&l->view.pose, m->at, p);
+    if (!to_pixel(&l->view, p, here)) return 0;
+    *to = (look){.landmark = i, .state = m->state, .sightings = m->sightings};
+    if (!(between_rays(l, m, &l->view.pose) > LOOKS_ALIKE) || !map_back(l, m, here, to->back)) return 0;
+    to->expected[0] = here[0], to->expected[1] = here[1];
+    to->u = here[0] + m->off_u, to->v = here[1] + m->off_v;
+    return to->u > margin && to->v > margin && to->u < l->width - margin && to->v < l->height - margin;
+}
+
+static int cell_size(const sf_landmarks *l) {
+    int side = l->width > l->height ? l->width : l->height;
+    return side / CELLS > 8 ? side / CELLS : 8;
+}
+
+static int better_first(const void *a, const void *b) {
+    const look *x = a, *y = b;
+    if (x->state != y->state) return x->state > y->state ? -1 : 1;
+    if (x->sightings != y->sightings) return x->sightings > y->sightings ? -1 : 1;
+    return (x->landmark > y->landmark) - (x->landmark < y->landmark);
+}
+
+/* The best of each cell. */
+static sf_status choose(sf_landmarks *l) {
+    int size = cell_size(l), across = l->width / size + 1, down = l->height / size + 1;
+    uint8_t *cells = sf_calloc(l->ctx, (size_t)across * (size_t)down, 1);
+    if (!cells) return SF_ERR_MEMORY;
+    qsort(l->looks, l->look_count, sizeof *l->looks, better_first);
+    size_t kept = 0;
+    for (size_t i = 0; i < l->look_count; i++) {
+        uint8_t *cell = &cells[(int)l->looks[i].v / size * across + (int)l->looks[i].u / size];
+        if (*cell < PER_CELL) ++*cell, l->looks[kept++] = l->looks[i];
+    }
+    l->look_count = kept;
+    sf_free(l->ctx, cells);
+    return SF_OK;
+}
+
+static sf_status plan_looks(sf_landmarks *l) {
+    sf_status status = sf_grow(l->ctx, &l->looks, &l->look_capacity, 0, l->count, sizeof *l->looks);
+    if (!status) status = sf_grow(l->ctx, &l->distances, &l->distance_capacity, 0, l->count, sizeof(double));
+    if (status) return status;
+    l->look_count = 0;
+    for (size_t i = 0; i < l->count; i++)
+        if (expect(l, i, &l->looks[l->look_count])) l->look_count++;
+    return choose(l);
+}
+
+static void look_task(void *landmarks, size_t i, int thread) {
+    (void)thread;
+    sf_landmarks *l = landmarks;
+    look *at = &l->looks[i];
+    const landmark *m = &l->all[at->landmark];
+    if (at->found) return;
+    double u = at->u, v = at->v;
+    double like = sf_patch_find(&l->pyramid, &m->patch, at->back, l->coarsest, &u, &v);
+    if (!(like > (m->state == NEW ? ALIKE_NEW : ALIKE))) return;
+    at->u = u, at->v = v;
+    at->found = 1;
+}
+
+static void look_for(sf_landmarks *l, int coarsest) {
+    l->coarsest = coarsest;
+    sf_pool_run(l->ctx->pool, l->look_count, look_task, l);
+}
+
+/* Those that were not found, from where the pose says by now. */
+static void look_again(sf_landmarks *l) {
+    for (size_t i = 0; i < l->look_count; i++) {
+        look *at = &l->looks[i], now;
+        if (at->found && !at->misled) continue;
+        if (expect(l, at->landmark, &now))
+            *at = now;
+        else
+            at->found = 0, at->misled = 1;
+    }
+    look_for(l, 1);
+}
+
+/* 3. The pose */
+
+static int tells(const sf_landmarks *l, const look *at) {
+    return at->found && !at->misled && l->all[at->landmark].state == KNOWN;
+}
+
+static double distance_of(const sf_landmarks *l, const look *at) {
+    return sf_bundle_distance(&l->view, l->all[at->landmark].at, at->u, at->v);
+}
+
+static double measure_spread(sf_landmarks *l) {
+    size_t count = 0;
+    for (size_t i = 0; i < l->look_count; i++) {
+        double d = tells(l, &l->looks[i]) ? distance_of(l, &l->looks[i]) : INFINITY;
+        if (isfinite(d)) l->distances[count++] = d;
+    }
+    return fmax(sf_spread(l->distances, count), LEAST_SPREAD);
+}
+
+static void add_look(const sf_landmarks *l, const look *at, double c2, double A[36], double g[6]) {
+    double p[3], pixel[2];
+    to_camera(&l->view.pose, l->all[at->landmark].at, p);
+    if (!to_pixel(&l->view, p, pixel)) return;
+    const double r[2] = {pixel[0] - at->u, pixel[1] - at->v};
+    const double d[2][3] = {{l->view.fx / p[2], 0, -l->view.fx * p[0] / (p[2] * p[2])},
+                            {0, l->view.fy / p[2], -l->view.fy * p[1] / (p[2] * p[2])}};
+    double w = c2 / (c2 + r[0] * r[0] + r[1] * r[1]);
+    for (int i = 0; i < 2; i++) {
+        double J[SF_TWIST] = {d[i][0], d[i][1], d[i][2]};
+        sf_cross3(p, d[i], J + 3);
+        for (int k = 0; k < SF_TWIST; k++) {
+            g[k] += w * J[k] * r[i];
+            for (int j = 0; j < SF_TWIST; j++) A[SF_TWIST * k + j] += w * J[k] * J[j];
+        }
+    }
+}
+
+static size_t count_telling(const sf_landmarks *l, double within) {
+    size_t count = 0;
+    for (size_t i = 0; i < l->look_count; i++)
+        count += tells(l, &l->looks[i]) && distance_of(l, &l->looks[i]) <= within;
+    return count;
+}
+
+/* Gauss and Newton, with Cauchy's weights. */
+static void find_pose(sf_landmarks *l, const sf_track_prior *prior, sf_followed *f) {
+    sf_rigid *pose = &l->view.pose;
+    for (int round = 0; round < ROUNDS; round++) {
+        double A[36] = {0}, g[6] = {0}, off[6] = {0}, scale;
+        f->spread = measure_spread(l);
+        scale = 1 / (f->spread * f->spread * CORRELATED);
+        for (size_t i = 0; i < l->look_count; i++)
+            if (tells(l, &l->looks[i])) add_look(l, &l->looks[i], pow(CAUCHY * f->spread, 2), A, g);
+        for (int k = 0; k < 36; k++) f->information[k] = A[k] *= scale;
+        if (prior) sf_rigid_twist(&prior->pose, pose, off);
+        for (int k = 0; k < SF_TWIST; k++) {
+            g[k] *= scale;
+            for (int j = 0; prior && j < SF_TWIST; j++) {
+                A[SF_TWIST * k + j] += prior->information[SF_TWIST * k + j];
+                g[k] += prior->information[SF_TWIST * k + j] * off[j];
+            }
+        }
+        if (!sf_cholesky(SF_TWIST, A)) break;
+        sf_cholesky_solve(SF_TWIST, A, g);
+        for (int k = 0; k < SF_TWIST; k++) g[k] = -g[k];
+        sf_rigid_move(pose, g);
+        if (sqrt(sf_dot3(g + 3, g + 3)) < 1e-6) break;
+    }
+    f->pose = *pose;
+    f->used = count_telling(l, fmin(fmax(WIDTHS * f->spread, WIDEST), 2 * WIDEST));
+}
+
+static void note_misled(sf_landmarks *l, double spread) {
+    double most = fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST);
+    for (size_t i = 0; i < l->look_count; i++)
+        if (tells(l, &l->looks[i])) l->looks[i].misled = !(distance_of(l, &l->looks[i]) <= most);
+}
+
+sf_status sf_landmarks_follow(sf_landmarks *l, const sf_rigid *guess, const sf_track_prior *prior,
+                              sf_followed *f) {
+    *f = (sf_followed){.pose = *guess};
+    l->view.pose = *guess;
+    sf_status status = plan_looks(l);
+    if (status) return status;
+    for (size_t i = 0; i < l->look_count; i++) f->expected += l->all[l->looks[i].landmark].state == KNOWN;
+    look_for(l, SF_PYRAMID_LEVELS - 1);
+    if (count_telling(l, INFINITY) < LEAST_USED) return SF_OK;
+    find_pose(l, prior, f);
+    if (f->used < LEAST_USED) {
+        *f = (sf_followed){.pose = *guess, .expected = f->expected};
+        return SF_OK;
+    }
+    note_misled(l, f->spread);
+    look_again(l);
+    find_pose(l, prior, f);
+    return SF_OK;
+}
+
+/* 4. What was seen */
+
+/* A new landmark's inverse depth, by Kalman's filter; 0: it lies off the line that it must lie on. */
+static int learn_depth(const sf_landmarks *l, landmark *m, const look *at) {
+    double here[2], there[2], p[3], e[2], far[3], step = 0.01 * m->inverse;
+    place(l, m, m->inverse, m->at);
+    to_camera(&l->view.pose, m->at, p);
+    place(l, m, m->inverse + step, far);
+    if (!to_pixel(&l->view, p, here)) return 0;
+    to_camera(&l->view.pose, far, p);
+    if (!to_pixel(&l->view, p, there)) return 0;
+    for (int k = 0; k < 2; k++) e[k] = (there[k] - here[k]) / step;
+    const double r[2] = {at->u - here[0], at->v - here[1]};
+    double ee = e[0] * e[0] + e[1] * e[1], along = ee > 0 ? (e[0] * r[0] + e[1] * r[1]) / ee : 0;
+    if (!(hypot(r[0] - along * e[0], r[1] - along * e[1]) < NEAR_MISS)) return 0;
+    double noise = SEEN_SIGMA * SEEN_SIGMA / fmax(ee, 1e-12), part = m->variance / (m->variance + noise);
+    m->inverse = fmin(fmax(m->inverse + part * along, 0.2 * m->inverse), 5 * m->inverse);
+    m->variance = fmax((1 - part) * m->variance, pow(LEARNED * m->inverse, 2));
+    place(l, m, m->inverse, m->at);
+    to_camera(&l->view.pose, m->at, p);
+    if (!to_pixel(&l->view, p, here)) return 0;
+    m->off_u = at->u - here[0], m->off_v = at->v - here[1];
+    return 1;
+}
+
+static void note_look(landmark *m, int found) {
+    m->looks++, m->finds += found;
+    m->misses = found ? 0 : m->misses + 1;
+    if (m->state == NEW && m->misses >= GIVEN_UP) m->state = EMPTY;
+    if (m->looks < JUDGED) return;
+    if (m->finds < FOUND_LEAST * m->looks) m->state = EMPTY;
+    m->looks /= 2, m->finds /= 2;
+}
+
+void sf_landmarks_settle(sf_landmarks *l, const sf_rigid *pose) {
+    l->view.pose = *pose;
+    double most = fmin(fmax(WIDTHS * measure_spread(l), WIDEST), 2 * WIDEST);
+    for (size_t i = 0; i < l->look_count; i++) {
+        look *at = &l->looks[i];
+        landmark *m = &l->all[at->landmark];
+        if (at->found && m->state == KNOWN) at->misled = !(distance_of(l, at) <= most);
+        if (at->found && m->state == NEW) at->misled = !learn_depth(l, m, at);
+        at->found &= !at->misled;
+        note_look(m, at->found);
+    }
+}
+
+/* 5. Keyframes */
+
+static void drop_sightings(sf_landmarks *l) {
+    size_t kept = 0;
+    for (size_t i = 0; i < l->count; i++) l->all[i].sightings = 0;
+    for (size_t i = 0; i < l->sighting_count; i++) {
+        const sighting *s = &l->sightings[i];
+        if (l->all[s->landmark].state == EMPTY || l->keyframes[s->keyframe].gone) continue;
+        l->all[s->landmark].sightings++;
+        l->sightings[kept++] = *s;
+    }
+    l->sighting_count = kept;
+}
+
+static sf_status note_sighting(sf_landmarks *l, size_t landmark_index, double u, double v) {
+    sf_status status = sf_grow(l->ctx, &l->sightings, &l->sighting_capacity, l->sighting_count,
+                               l->sighting_count + 1, sizeof *l->sightings);
+    if (status) return status;
+    l->sightings[l->sighting_count++] = (sighting){l->keyframe_count - 1, landmark_index, u, v};
+    l->all[landmark_index].sightings++;
+    return SF_OK;
+}
+
+/* The depth here of the known ones that are seen nearest to a pixel. */
+static double depth_near(const sf_landmarks *l, double u, double v, double otherwise) {
+    double nearest[NEAREST], depth[NEAREST], sum = 0;
+    int n = 0;
+    for (size_t i = 0; i < l->look_count; i++) {
+        const look *at = &l->looks[i];
+        double p[3], d = hypot(at->u - u, at->v - v);
+        if (!tells(l, at) || (n == NEAREST && d >= nearest[n - 1])) continue;
+        to_camera(&l->view.pose, l->all[at->landmark].at, p);
+        int k = n < NEAREST ? n++ : n - 1;
+        for (; k && nearest[k - 1] > d; k--) nearest[k] = nearest[k - 1], depth[k] = depth[k - 1];
+        nearest[k] = d, depth[k] = p[2];
+    }
+    for (int k = 0; k < n; k++) sum += 1 / depth[k] / n;
+    return sum > 0 ? 1 / sum : otherwise;
+}
+
+static sf_status take_up(sf_landmarks *l, int x, int y, double distance) {
+    double u = x + 0.5, v = y + 0.5, depth = depth_near(l, u, v, distance);
+    size_t i = 0;
+    while (i < l->count && l->all[i].state != EMPTY) i++;
+    sf_status status = sf_grow(l->ctx, &l->all, &l->capacity, l->count, i + 1, sizeof *l->all);
+    if (status) return status;
+    landmark *m = &l->all[i];
+    *m = (landmark){.keyframe = l->keyframe_count - 1, .u = u, .v = v, .inverse = 1 / depth};
+    m->ray[0] = (u - l->view.cx) / l->view.fx, m->ray[1] = (v - l->view.cy) / l->view.fy, m->ray[2] = 1;
+    m->variance = pow(GUESSED * m->inverse, 2);
+    if (i == l->count) l->count++;
+    if (!sf_patch_cut(&l->pyramid, u, v, &m->patch)) return SF_OK;
+    m->state = NEW;
+    place(l, m, m->inverse, m->at);
+    return note_sighting(l, i, u, v);
+}
+
+/* The best corner of a cell that is far from all others. */
+typedef struct corner {
+    float cornerness;
+    int x, y;
+} corner;
+
+static int is_apart(const sf_landmarks *l, int x, int y, double apart) {
+    for (size_t i = 0; i < l->look_count; i++)
+        if (l->looks[i].found && hypot(l->looks[i].u - x, l->looks[i].v - y) < apart) return 0;
+    return 1;
+}
+
+static corner best_corner(const sf_landmarks *l, int left, int top, int size, const float *weight) {
+    corner best = {CORNER, -1, -1};
+    for (int y = top; y < top + size && y < l->height; y++)
+        for (int x = left; x < left + size && x < l->width; x++) {
+            if (weight && weight[(size_t)y * (size_t)l->width + (size_t)x] < 1) continue;
+            float c = sf_cornerness(&l->pyramid, x, y);
+            if (c > best.cornerness && is_apart(l, x, y, APART * size)) best = (corner){c, x, y};
+        }
+    return best;
+}
+
+static int by_cornerness(const void *a, const void *b) {
+    const corner *x = a, *y = b;
+    return (x->cornerness < y->cornerness) - (x->cornerness > y->cornerness);
+}
+
+static sf_status find_new(sf_landmarks *l, double distance, const float *weight) {
+    int size = cell_size(l);
+    size_t cells = (size_t)(l->width / size + 1) * (size_t)(l->height / size + 1), n = 0;
+    corner *corners = sf_alloc(l->ctx, cells, sizeof *corners);
+    sf_status status = corners ? SF_OK : SF_ERR_MEMORY;
+    for (int y = 0; !status && y < l->height; y += size)
+        for (int x = 0; x < l->width; x += size) {
+            corners[n] = best_corner(l, x, y, size, weight);
+            n += corners[n].x >= 0;
+        }
+    if (n) qsort(corners, n, sizeof *corners, by_cornerness);
+    for (size_t i = 0; !status && i < n && i < NEW_MOST; i++)
+        status = take_up(l, corners[i].x, corners[i].y, distance);
+    sf_free(l->ctx, corners);
+    return status;
+}
+
+sf_status sf_landmarks_keep(sf_landmarks *l, uint32_t id, const sf_rigid *pose, const sf_track_prior *known,
+                            double distance, const float *weight) {
+    sf_status status = sf_grow(l->ctx, &l->keyframes, &l->keyframe_capacity, l->keyframe_count,
+                               l->keyframe_count + 1, sizeof *l->keyframes);
+    if (status) return status;
+    drop_sightings(l);
+    keyframe *k = &l->keyframes[l->keyframe_count++];
+    *k = (keyframe){.id = id, .view = l->view};
+    k->view.pose = l->view.pose = *pose;
+    if (known) k->view.is_known = 1, k->view.prior = *known;
+    for (size_t i = 0; !status && i < l->look_count; i++)
+        if (l->looks[i].found && l->all[l->looks[i].landmark].state != EMPTY)
+            status = note_sighting(l, l->looks[i].landmark, l->looks[i].u, l->looks[i].v);
+    if (!status) status = find_new(l, distance, weight);
+    return status;
+}
+
+static size_t index_of(const sf_landmarks *l, uint32_t id) {
+    size_t i = 0;
+    while (i < l->keyframe_count && (l->keyframes[i].id != id || l->keyframes[i].gone)) i++;
+    return i;
+}
+
+void sf_landmarks_drop(sf_landmarks *l, uint32_t id) {
+    size_t at = index_of(l, id);
+    if (at == l->keyframe_count) return;
+    l->keyframes[at].gone = 1;
+    for (size_t i = 0; i < l->count; i++)
+        if (l->all[i].keyframe == at) l->all[i].state = EMPTY;
+    drop_sightings(l);
+}
+
+int sf_landmarks_pose(const sf_landmarks *l, uint32_t id, sf_rigid *pose) {
+    size_t at = index_of(l, id);
+    if (at == l->keyframe_count) return 0;
+    *pose = l->keyframes[at].view.pose;
+    return 1;
+}
+
+/* 6. The bundle */
+
+typedef struct gathering {
+    sf_bundle bundle;
+    sf_bundle_sighting *sightings;
+    size_t *origin;                     /* [sightings]: in l->sightings */
+    uint32_t *shared;                   /* [keyframes]: landmarks of the newest that it sees; SIZE: free */
+    uint8_t *free_keyframe, *in_bundle; /* [keyframes]; [landmarks] */
+    uint32_t *point_of, *landmark_of;   /* [landmarks], [points] */
+    size_t *first;                      /* [landmarks + 1] of `origin` */
+} gathering;
+
+static int make_gathering(sf_landmarks *l, gathering *g) {
+    sf_context *ctx = l->ctx;
+    g->sightings = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->sightings);
+    g->origin = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->origin);
+    g->shared = sf_calloc(ctx, l->keyframe_count + 1, sizeof *g->shared);
+    g->free_keyframe = sf_calloc(ctx, l->keyframe_count + 1, 1);
+    g->in_bundle = sf_calloc(ctx, l->count + 1, 1);
+    g->landmark_of = sf_alloc(ctx, l->count + 1, sizeof *g->landmark_of);
+    g->first = sf_calloc(ctx, l->count + 2, sizeof *g->first);
+    g->bundle.views = sf_alloc(ctx, l->keyframe_count + 1, sizeof *g->bundle.views);
+    g->bundle.points = sf_alloc(ctx, l->count + 1, sizeof *g->bundle.points);
+    return g->sightings && g->origin && g->shared && g->free_keyframe && g->in_bundle && g->landmark_of &&
+           g->first && g->bundle.views && g->bundle.points;
+}
+
+static void free_gathering(sf_landmarks *l, gathering *g) {
+    void *const blocks[] = {g->sightings,   g->origin, g->shared,       g->free_keyframe, g->in_bundle,
+                            g->landmark_of, g->first,  g->bundle.views, g->bundle.points};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(l->ctx, blocks[i]);
+}
+
+/* Sightings in the order of their landmarks. */
+static void sort_sightings(const sf_landmarks *l, gathering *g) {
+    for (size_t i = 0; i < l->sighting_count; i++) g->first[l->sightings[i].landmark + 2]++;
+    for (size_t i = 2; i < l->count + 2; i++) g->first[i] += g->first[i - 1];
+    for (size_t i = 0; i < l->sighting_count; i++) g->origin[g->first[l->sightings[i].landmark + 1]++] = i;
+}
+
+/* The newest keyframe, those that see most of what it sees, and then the newest others: what drifted since a
+ * place was seen before follows when it is seen again. */
+static void choose_free(const sf_landmarks *l, gathering *g, size_t most) {
+    size_t newest = l->keyframe_count - 1, n = 1;
+    for (size_t m = 0; m < l->count; m++) {
+        int by_newest = 0;
+        for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
+            by_newest |= l->sightings[g->origin[i]].keyframe == newest;
+        for (size_t i = g->first[m]; by_newest && i < g->first[m + 1]; i++)
+            g->shared[l->sightings[g->origin[i]].keyframe]++;
+    }
+    g->free_keyframe[newest] = 1;
+    for (size_t best; n < most / 2; n++) {
+        best = newest;
+        for (size_t k = 0; k < newest; k++)
+            if (!g->free_keyframe[k] && !l->keyframes[k].gone && g->shared[k] &&
+                (best == newest || g->shared[k] >= g->shared[best]))
+                best = k;
+        if (best == newest) break;
+        g->free_keyframe[best] = 1;
+    }
+    for (size_t k = newest; k-- && n < most;)
+        if (!g->free_keyframe[k] && !l->keyframes[k].gone) g->free_keyframe[k] = 1, n++;
+}
+
+static void gather(const sf_landmarks *l, gathering *g) {
+    sf_bundle *b = &g->bundle;
+    size_t n = 0;
+    b->view_count = l->keyframe_count;
+    for (size_t k = 0; k < l->keyframe_count; k++) {
+        b->views[k] = l->keyframes[k].view;
+        b->views[k].is_free = g->free_keyframe[k];
+    }
+    for (size_t m = 0; m < l->count; m++) {
+        const landmark *from = &l->all[m];
+        int seen = 0;
+        for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
+            seen |= g->free_keyframe[l->sightings[g->origin[i]].keyframe];
+        if (!seen || g->first[m + 1] - g->first[m] < 2 || from->state == EMPTY) continue;
+        sf_bundle_point *to = &b->points[b->point_count];
+        *to = (sf_bundle_point){.at = {from->at[0], from->at[1], from->at[2]}};
+        if (from->state == NEW) {
+            double p[3], length;
+            const double zero[3] = {0, 0, 0};
+            to_world(&l->keyframes[from->keyframe].view.pose, zero, p);
+            for (int k = 0; k < 3; k++) to->ray[k] = from->at[k] - p[k];
+            length = sqrt(sf_dot3(to->ray, to->ray));
+            for (int k = 0; k < 3; k++) to->ray[k] /= length;
+            to->ray_information = 1 / pow(GUESSED * length, 2);
+        }
+        for (size_t i = g->first[m]; i < g->first[m + 1]; i++) {
+            const sighting *s = &l->sightings[g->origin[i]];
+            g->sightings[n++] =
+                (sf_bundle_sighting){(uint32_t)s->keyframe, (uint32_t)b->point_count, s->u, s->v};
+        }
+        g->landmark_of[b->point_count++] = (uint32_t)m;
+    }
+    b->sightings = g->sightings, b->sighting_count = n;
+}
+
+/* What came out: poses, places, and which sightings were wrong. */
+static void accept(sf_landmarks *l, gathering *g, double spread) {
+    const sf_bundle *b = &g->bundle;
+    double most = fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST);
+    for (size_t k = 0; k < l->keyframe_count; k++) l->keyframes[k].view.pose = b->views[k].pose;
+    for (size_t p = 0; p < b->point_count; p++) {
+        landmark *m = &l->all[g->landmark_of[p]];
+        size_t good = 0, first = g->first[g->landmark_of[p]], end = g->first[g->landmark_of[p] + 1];
+        double widest = 1, q[3];
+        memcpy(m->at, b->points[p].at, sizeof m->at);
+        for (size_t i = first; i < end; i++) {
+            sighting *s = &l->sightings[g->origin[i]];
+            int wrong = !(sf_bundle_distance(&b->views[s->keyframe], m->at, s->u, s->v) <= most);
+            if (wrong) {
+                s->landmark = SIZE_MAX;
+                continue;
+            }
+            good++;
+            widest = fmin(widest, between_rays(l, m, &b->views[s->keyframe].pose));
+        }
+        m->sightings = (uint32_t)good;
+        to_camera(&l->keyframes[m->keyframe].view.pose, m->at, q);
+        if (!(q[2] > 0) || good < 2) {
+            m->state = EMPTY;
+            continue;
+        }
+        int known = good >= LEAST_SIGHTINGS && widest < cos(PARALLAX);
+        if (m->state == NEW) m->inverse = 1 / q[2];
+        if (m->state == NEW && known) m->state = KNOWN, m->off_u = m->off_v = 0;
+    }
+    for (size_t i = 0; i < l->count; i++)
+        if (l->all[i].state == NEW) place(l, &l->all[i], l->all[i].inverse, l->all[i].at);
+    size_t kept = 0;
+    for (size_t i = 0; i < l->sighting_count; i++)
+        if (l->sightings[i].landmark != SIZE_MAX) l->sightings[kept++] = l->sightings[i];
+    l->sighting_count = kept;
+    drop_sightings(l);
+}
+
+sf_status sf_landmarks_adjust(sf_landmarks *l, size_t most) {
+    gathering g = {0};
+    double spread;
+    if (l->keyframe_count < 2) return SF_OK;
+    int ready = make_gathering(l, &g);
+    sf_status status = ready ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        sort_sightings(l, &g);
+        choose_free(l, &g, most);
+        gather(l, &g);
+        status = sf_bundle_adjust(l->ctx, &g.bundle, BUNDLE_ROUNDS, &spread);
+        if (!status) accept(l, &g, spread);
+    }
+    free_gathering(l, &g);
+    return status;
+}
