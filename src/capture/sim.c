@@ -66,7 +66,6 @@ static void furnish(sf_sim *sim) {
 /* Takes away what a sensor adds, and all faults. */
 static void clean(sf_sim *sim) {
     const sf_sim_span never = {-1, -1};
-    sim->exact = 1;
     sim->sensor = sim->blur = sim->auto_exposure = 0;
     sim->noise = sim->jitter_s = 0;
     sim->black = sim->smear = sim->unplug = sim->mover = never;
@@ -170,7 +169,7 @@ sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
 
 sf_status sf_sim_project_name(sf_context *ctx, const char *name, char **project) {
     /* The last of two options of one name counts. */
-    static const char before[] = "?frames=120&fps=0", after[] = "&clean=1";
+    static const char before[] = "?frames=120&fps=0&exact=1", after[] = "&clean=1";
     size_t size = strlen(name) + sizeof before + sizeof after, scene = strcspn(name, "?");
     if (!(*project = sf_alloc(ctx, size, 1))) return SF_ERR_MEMORY;
     if (which_scene(name) == 1)

@@ -13,7 +13,7 @@ enum { LEAST_SPREAD_COUNT = 8 };
 #define LEAST_SPREAD 0.2 /* px: corners that are followed are not known better */
 #define FIRST_DAMP   1e-4
 #define MOST_DAMP    1e8
-#define ENOUGH       1e-4 /* part of the cost that a step takes off, to go on */
+#define ENOUGH       1e-5 /* part of the cost that a step takes off, to go on */
 #define WARP         (3 * SF_TWIST)
 
 /* The sums of one point, kept for the way back. */
@@ -275,8 +275,13 @@ static void adjust(adjustment *a, int rounds) {
             damp *= 10;
             continue;
         }
-        int done = cost - now < ENOUGH * cost;
+        double gained = cost - now, spread = measure_spread(a);
         cost = now, damp = fmax(damp / 10, 1e-9);
+        if (fabs(spread / a->spread - 1) > 0.1) { /* costs of another spread do not compare */
+            a->spread = spread, cost = cost_of(a);
+            continue;
+        }
+        int done = gained < ENOUGH * cost;
         if (done) break;
     }
     a->spread = measure_spread(a);

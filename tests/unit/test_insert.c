@@ -158,6 +158,34 @@ static void poses_are_held(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A pose given between steps is what the next steps are of. */
+static void poses_are_given(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = scene_of(ctx);
+    sf_fitter *fitter;
+    sf_fit_options o = options_of(40);
+    sf_view_info view;
+    sf_camera camera;
+    o.exposure = 1; /* something is learned of each view */
+    assert_ok(ctx, sf_scene_get_view(scene, 0, &view));
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &o, &fitter));
+    double t[3] = {view.camera.t_cw[0] + 0.01, view.camera.t_cw[1], view.camera.t_cw[2]};
+    const double none[9] = {0};
+    assert_int_equal(sf_fitter_set_pose(fitter, view.id, view.camera.R_cw, t), SF_ERR_ARGUMENT); /* not yet */
+    assert_ok(ctx, sf_fitter_step(fitter));
+    assert_int_equal(sf_fitter_set_pose(fitter, view.id, none, t), SF_ERR_ARGUMENT);
+    assert_non_null(strstr(sf_last_error(ctx), "pose"));
+    assert_ok(ctx, sf_fitter_set_pose(fitter, view.id, view.camera.R_cw, t));
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    assert_ok(ctx, sf_fitter_get_camera(fitter, view.id, &camera));
+    assert_memory_equal(camera.t_cw, t, sizeof t);
+    assert_memory_equal(camera.R_cw, view.camera.R_cw, sizeof camera.R_cw);
+    sf_fitter_destroy(&fitter);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 static void runs_without_an_end_go_on(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -189,6 +217,7 @@ int main(void) {
         cmocka_unit_test(points_become_gaussians),
         cmocka_unit_test(recent_views_come_first),
         cmocka_unit_test(poses_are_held),
+        cmocka_unit_test(poses_are_given),
         cmocka_unit_test(runs_without_an_end_go_on),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -181,6 +181,40 @@ static void assert_view(sf_context *ctx, sf_scene *scene, size_t index, uint32_t
     assert_string_equal(view.name, name);
 }
 
+/* A view in another place is the same view. */
+static void test_views_are_moved(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = new_scene(ctx);
+    uint32_t ids[2] = {add_view(ctx, scene, "one", 0, SF_SPLIT_TRAIN),
+                       add_view(ctx, scene, "two", 1, SF_SPLIT_TEST)};
+    sf_view_info before, after;
+    const double none[9] = {0};
+    assert_ok(ctx, sf_scene_get_view(scene, 1, &before));
+    size_t pixels = (size_t)before.camera.width * (size_t)before.camera.height;
+    float *rgb = calloc(2 * 4 * pixels, sizeof *rgb), *again = rgb + 4 * pixels;
+    assert_non_null(rgb);
+    assert_ok(ctx, sf_scene_get_pixels(scene, ids[1], rgb, rgb + 3 * pixels));
+    sf_view *held = sf_scene_retain_id(scene, ids[1]);
+    const double turned[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1}, t[3] = {1, 2, 3};
+    assert_ok(ctx, sf_scene_set_pose(scene, ids[1], turned, t));
+    assert_memory_equal(&held->camera, &before.camera, sizeof held->camera); /* who holds it keeps it */
+    sf_view_release(held);
+    assert_ok(ctx, sf_scene_get_view(scene, 1, &after));
+    assert_memory_equal(after.camera.R_cw, turned, sizeof turned);
+    assert_memory_equal(after.camera.t_cw, t, sizeof t);
+    assert_true(after.id == ids[1] && after.split == SF_SPLIT_TEST && after.camera.fx == before.camera.fx);
+    assert_string_equal(after.name, "two");
+    assert_ok(ctx, sf_scene_get_pixels(scene, ids[1], again, again + 3 * pixels));
+    assert_memory_equal(rgb, again, 4 * pixels * sizeof *rgb);
+    assert_int_equal(sf_scene_set_pose(scene, ids[0], none, t), SF_ERR_ARGUMENT);
+    assert_int_equal(sf_scene_set_pose(scene, 99, turned, t), SF_ERR_ARGUMENT);
+    assert_int_equal(info_of(scene).views, 2);
+    free(rgb);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 static void test_views_come_and_go(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -545,6 +579,7 @@ int main(void) {
         cmocka_unit_test(test_camera_downscaled),
         cmocka_unit_test(test_pixels_round_trip),
         cmocka_unit_test(test_views_come_and_go),
+        cmocka_unit_test(test_views_are_moved),
         cmocka_unit_test(test_unknown_views),
         cmocka_unit_test(test_views_refused),
         cmocka_unit_test(test_add_file),

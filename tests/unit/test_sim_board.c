@@ -364,7 +364,7 @@ static void test_faults(void **state) {
 static void test_mover(void **state) {
     (void)state;
     sf_context *ctx = test_context();
-    sf_source *sources[2] = {open_source(ctx, BOARD "?width=80&height=60&fps=0&clean=1&frames=60"),
+    sf_source *sources[2] = {open_source(ctx, BOARD "?width=80&height=60&fps=0&clean=1&exact=1&frames=60"),
                              open_source(ctx,
                                          BOARD "?width=80&height=60&fps=0&frames=60&exact=1&noise=0&blur=0"
                                                "&exposure=fixed&jitter=0&mover=1")};
