@@ -38,13 +38,7 @@ typedef struct adjustment {
 
 /* 1. One sighting */
 
-static void to_camera(const sf_rigid *T, const double at[3], double p[3]) {
-    sf_mat3_vec(T->R, at, p);
-    for (int k = 0; k < 3; k++) p[k] += T->t[k];
-}
-
-static int project(const sf_bundle_view *view, const double at[3], double p[3], double pixel[2]) {
-    to_camera(&view->pose, at, p);
+int sf_bundle_pixel(const sf_bundle_view *view, const double p[3], double pixel[2]) {
     if (!(p[2] > 1e-9)) return 0;
     pixel[0] = view->fx * p[0] / p[2] + view->cx;
     pixel[1] = view->fy * p[1] / p[2] + view->cy;
@@ -53,24 +47,32 @@ static int project(const sf_bundle_view *view, const double at[3], double p[3], 
 
 double sf_bundle_distance(const sf_bundle_view *view, const double at[3], double u, double v) {
     double p[3], pixel[2];
-    return project(view, at, p, pixel) ? hypot(pixel[0] - u, pixel[1] - v) : INFINITY;
+    sf_rigid_apply(&view->pose, at, p);
+    return sf_bundle_pixel(view, p, pixel) ? hypot(pixel[0] - u, pixel[1] - v) : INFINITY;
+}
+
+void sf_bundle_derive(const sf_bundle_view *view, const double p[3], double J[2 * SF_TWIST], double d[6]) {
+    const double by_p[2][3] = {{view->fx / p[2], 0, -view->fx * p[0] / (p[2] * p[2])},
+                               {0, view->fy / p[2], -view->fy * p[1] / (p[2] * p[2])}};
+    for (int i = 0; i < 2; i++) {
+        memcpy(J + SF_TWIST * i, by_p[i], sizeof by_p[i]);
+        sf_cross3(p, by_p[i], J + SF_TWIST * i + 3); /* d . (phi x p) = phi . (p x d) */
+    }
+    if (d) memcpy(d, by_p, sizeof by_p);
 }
 
 /* The residual, and its derivatives by the pose's twist [2][6] and by the point [2][3]. */
 static int derive(const sf_bundle_view *view, const sf_bundle_point *point, const sf_bundle_sighting *s,
                   double r[2], double J[2 * SF_TWIST], double K[6]) {
-    double p[3], pixel[2];
-    if (!project(view, point->at, p, pixel)) return 0;
+    double p[3], pixel[2], d[6];
+    const double *R = view->pose.R;
+    sf_rigid_apply(&view->pose, point->at, p);
+    if (!sf_bundle_pixel(view, p, pixel)) return 0;
     r[0] = pixel[0] - s->u, r[1] = pixel[1] - s->v;
-    const double d[2][3] = {{view->fx / p[2], 0, -view->fx * p[0] / (p[2] * p[2])},
-                            {0, view->fy / p[2], -view->fy * p[1] / (p[2] * p[2])}};
-    for (int i = 0; i < 2; i++) {
-        memcpy(J + SF_TWIST * i, d[i], sizeof d[i]);
-        sf_cross3(p, d[i], J + SF_TWIST * i + 3); /* d . (phi x p) = phi . (p x d) */
+    sf_bundle_derive(view, p, J, d);
+    for (int i = 0; i < 2; i++)
         for (int k = 0; k < 3; k++)
-            K[3 * i + k] =
-                d[i][0] * view->pose.R[k] + d[i][1] * view->pose.R[3 + k] + d[i][2] * view->pose.R[6 + k];
-    }
+            K[3 * i + k] = d[3 * i] * R[k] + d[3 * i + 1] * R[3 + k] + d[3 * i + 2] * R[6 + k];
     return 1;
 }
 

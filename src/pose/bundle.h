@@ -41,6 +41,13 @@ typedef struct sf_bundle {
  * most. *spread: standard deviation of a coordinate, px. On failure all stay as they were. */
 sf_status sf_bundle_adjust(sf_context *ctx, const sf_bundle *bundle, int rounds, double *spread);
 
+/* The pixel that a point of the camera's frame is seen at. 0: it is not in front of the camera. */
+int sf_bundle_pixel(const sf_bundle_view *view, const double p[3], double pixel[2]);
+
+/* A residual's derivatives by the pose's left twist [2][6], for a point p of the camera's frame; d (may be
+ * NULL): by p [2][3]. */
+void sf_bundle_derive(const sf_bundle_view *view, const double p[3], double J[2 * SF_TWIST], double d[6]);
+
 /* How far a point is from where it was seen, px; infinite behind the camera. */
 double sf_bundle_distance(const sf_bundle_view *view, const double at[3], double u, double v);
 

@@ -36,9 +36,10 @@ enum {
 #define WIDEST       1.5  /* px: what is farther off is no sighting, */
 #define WIDTHS       3.0  /* or by so many standard deviations */
 #define CAUCHY       2.385
-#define LEAST_SPREAD 0.2 /* px */
-#define CORRELATED   4.0 /* landmarks that tell as much as one */
-#define FOUND_LEAST  0.2 /* of the looks at one */
+#define LEAST_SPREAD 0.2  /* px */
+#define CORRELATED   4.0  /* landmarks that tell as much as one */
+#define STILL        1e-6 /* rad: a step that turns by less is the last */
+#define FOUND_LEAST  0.2  /* of the looks at one */
 
 typedef enum landmark_state { EMPTY, NEW, KNOWN } landmark_state;
 
@@ -46,7 +47,7 @@ typedef struct landmark {
     landmark_state state;
     sf_patch patch;
     size_t keyframe;          /* index, that it was first seen in */
-    double u, v, ray[3];      /* there; ray: (x, y, 1) of that camera */
+    double ray[3];            /* there: (x, y, 1) of that camera */
     double at[3];             /* world */
     double inverse, variance; /* of NEW: inverse z in that camera */
     double off_u, off_v;      /* of NEW: where it was seen from where it was expected */
@@ -60,7 +61,6 @@ typedef struct look {
     landmark_state state; /* its, and */
     uint32_t sightings;   /* when the look was planned */
     double back[4];       /* displacements in the picture to those in its patch */
-    double expected[2];   /* px */
     double u, v;
     int found, misled; /* misled: it agrees with no pose that the others do */
 } look;
@@ -72,7 +72,6 @@ typedef struct sighting {
 
 typedef struct keyframe {
     uint32_t id;
-    int gone;
     sf_bundle_view view;
 } keyframe;
 
@@ -126,23 +125,6 @@ sf_status sf_landmarks_take(sf_landmarks *l, const sf_camera *c, float *const rg
 
 /* 1. Geometry */
 
-static void to_camera(const sf_rigid *T, const double at[3], double p[3]) {
-    sf_mat3_vec(T->R, at, p);
-    for (int k = 0; k < 3; k++) p[k] += T->t[k];
-}
-
-static void to_world(const sf_rigid *T, const double p[3], double at[3]) {
-    double d[3];
-    for (int k = 0; k < 3; k++) d[k] = p[k] - T->t[k];
-    for (int k = 0; k < 3; k++) at[k] = T->R[k] * d[0] + T->R[3 + k] * d[1] + T->R[6 + k] * d[2];
-}
-
-static int to_pixel(const sf_bundle_view *view, const double p[3], double pixel[2]) {
-    if (!(p[2] > 1e-9)) return 0;
-    pixel[0] = view->fx * p[0] / p[2] + view->cx, pixel[1] = view->fy * p[1] / p[2] + view->cy;
-    return 1;
-}
-
 static double cosine(const double a[3], const double b[3]) {
     return sf_dot3(a, b) / fmax(sqrt(sf_dot3(a, a) * sf_dot3(b, b)), 1e-300);
 }
@@ -151,14 +133,14 @@ static double cosine(const double a[3], const double b[3]) {
 static void place(const sf_landmarks *l, const landmark *m, double inverse, double at[3]) {
     double p[3];
     for (int k = 0; k < 3; k++) p[k] = m->ray[k] / inverse;
-    to_world(&l->keyframes[m->keyframe].view.pose, p, at);
+    sf_rigid_apply_back(&l->keyframes[m->keyframe].view.pose, p, at);
 }
 
 /* The cosine between the rays to a landmark from its first keyframe and from another camera. */
 static double between_rays(const sf_landmarks *l, const landmark *m, const sf_rigid *pose) {
     const double zero[3] = {0, 0, 0};
     double a[3], b[3];
-    to_world(&l->keyframes[m->keyframe].view.pose, zero, a), to_world(pose, zero, b);
+    sf_rigid_apply_back(&l->keyframes[m->keyframe].view.pose, zero, a), sf_rigid_apply_back(pose, zero, b);
     for (int k = 0; k < 3; k++) a[k] = m->at[k] - a[k], b[k] = m->at[k] - b[k];
     return cosine(a, b);
 }
@@ -170,13 +152,13 @@ static int map_back(const sf_landmarks *l, const landmark *m, const double here[
     const sf_bundle_view *first = &l->keyframes[m->keyframe].view;
     const double reach = 4;
     double p[3], forth[4];
-    to_camera(&first->pose, m->at, p);
+    sf_rigid_apply(&first->pose, m->at, p);
     for (int i = 0; i < 2; i++) {
         double q[3] = {p[0], p[1], p[2]}, at[3], there[2];
         q[i] += reach * p[2] / (i ? first->fy : first->fx);
-        to_world(&first->pose, q, at);
-        to_camera(&l->view.pose, at, q);
-        if (!to_pixel(&l->view, q, there)) return 0;
+        sf_rigid_apply_back(&first->pose, q, at);
+        sf_rigid_apply(&l->view.pose, at, q);
+        if (!sf_bundle_pixel(&l->view, q, there)) return 0;
         forth[i] = (there[0] - here[0]) / reach, forth[2 + i] = (there[1] - here[1]) / reach;
     }
     double det = forth[0] * forth[3] - forth[1] * forth[2];
@@ -191,11 +173,10 @@ static int expect(const sf_landmarks *l, size_t i, look *to) {
     const double margin = SF_PATCH_REACH + 2;
     double p[3], here[2];
     if (m->state == EMPTY) return 0;
-    to_camera(&l->view.pose, m->at, p);
-    if (!to_pixel(&l->view, p, here)) return 0;
+    sf_rigid_apply(&l->view.pose, m->at, p);
+    if (!sf_bundle_pixel(&l->view, p, here)) return 0;
     *to = (look){.landmark = i, .state = m->state, .sightings = m->sightings};
     if (!(between_rays(l, m, &l->view.pose) > LOOKS_ALIKE) || !map_back(l, m, here, to->back)) return 0;
-    to->expected[0] = here[0], to->expected[1] = here[1];
     to->u = here[0] + m->off_u, to->v = here[1] + m->off_v;
     return to->u > margin && to->v > margin && to->u < l->width - margin && to->v < l->height - margin;
 }
@@ -288,21 +269,19 @@ static double measure_spread(sf_landmarks *l) {
     return fmax(sf_spread(l->distances, count), LEAST_SPREAD);
 }
 
+/* Px: how far off a sighting may be. */
+static double farthest(double spread) { return fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST); }
+
 static void add_look(const sf_landmarks *l, const look *at, double c2, double A[36], double g[6]) {
-    double p[3], pixel[2];
-    to_camera(&l->view.pose, l->all[at->landmark].at, p);
-    if (!to_pixel(&l->view, p, pixel)) return;
-    const double r[2] = {pixel[0] - at->u, pixel[1] - at->v};
-    const double d[2][3] = {{l->view.fx / p[2], 0, -l->view.fx * p[0] / (p[2] * p[2])},
-                            {0, l->view.fy / p[2], -l->view.fy * p[1] / (p[2] * p[2])}};
-    double w = c2 / (c2 + r[0] * r[0] + r[1] * r[1]);
-    for (int i = 0; i < 2; i++) {
-        double J[SF_TWIST] = {d[i][0], d[i][1], d[i][2]};
-        sf_cross3(p, d[i], J + 3);
-        for (int k = 0; k < SF_TWIST; k++) {
-            g[k] += w * J[k] * r[i];
-            for (int j = 0; j < SF_TWIST; j++) A[SF_TWIST * k + j] += w * J[k] * J[j];
-        }
+    double p[3], pixel[2], J[2 * SF_TWIST];
+    sf_rigid_apply(&l->view.pose, l->all[at->landmark].at, p);
+    if (!sf_bundle_pixel(&l->view, p, pixel)) return;
+    sf_bundle_derive(&l->view, p, J, NULL);
+    const double r[2] = {pixel[0] - at->u, pixel[1] - at->v}, w = c2 / (c2 + r[0] * r[0] + r[1] * r[1]);
+    for (int i = 0; i < SF_TWIST; i++) {
+        g[i] += w * (J[i] * r[0] + J[SF_TWIST + i] * r[1]);
+        for (int k = 0; k < SF_TWIST; k++)
+            A[SF_TWIST * i + k] += w * (J[i] * J[k] + J[SF_TWIST + i] * J[SF_TWIST + k]);
     }
 }
 
@@ -313,36 +292,39 @@ static size_t count_telling(const sf_landmarks *l, double within) {
     return count;
 }
 
-/* Gauss and Newton, with Cauchy's weights. */
-static void find_pose(sf_landmarks *l, const sf_track_prior *prior, sf_followed *f) {
-    sf_rigid *pose = &l->view.pose;
-    for (int round = 0; round < ROUNDS; round++) {
-        double A[36] = {0}, g[6] = {0}, off[6] = {0}, scale;
-        f->spread = measure_spread(l);
-        scale = 1 / (f->spread * f->spread * CORRELATED);
-        for (size_t i = 0; i < l->look_count; i++)
-            if (tells(l, &l->looks[i])) add_look(l, &l->looks[i], pow(CAUCHY * f->spread, 2), A, g);
-        for (int k = 0; k < 36; k++) f->information[k] = A[k] *= scale;
-        if (prior) sf_rigid_twist(&prior->pose, pose, off);
-        for (int k = 0; k < SF_TWIST; k++) {
-            g[k] *= scale;
-            for (int j = 0; prior && j < SF_TWIST; j++) {
-                A[SF_TWIST * k + j] += prior->information[SF_TWIST * k + j];
-                g[k] += prior->information[SF_TWIST * k + j] * off[j];
-            }
-        }
-        if (!sf_cholesky(SF_TWIST, A)) break;
-        sf_cholesky_solve(SF_TWIST, A, g);
-        for (int k = 0; k < SF_TWIST; k++) g[k] = -g[k];
-        sf_rigid_move(pose, g);
-        if (sqrt(sf_dot3(g + 3, g + 3)) < 1e-6) break;
+/* A step of Gauss and Newton, with Cauchy's weights; 0: there is none. */
+static int find_step(sf_landmarks *l, const sf_track_prior *prior, sf_followed *f, double g[SF_TWIST]) {
+    double A[36] = {0}, off[SF_TWIST] = {0}, c2, scale;
+    f->spread = measure_spread(l);
+    c2 = pow(CAUCHY * f->spread, 2), scale = 1 / (f->spread * f->spread * CORRELATED);
+    for (size_t i = 0; i < l->look_count; i++)
+        if (tells(l, &l->looks[i])) add_look(l, &l->looks[i], c2, A, g);
+    for (int k = 0; k < 36; k++) f->information[k] = A[k] *= scale;
+    for (int k = 0; k < SF_TWIST; k++) g[k] *= scale;
+    if (prior) sf_rigid_twist(&prior->pose, &l->view.pose, off);
+    for (int k = 0; prior && k < 36; k++) {
+        A[k] += prior->information[k];
+        g[k / SF_TWIST] += prior->information[k] * off[k % SF_TWIST];
     }
-    f->pose = *pose;
-    f->used = count_telling(l, fmin(fmax(WIDTHS * f->spread, WIDEST), 2 * WIDEST));
+    if (!sf_cholesky(SF_TWIST, A)) return 0;
+    sf_cholesky_solve(SF_TWIST, A, g);
+    for (int k = 0; k < SF_TWIST; k++) g[k] = -g[k];
+    return 1;
+}
+
+static void find_pose(sf_landmarks *l, const sf_track_prior *prior, sf_followed *f) {
+    for (int round = 0; round < ROUNDS; round++) {
+        double step[SF_TWIST] = {0};
+        if (!find_step(l, prior, f, step)) break;
+        sf_rigid_move(&l->view.pose, step);
+        if (sqrt(sf_dot3(step + 3, step + 3)) < STILL) break;
+    }
+    f->pose = l->view.pose;
+    f->used = count_telling(l, farthest(f->spread));
 }
 
 static void note_misled(sf_landmarks *l, double spread) {
-    double most = fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST);
+    double most = farthest(spread);
     for (size_t i = 0; i < l->look_count; i++)
         if (tells(l, &l->looks[i])) l->looks[i].misled = !(distance_of(l, &l->looks[i]) <= most);
 }
@@ -373,11 +355,11 @@ sf_status sf_landmarks_follow(sf_landmarks *l, const sf_rigid *guess, const sf_t
 static int learn_depth(const sf_landmarks *l, landmark *m, const look *at) {
     double here[2], there[2], p[3], e[2], far[3], step = 0.01 * m->inverse;
     place(l, m, m->inverse, m->at);
-    to_camera(&l->view.pose, m->at, p);
+    sf_rigid_apply(&l->view.pose, m->at, p);
     place(l, m, m->inverse + step, far);
-    if (!to_pixel(&l->view, p, here)) return 0;
-    to_camera(&l->view.pose, far, p);
-    if (!to_pixel(&l->view, p, there)) return 0;
+    if (!sf_bundle_pixel(&l->view, p, here)) return 0;
+    sf_rigid_apply(&l->view.pose, far, p);
+    if (!sf_bundle_pixel(&l->view, p, there)) return 0;
     for (int k = 0; k < 2; k++) e[k] = (there[k] - here[k]) / step;
     const double r[2] = {at->u - here[0], at->v - here[1]};
     double ee = e[0] * e[0] + e[1] * e[1], along = ee > 0 ? (e[0] * r[0] + e[1] * r[1]) / ee : 0;
@@ -386,8 +368,8 @@ static int learn_depth(const sf_landmarks *l, landmark *m, const look *at) {
     m->inverse = fmin(fmax(m->inverse + part * along, 0.2 * m->inverse), 5 * m->inverse);
     m->variance = fmax((1 - part) * m->variance, pow(LEARNED * m->inverse, 2));
     place(l, m, m->inverse, m->at);
-    to_camera(&l->view.pose, m->at, p);
-    if (!to_pixel(&l->view, p, here)) return 0;
+    sf_rigid_apply(&l->view.pose, m->at, p);
+    if (!sf_bundle_pixel(&l->view, p, here)) return 0;
     m->off_u = at->u - here[0], m->off_v = at->v - here[1];
     return 1;
 }
@@ -403,7 +385,7 @@ static void note_look(landmark *m, int found) {
 
 void sf_landmarks_settle(sf_landmarks *l, const sf_rigid *pose) {
     l->view.pose = *pose;
-    double most = fmin(fmax(WIDTHS * measure_spread(l), WIDEST), 2 * WIDEST);
+    double most = farthest(measure_spread(l));
     for (size_t i = 0; i < l->look_count; i++) {
         look *at = &l->looks[i];
         landmark *m = &l->all[at->landmark];
@@ -416,12 +398,13 @@ void sf_landmarks_settle(sf_landmarks *l, const sf_rigid *pose) {
 
 /* 5. Keyframes */
 
+/* Those of landmarks that are no more. */
 static void drop_sightings(sf_landmarks *l) {
     size_t kept = 0;
     for (size_t i = 0; i < l->count; i++) l->all[i].sightings = 0;
     for (size_t i = 0; i < l->sighting_count; i++) {
         const sighting *s = &l->sightings[i];
-        if (l->all[s->landmark].state == EMPTY || l->keyframes[s->keyframe].gone) continue;
+        if (l->all[s->landmark].state == EMPTY) continue;
         l->all[s->landmark].sightings++;
         l->sightings[kept++] = *s;
     }
@@ -445,7 +428,7 @@ static double depth_near(const sf_landmarks *l, double u, double v, double other
         const look *at = &l->looks[i];
         double p[3], d = hypot(at->u - u, at->v - v);
         if (!tells(l, at) || (n == NEAREST && d >= nearest[n - 1])) continue;
-        to_camera(&l->view.pose, l->all[at->landmark].at, p);
+        sf_rigid_apply(&l->view.pose, l->all[at->landmark].at, p);
         int k = n < NEAREST ? n++ : n - 1;
         for (; k && nearest[k - 1] > d; k--) nearest[k] = nearest[k - 1], depth[k] = depth[k - 1];
         nearest[k] = d, depth[k] = p[2];
@@ -461,7 +444,7 @@ static sf_status take_up(sf_landmarks *l, int x, int y, double distance) {
     sf_status status = sf_grow(l->ctx, &l->all, &l->capacity, l->count, i + 1, sizeof *l->all);
     if (status) return status;
     landmark *m = &l->all[i];
-    *m = (landmark){.keyframe = l->keyframe_count - 1, .u = u, .v = v, .inverse = 1 / depth};
+    *m = (landmark){.keyframe = l->keyframe_count - 1, .inverse = 1 / depth};
     m->ray[0] = (u - l->view.cx) / l->view.fx, m->ray[1] = (v - l->view.cy) / l->view.fy, m->ray[2] = 1;
     m->variance = pow(GUESSED * m->inverse, 2);
     if (i == l->count) l->count++;
@@ -530,21 +513,32 @@ sf_status sf_landmarks_keep(sf_landmarks *l, uint32_t id, const sf_rigid *pose, 
         if (l->looks[i].found && l->all[l->looks[i].landmark].state != EMPTY)
             status = note_sighting(l, l->looks[i].landmark, l->looks[i].u, l->looks[i].v);
     if (!status) status = find_new(l, distance, weight);
+    if (status) sf_landmarks_drop(l, id);
     return status;
 }
 
 static size_t index_of(const sf_landmarks *l, uint32_t id) {
     size_t i = 0;
-    while (i < l->keyframe_count && (l->keyframes[i].id != id || l->keyframes[i].gone)) i++;
+    while (i < l->keyframe_count && l->keyframes[i].id != id) i++;
     return i;
 }
 
 void sf_landmarks_drop(sf_landmarks *l, uint32_t id) {
-    size_t at = index_of(l, id);
+    size_t at = index_of(l, id), kept = 0;
     if (at == l->keyframe_count) return;
-    l->keyframes[at].gone = 1;
-    for (size_t i = 0; i < l->count; i++)
+    l->keyframe_count--;
+    memmove(l->keyframes + at, l->keyframes + at + 1, (l->keyframe_count - at) * sizeof *l->keyframes);
+    for (size_t i = 0; i < l->count; i++) {
         if (l->all[i].keyframe == at) l->all[i].state = EMPTY;
+        l->all[i].keyframe -= l->all[i].keyframe > at;
+    }
+    for (size_t i = 0; i < l->sighting_count; i++) {
+        sighting s = l->sightings[i];
+        if (s.keyframe == at) continue;
+        s.keyframe -= s.keyframe > at;
+        l->sightings[kept++] = s;
+    }
+    l->sighting_count = kept;
     drop_sightings(l);
 }
 
@@ -557,34 +551,34 @@ int sf_landmarks_pose(const sf_landmarks *l, uint32_t id, sf_rigid *pose) {
 
 /* 6. The bundle */
 
+/* What goes into a bundle, and where it came from. */
 typedef struct gathering {
     sf_bundle bundle;
     sf_bundle_sighting *sightings;
-    size_t *origin;                     /* [sightings]: in l->sightings */
-    uint32_t *shared;                   /* [keyframes]: landmarks of the newest that it sees; SIZE: free */
-    uint8_t *free_keyframe, *in_bundle; /* [keyframes]; [landmarks] */
-    uint32_t *point_of, *landmark_of;   /* [landmarks], [points] */
-    size_t *first;                      /* [landmarks + 1] of `origin` */
+    size_t *order;         /* [sightings]: those of l, by landmark; */
+    size_t *first;         /* [landmarks + 1]: each one's first there */
+    uint32_t *shared;      /* [keyframes]: landmarks of the newest that it sees */
+    uint8_t *is_free;      /* [keyframes] */
+    uint32_t *landmark_of; /* [points] */
 } gathering;
 
 static int make_gathering(sf_landmarks *l, gathering *g) {
     sf_context *ctx = l->ctx;
     g->sightings = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->sightings);
-    g->origin = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->origin);
-    g->shared = sf_calloc(ctx, l->keyframe_count + 1, sizeof *g->shared);
-    g->free_keyframe = sf_calloc(ctx, l->keyframe_count + 1, 1);
-    g->in_bundle = sf_calloc(ctx, l->count + 1, 1);
-    g->landmark_of = sf_alloc(ctx, l->count + 1, sizeof *g->landmark_of);
+    g->order = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->order);
     g->first = sf_calloc(ctx, l->count + 2, sizeof *g->first);
+    g->shared = sf_calloc(ctx, l->keyframe_count + 1, sizeof *g->shared);
+    g->is_free = sf_calloc(ctx, l->keyframe_count + 1, 1);
+    g->landmark_of = sf_alloc(ctx, l->count + 1, sizeof *g->landmark_of);
     g->bundle.views = sf_alloc(ctx, l->keyframe_count + 1, sizeof *g->bundle.views);
     g->bundle.points = sf_alloc(ctx, l->count + 1, sizeof *g->bundle.points);
-    return g->sightings && g->origin && g->shared && g->free_keyframe && g->in_bundle && g->landmark_of &&
-           g->first && g->bundle.views && g->bundle.points;
+    return g->sightings && g->order && g->first && g->shared && g->is_free && g->landmark_of &&
+           g->bundle.views && g->bundle.points;
 }
 
 static void free_gathering(sf_landmarks *l, gathering *g) {
-    void *const blocks[] = {g->sightings,   g->origin, g->shared,       g->free_keyframe, g->in_bundle,
-                            g->landmark_of, g->first,  g->bundle.views, g->bundle.points};
+    void *const blocks[] = {g->sightings, g->order,       g->first,        g->shared,
+                            g->is_free,   g->landmark_of, g->bundle.views, g->bundle.points};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(l->ctx, blocks[i]);
 }
 
@@ -592,106 +586,121 @@ static void free_gathering(sf_landmarks *l, gathering *g) {
 static void sort_sightings(const sf_landmarks *l, gathering *g) {
     for (size_t i = 0; i < l->sighting_count; i++) g->first[l->sightings[i].landmark + 2]++;
     for (size_t i = 2; i < l->count + 2; i++) g->first[i] += g->first[i - 1];
-    for (size_t i = 0; i < l->sighting_count; i++) g->origin[g->first[l->sightings[i].landmark + 1]++] = i;
+    for (size_t i = 0; i < l->sighting_count; i++) g->order[g->first[l->sightings[i].landmark + 1]++] = i;
+}
+
+static const sighting *sighting_at(const sf_landmarks *l, const gathering *g, size_t i) {
+    return &l->sightings[g->order[i]];
+}
+
+/* How many landmarks of the newest keyframe each of the others sees. */
+static void count_shared(const sf_landmarks *l, gathering *g, size_t newest) {
+    for (size_t m = 0; m < l->count; m++) {
+        int by_newest = 0;
+        for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
+            by_newest |= sighting_at(l, g, i)->keyframe == newest;
+        for (size_t i = g->first[m]; by_newest && i < g->first[m + 1]; i++)
+            g->shared[sighting_at(l, g, i)->keyframe]++;
+    }
 }
 
 /* The newest keyframe, those that see most of what it sees, and then the newest others: what drifted since a
  * place was seen before follows when it is seen again. */
 static void choose_free(const sf_landmarks *l, gathering *g, size_t most) {
     size_t newest = l->keyframe_count - 1, n = 1;
-    for (size_t m = 0; m < l->count; m++) {
-        int by_newest = 0;
-        for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
-            by_newest |= l->sightings[g->origin[i]].keyframe == newest;
-        for (size_t i = g->first[m]; by_newest && i < g->first[m + 1]; i++)
-            g->shared[l->sightings[g->origin[i]].keyframe]++;
-    }
-    g->free_keyframe[newest] = 1;
-    for (size_t best; n < most / 2; n++) {
-        best = newest;
+    count_shared(l, g, newest);
+    g->is_free[newest] = 1;
+    for (; n < most / 2; n++) {
+        size_t best = newest;
         for (size_t k = 0; k < newest; k++)
-            if (!g->free_keyframe[k] && !l->keyframes[k].gone && g->shared[k] &&
-                (best == newest || g->shared[k] >= g->shared[best]))
+            if (!g->is_free[k] && g->shared[k] && (best == newest || g->shared[k] >= g->shared[best]))
                 best = k;
         if (best == newest) break;
-        g->free_keyframe[best] = 1;
+        g->is_free[best] = 1;
     }
     for (size_t k = newest; k-- && n < most;)
-        if (!g->free_keyframe[k] && !l->keyframes[k].gone) g->free_keyframe[k] = 1, n++;
+        if (!g->is_free[k]) g->is_free[k] = 1, n++;
+}
+
+/* One whose place is not known yet is held along the ray that it was first seen on. */
+static sf_bundle_point point_of(const sf_landmarks *l, const landmark *m) {
+    sf_bundle_point p = {.at = {m->at[0], m->at[1], m->at[2]}};
+    const double zero[3] = {0, 0, 0};
+    double center[3];
+    if (m->state == KNOWN) return p;
+    sf_rigid_apply_back(&l->keyframes[m->keyframe].view.pose, zero, center);
+    for (int k = 0; k < 3; k++) p.ray[k] = m->at[k] - center[k];
+    double length = sqrt(sf_dot3(p.ray, p.ray));
+    for (int k = 0; k < 3; k++) p.ray[k] /= length;
+    p.ray_information = 1 / pow(GUESSED * length, 2);
+    return p;
+}
+
+/* Whether a landmark belongs into the bundle: a free keyframe sees it, and another one. */
+static int belongs(const sf_landmarks *l, const gathering *g, size_t m) {
+    int seen = 0;
+    for (size_t i = g->first[m]; i < g->first[m + 1]; i++) seen |= g->is_free[sighting_at(l, g, i)->keyframe];
+    return seen && g->first[m + 1] - g->first[m] > 1 && l->all[m].state != EMPTY;
 }
 
 static void gather(const sf_landmarks *l, gathering *g) {
     sf_bundle *b = &g->bundle;
-    size_t n = 0;
     b->view_count = l->keyframe_count;
+    b->sightings = g->sightings;
     for (size_t k = 0; k < l->keyframe_count; k++) {
         b->views[k] = l->keyframes[k].view;
-        b->views[k].is_free = g->free_keyframe[k];
+        b->views[k].is_free = g->is_free[k];
     }
     for (size_t m = 0; m < l->count; m++) {
-        const landmark *from = &l->all[m];
-        int seen = 0;
-        for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
-            seen |= g->free_keyframe[l->sightings[g->origin[i]].keyframe];
-        if (!seen || g->first[m + 1] - g->first[m] < 2 || from->state == EMPTY) continue;
-        sf_bundle_point *to = &b->points[b->point_count];
-        *to = (sf_bundle_point){.at = {from->at[0], from->at[1], from->at[2]}};
-        if (from->state == NEW) {
-            double p[3], length;
-            const double zero[3] = {0, 0, 0};
-            to_world(&l->keyframes[from->keyframe].view.pose, zero, p);
-            for (int k = 0; k < 3; k++) to->ray[k] = from->at[k] - p[k];
-            length = sqrt(sf_dot3(to->ray, to->ray));
-            for (int k = 0; k < 3; k++) to->ray[k] /= length;
-            to->ray_information = 1 / pow(GUESSED * length, 2);
-        }
+        if (!belongs(l, g, m)) continue;
+        uint32_t point = (uint32_t)b->point_count++;
+        b->points[point] = point_of(l, &l->all[m]);
+        g->landmark_of[point] = (uint32_t)m;
         for (size_t i = g->first[m]; i < g->first[m + 1]; i++) {
-            const sighting *s = &l->sightings[g->origin[i]];
-            g->sightings[n++] =
-                (sf_bundle_sighting){(uint32_t)s->keyframe, (uint32_t)b->point_count, s->u, s->v};
+            const sighting *s = sighting_at(l, g, i);
+            g->sightings[b->sighting_count++] =
+                (sf_bundle_sighting){(uint32_t)s->keyframe, point, s->u, s->v};
         }
-        g->landmark_of[b->point_count++] = (uint32_t)m;
     }
-    b->sightings = g->sightings, b->sighting_count = n;
 }
 
-/* What came out: poses, places, and which sightings were wrong. */
-static void accept(sf_landmarks *l, gathering *g, double spread) {
-    const sf_bundle *b = &g->bundle;
-    double most = fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST);
-    for (size_t k = 0; k < l->keyframe_count; k++) l->keyframes[k].view.pose = b->views[k].pose;
-    for (size_t p = 0; p < b->point_count; p++) {
-        landmark *m = &l->all[g->landmark_of[p]];
-        size_t good = 0, first = g->first[g->landmark_of[p]], end = g->first[g->landmark_of[p] + 1];
-        double widest = 1, q[3];
-        memcpy(m->at, b->points[p].at, sizeof m->at);
-        for (size_t i = first; i < end; i++) {
-            sighting *s = &l->sightings[g->origin[i]];
-            int wrong = !(sf_bundle_distance(&b->views[s->keyframe], m->at, s->u, s->v) <= most);
-            if (wrong) {
-                s->landmark = SIZE_MAX;
-                continue;
-            }
-            good++;
-            widest = fmin(widest, between_rays(l, m, &b->views[s->keyframe].pose));
-        }
-        m->sightings = (uint32_t)good;
-        to_camera(&l->keyframes[m->keyframe].view.pose, m->at, q);
-        if (!(q[2] > 0) || good < 2) {
-            m->state = EMPTY;
+/* A landmark's place as it came out, and which of its sightings were wrong. */
+static void accept_point(sf_landmarks *l, const gathering *g, size_t point, double most) {
+    landmark *m = &l->all[g->landmark_of[point]];
+    const size_t *first = &g->first[g->landmark_of[point]];
+    double widest = 1, p[3];
+    int good = 0;
+    memcpy(m->at, g->bundle.points[point].at, sizeof m->at);
+    for (size_t i = first[0]; i < first[1]; i++) {
+        sighting *s = &l->sightings[g->order[i]];
+        const sf_bundle_view *view = &l->keyframes[s->keyframe].view;
+        if (!(sf_bundle_distance(view, m->at, s->u, s->v) <= most)) {
+            s->landmark = SIZE_MAX;
             continue;
         }
-        int known = good >= LEAST_SIGHTINGS && widest < cos(PARALLAX);
-        if (m->state == NEW) m->inverse = 1 / q[2];
-        if (m->state == NEW && known) m->state = KNOWN, m->off_u = m->off_v = 0;
+        good++;
+        widest = fmin(widest, between_rays(l, m, &view->pose));
     }
-    for (size_t i = 0; i < l->count; i++)
-        if (l->all[i].state == NEW) place(l, &l->all[i], l->all[i].inverse, l->all[i].at);
+    sf_rigid_apply(&l->keyframes[m->keyframe].view.pose, m->at, p);
+    if (!(p[2] > 0) || good < 2) {
+        m->state = EMPTY;
+    } else if (m->state == NEW) {
+        m->inverse = 1 / p[2];
+        if (good >= LEAST_SIGHTINGS && widest < cos(PARALLAX)) m->state = KNOWN, m->off_u = m->off_v = 0;
+    }
+}
+
+/* What came out. */
+static void accept(sf_landmarks *l, const gathering *g, double spread) {
     size_t kept = 0;
+    for (size_t k = 0; k < l->keyframe_count; k++) l->keyframes[k].view.pose = g->bundle.views[k].pose;
+    for (size_t p = 0; p < g->bundle.point_count; p++) accept_point(l, g, p, farthest(spread));
     for (size_t i = 0; i < l->sighting_count; i++)
         if (l->sightings[i].landmark != SIZE_MAX) l->sightings[kept++] = l->sightings[i];
     l->sighting_count = kept;
     drop_sightings(l);
+    for (size_t i = 0; i < l->count; i++) /* where their keyframes are by now */
+        if (l->all[i].state == NEW) place(l, &l->all[i], l->all[i].inverse, l->all[i].at);
 }
 
 sf_status sf_landmarks_adjust(sf_landmarks *l, size_t most) {

@@ -4,6 +4,17 @@
 #include "../base/linear.h"
 #include "track.h"
 
+void sf_rigid_apply(const sf_rigid *T, const double at[3], double to[3]) {
+    sf_mat3_vec(T->R, at, to);
+    for (int k = 0; k < 3; k++) to[k] += T->t[k];
+}
+
+void sf_rigid_apply_back(const sf_rigid *T, const double at[3], double to[3]) {
+    double d[3];
+    for (int k = 0; k < 3; k++) d[k] = at[k] - T->t[k];
+    for (int k = 0; k < 3; k++) to[k] = T->R[k] * d[0] + T->R[3 + k] * d[1] + T->R[6 + k] * d[2];
+}
+
 void sf_rigid_compose(const sf_rigid *a, const sf_rigid *b, sf_rigid *c) {
     sf_rigid result;
     sf_mat3_mul(a->R, b->R, result.R);
