@@ -91,7 +91,8 @@ static void take(fixture *f, double gain, double bias, double noise) {
     assert_ok(f->ctx, sf_tracker_take(f->tracker, &f->camera, plane, WIDTH));
 }
 
-static sf_track track_from(fixture *f, const double twist[6], const sf_track_prior *prior, sf_track_guess how) {
+static sf_track track_from(fixture *f, const double twist[6], const sf_track_prior *prior,
+                           sf_track_guess how) {
     sf_render_options options = sf_render_options_default();
     sf_rigid guess = f->truth;
     sf_track track;
