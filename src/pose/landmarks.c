@@ -198,7 +198,7 @@ static sf_status choose(sf_landmarks *l) {
     int size = cell_size(l), across = l->width / size + 1, down = l->height / size + 1;
     uint8_t *cells = sf_calloc(l->ctx, (size_t)across * (size_t)down, 1);
     if (!cells) return SF_ERR_MEMORY;
-    qsort(l->looks, l->look_count, sizeof *l->looks, better_first);
+    if (l->look_count) qsort(l->looks, l->look_count, sizeof *l->looks, better_first);
     size_t kept = 0;
     for (size_t i = 0; i < l->look_count; i++) {
         uint8_t *cell = &cells[(int)l->looks[i].v / size * across + (int)l->looks[i].u / size];
