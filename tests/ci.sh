@@ -68,7 +68,7 @@ join() { # NAME
 by_clang() { step clang "${make[@]}" CC=clang; }
 # Refused blocks, and the moments of one fit after another, have nothing of threads.
 by_threads() {
-    step thread "${quick[@]}" SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test
+    step thread "${quick[@]}" TIMEOUT=900 SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test
 }
 step lint "${make[@]}" lint
 lane clang by_clang
