@@ -24,7 +24,7 @@ typedef enum sf_pose_from {
     SF_POSE_NONE,    /* it is not known */
     SF_POSE_BOARD,   /* a board in view alone */
     SF_POSE_OUTSIDE, /* the caller's, or the frame's own camera, alone */
-    SF_POSE_TRACK    /* the model; refines what is known besides */
+    SF_POSE_TRACK    /* landmarks and the model; refine what is known besides */
 } sf_pose_from;
 
 /* The camera's pose at a time (ns, as sf_frame.time_ns), from outside: R_cw (row-major) and t_cw as in

@@ -6,6 +6,7 @@
 #include <splatfit/source.h>
 
 #include "../base/context.h"
+#include "../pose/patch.h"
 
 /* A picture through a pinhole camera. */
 typedef struct sf_picture {
@@ -21,7 +22,7 @@ typedef struct sf_picture {
 
 /* Grey of a pixel, as sf_tracker_take has it. */
 static inline float sf_picture_grey(const sf_picture *p, size_t at) {
-    return 0.299f * p->rgb[0][at] + 0.587f * p->rgb[1][at] + 0.114f * p->rgb[2][at];
+    return sf_grey(p->rgb[0][at], p->rgb[1][at], p->rgb[2][at]);
 }
 
 typedef struct sf_intake sf_intake;

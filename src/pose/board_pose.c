@@ -10,7 +10,7 @@
 enum { LEAST_CORNERS = 4, ROUNDS = 3 };
 
 /* Corners further off than REJECT spreads, and than REJECT_PX, do not belong to the pose. */
-static const double LEAST_SPREAD = 0.1, CAUCHY = 2.385, REJECT = 4.5, REJECT_PX = 0.5;
+static const double LEAST_SPREAD = 0.1, REJECT = 4.5, REJECT_PX = 0.5;
 
 /* What is known of a pose while it is looked for. */
 typedef struct search {
@@ -37,7 +37,7 @@ static size_t reject(search *s, const sf_rigid *T, double spread) {
 static size_t fit(search *s, sf_rigid *T) {
     s->list.rejected = NULL;
     for (int round = 0; round < ROUNDS; round++)
-        sf_view_refine(s->lens, &s->list, CAUCHY * spread_about(s, T), T);
+        sf_view_refine(s->lens, &s->list, SF_CAUCHY * spread_about(s, T), T);
     size_t rejected = reject(s, T, spread_about(s, T));
     s->list.rejected = s->rejected;
     if (s->list.count - rejected >= LEAST_CORNERS) sf_view_refine(s->lens, &s->list, 0, T);
@@ -79,7 +79,7 @@ static double choose(search *s, sf_rigid *T, size_t *rejected) {
     mirror(s, T, &other);
     sf_corner_list all = s->list;
     all.rejected = NULL;
-    double scale = CAUCHY * spread_about(s, T);
+    double scale = SF_CAUCHY * spread_about(s, T);
     double cost = sf_view_refine(s->lens, &all, scale, &other);
     sf_view_sums mine;
     sf_view_sum(s->lens, T, &all, scale, SF_VIEW_COST, &mine);

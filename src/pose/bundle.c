@@ -9,12 +9,10 @@
 
 enum { LEAST_SPREAD_COUNT = 8 };
 
-#define CAUCHY       2.385
-#define LEAST_SPREAD 0.2 /* px: corners that are followed are not known better */
-#define FIRST_DAMP   1e-4
-#define MOST_DAMP    1e8
-#define ENOUGH       1e-5 /* part of the cost that a step takes off, to go on */
-#define WARP         (3 * SF_TWIST)
+#define FIRST_DAMP 1e-4
+#define MOST_DAMP  1e8
+#define ENOUGH     1e-5 /* part of the cost that a step takes off, to go on */
+#define CROSS      (3 * SF_TWIST)
 
 /* The sums of one point, kept for the way back. */
 typedef struct point_sums {
@@ -26,13 +24,13 @@ typedef struct adjustment {
     const sf_bundle *b;
     size_t *rank; /* [views]: among the free ones, SIZE_MAX of others */
     size_t free_count;
-    double *S, *g;     /* [6 free][6 free], [6 free] */
-    double *U;         /* [free][6][6]: before points are taken out */
-    double (*W)[WARP]; /* [sightings]: pose by point */
-    point_sums *sums;  /* [points] */
-    sf_rigid *poses;   /* [views], and */
-    double *at;        /* [points][3]: before the step */
-    double *distances; /* [sightings], for their median */
+    double *S, *g;      /* [6 free][6 free], [6 free] */
+    double *U;          /* [free][6][6]: before points are taken out */
+    double (*W)[CROSS]; /* [sightings]: pose by point */
+    point_sums *sums;   /* [points] */
+    sf_rigid *poses;    /* [views], and */
+    double *at;         /* [points][3]: before the step */
+    double *distances;  /* [sightings], for their median */
     double spread;
 } adjustment;
 
@@ -86,7 +84,7 @@ static double measure_spread(adjustment *a) {
         double d = sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v);
         if (isfinite(d)) a->distances[count++] = d;
     }
-    return count < LEAST_SPREAD_COUNT ? 1 : fmax(sf_spread(a->distances, count), LEAST_SPREAD);
+    return count < LEAST_SPREAD_COUNT ? 1 : fmax(sf_spread(a->distances, count), SF_LEAST_SPREAD);
 }
 
 static double prior_cost(const sf_bundle_view *view) {
@@ -100,7 +98,7 @@ static double prior_cost(const sf_bundle_view *view) {
 }
 
 static double cost_of(const adjustment *a) {
-    double cost = 0, c2 = pow(CAUCHY * a->spread, 2), far = 20 * CAUCHY * a->spread;
+    double cost = 0, c2 = pow(SF_CAUCHY * a->spread, 2), far = 20 * SF_CAUCHY * a->spread;
     for (size_t i = 0; i < a->b->sighting_count; i++) {
         const sf_bundle_sighting *s = &a->b->sightings[i];
         double d =
@@ -123,7 +121,7 @@ static double cost_of(const adjustment *a) {
 static void add_sighting(adjustment *a, size_t i, double V[9], double g[3]) {
     const sf_bundle_sighting *s = &a->b->sightings[i];
     size_t rank = a->rank[s->view];
-    double r[2], J[2 * SF_TWIST], K[6], c2 = pow(CAUCHY * a->spread, 2);
+    double r[2], J[2 * SF_TWIST], K[6], c2 = pow(SF_CAUCHY * a->spread, 2);
     memset(a->W[i], 0, sizeof a->W[i]);
     if (!derive(&a->b->views[s->view], &a->b->points[s->point], s, r, J, K)) return;
     double w = c2 / (c2 + r[0] * r[0] + r[1] * r[1]) / (a->spread * a->spread);
@@ -161,7 +159,7 @@ static void take_out(adjustment *a, size_t first, size_t end, const point_sums *
     size_t n = 6 * a->free_count;
     for (size_t i = first; i < end; i++) {
         size_t row = a->rank[a->b->sightings[i].view];
-        double Y[WARP];
+        double Y[CROSS];
         if (row == SIZE_MAX) continue;
         for (int k = 0; k < SF_TWIST; k++)
             for (int l = 0; l < 3; l++) Y[3 * k + l] = sf_dot3(a->W[i] + 3 * k, sums->V + 3 * l);

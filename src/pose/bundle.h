@@ -8,6 +8,9 @@
 #include "../base/context.h"
 #include "track.h"
 
+/* Px: corners that are followed are not known better, whatever their scatter. */
+#define SF_LEAST_SPREAD 0.2
+
 typedef struct sf_bundle_view {
     sf_rigid pose; /* world to camera */
     double fx, fy, cx, cy;

@@ -9,7 +9,6 @@
 
 enum { N = SF_LENS_PARAMETERS, LEAST_VIEWS = 3, LEAST_CORNERS = 6, ROUNDS = 8, STEPS = 100 };
 
-static const double CAUCHY = 2.385;      /* scale of the weights in standard deviations: 95 % efficient */
 static const double REJECT = 4.5;        /* standard deviations beyond which a corner does not fit, */
 static const double REJECT_PX = 0.25;    /* and px that it must be off at least */
 static const double LEAST_SPREAD = 0.01; /* px: exact corners have none */
@@ -260,7 +259,7 @@ static void fit(problem *p) {
     for (int round = 0; round < ROUNDS && count_views(p->s) >= LEAST_VIEWS; round++) {
         double spread = find_spread(p);
         if (round >= ROUNDS / 2) reject(p, spread);
-        p->scale = round == ROUNDS - 1 ? 0 : CAUCHY * spread;
+        p->scale = round == ROUNDS - 1 ? 0 : SF_CAUCHY * spread;
         minimize(p);
     }
 }

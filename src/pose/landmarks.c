@@ -23,23 +23,21 @@ enum {
     JUDGED = 24          /* looks at one, until it may be given up */
 };
 
-#define CORNER       3e-4f /* cornerness of a landmark at least */
-#define APART        0.5   /* of a cell, from all others */
-#define ALIKE        0.65  /* correlation */
-#define ALIKE_NEW    0.75
-#define LOOKS_ALIKE  0.6  /* cosine between the rays, at least */
-#define NEAR_MISS    2.0  /* px, from the line that a new one must lie on */
-#define SEEN_SIGMA   0.5  /* px, of a sighting where its pose may be off too */
-#define GUESSED      0.5  /* standard deviation of an inverse depth that was guessed, in parts of it */
-#define LEARNED      0.02 /* the least that is believed of one */
-#define PARALLAX     0.02 /* rad, for a landmark's place to be known */
-#define WIDEST       1.5  /* px: what is farther off is no sighting, */
-#define WIDTHS       3.0  /* or by so many standard deviations */
-#define CAUCHY       2.385
-#define LEAST_SPREAD 0.2  /* px */
-#define CORRELATED   4.0  /* landmarks that tell as much as one */
-#define STILL        1e-6 /* rad: a step that turns by less is the last */
-#define FOUND_LEAST  0.2  /* of the looks at one */
+#define CORNER      3e-4f /* cornerness of a landmark at least */
+#define APART       0.5   /* of a cell, from all others */
+#define ALIKE       0.65  /* correlation */
+#define ALIKE_NEW   0.75
+#define LOOKS_ALIKE 0.6  /* cosine between the rays, at least */
+#define NEAR_MISS   2.0  /* px, from the line that a new one must lie on */
+#define SEEN_SIGMA  0.5  /* px, of a sighting where its pose may be off too */
+#define GUESSED     0.5  /* standard deviation of an inverse depth that was guessed, in parts of it */
+#define LEARNED     0.02 /* the least that is believed of one */
+#define PARALLAX    0.02 /* rad, for a landmark's place to be known */
+#define WIDEST      1.5  /* px: what is farther off is no sighting, */
+#define WIDTHS      3.0  /* or by so many standard deviations */
+#define CORRELATED  4.0  /* landmarks that tell as much as one */
+#define STILL       1e-6 /* rad: a step that turns by less is the last */
+#define FOUND_LEAST 0.2  /* of the looks at one */
 
 typedef enum landmark_state { EMPTY, NEW, KNOWN } landmark_state;
 
@@ -129,6 +127,10 @@ static double cosine(const double a[3], const double b[3]) {
     return sf_dot3(a, b) / fmax(sqrt(sf_dot3(a, a) * sf_dot3(b, b)), 1e-300);
 }
 
+static void center_of(const sf_rigid *pose, double center[3]) {
+    sf_rigid_apply_back(pose, (const double[3]){0, 0, 0}, center);
+}
+
 /* The point of a new landmark at an inverse depth. */
 static void place(const sf_landmarks *l, const landmark *m, double inverse, double at[3]) {
     double p[3];
@@ -138,9 +140,9 @@ static void place(const sf_landmarks *l, const landmark *m, double inverse, doub
 
 /* The cosine between the rays to a landmark from its first keyframe and from another camera. */
 static double between_rays(const sf_landmarks *l, const landmark *m, const sf_rigid *pose) {
-    const double zero[3] = {0, 0, 0};
     double a[3], b[3];
-    sf_rigid_apply_back(&l->keyframes[m->keyframe].view.pose, zero, a), sf_rigid_apply_back(pose, zero, b);
+    center_of(&l->keyframes[m->keyframe].view.pose, a);
+    center_of(pose, b);
     for (int k = 0; k < 3; k++) a[k] = m->at[k] - a[k], b[k] = m->at[k] - b[k];
     return cosine(a, b);
 }
@@ -266,7 +268,7 @@ static double measure_spread(sf_landmarks *l) {
         double d = tells(l, &l->looks[i]) ? distance_of(l, &l->looks[i]) : INFINITY;
         if (isfinite(d)) l->distances[count++] = d;
     }
-    return fmax(sf_spread(l->distances, count), LEAST_SPREAD);
+    return fmax(sf_spread(l->distances, count), SF_LEAST_SPREAD);
 }
 
 /* Px: how far off a sighting may be. */
@@ -296,7 +298,7 @@ static size_t count_telling(const sf_landmarks *l, double within) {
 static int find_step(sf_landmarks *l, const sf_track_prior *prior, sf_followed *f, double g[SF_TWIST]) {
     double A[36] = {0}, off[SF_TWIST] = {0}, c2, scale;
     f->spread = measure_spread(l);
-    c2 = pow(CAUCHY * f->spread, 2), scale = 1 / (f->spread * f->spread * CORRELATED);
+    c2 = pow(SF_CAUCHY * f->spread, 2), scale = 1 / (f->spread * f->spread * CORRELATED);
     for (size_t i = 0; i < l->look_count; i++)
         if (tells(l, &l->looks[i])) add_look(l, &l->looks[i], c2, A, g);
     for (int k = 0; k < 36; k++) f->information[k] = A[k] *= scale;
@@ -625,10 +627,9 @@ static void choose_free(const sf_landmarks *l, gathering *g, size_t most) {
 /* One whose place is not known yet is held along the ray that it was first seen on. */
 static sf_bundle_point point_of(const sf_landmarks *l, const landmark *m) {
     sf_bundle_point p = {.at = {m->at[0], m->at[1], m->at[2]}};
-    const double zero[3] = {0, 0, 0};
     double center[3];
     if (m->state == KNOWN) return p;
-    sf_rigid_apply_back(&l->keyframes[m->keyframe].view.pose, zero, center);
+    center_of(&l->keyframes[m->keyframe].view.pose, center);
     for (int k = 0; k < 3; k++) p.ray[k] = m->at[k] - center[k];
     double length = sqrt(sf_dot3(p.ray, p.ray));
     for (int k = 0; k < 3; k++) p.ray[k] /= length;

@@ -41,8 +41,7 @@ sf_status sf_pyramid_make(sf_context *ctx, const sf_camera *camera, float *const
         for (size_t y = 0; !i && y < (size_t)height; y++)
             for (size_t x = 0; x < (size_t)width; x++) {
                 size_t at = y * stride + x;
-                p->levels[0].grey[y * (size_t)width + x] =
-                    0.299f * rgb[0][at] + 0.587f * rgb[1][at] + 0.114f * rgb[2][at];
+                p->levels[0].grey[y * (size_t)width + x] = sf_grey(rgb[0][at], rgb[1][at], rgb[2][at]);
             }
     }
     return SF_OK;

@@ -15,6 +15,11 @@ enum {
     SF_STORED_SIDE = 2 * SF_STORED_REACH + 1
 };
 
+/* The grey of a colour (BT.601). */
+static inline float sf_grey(float red, float green, float blue) {
+    return 0.299f * red + 0.587f * green + 0.114f * blue;
+}
+
 /* A picture's greys, 0..1, each level half the size of the one before. */
 typedef struct sf_pyramid {
     struct {

@@ -8,6 +8,7 @@
 #include "../base/linear.h"
 #include "../base/pool.h"
 #include "../render/workspace.h"
+#include "patch.h"
 
 enum {
     LEVELS = 3,        /* halvings of the picture that is compared: near guesses need the first two */
@@ -89,8 +90,6 @@ void sf_tracker_destroy(sf_tracker **tracker) {
 
 /* 1. The picture, smaller and smaller */
 
-static float luma(float r, float g, float b) { return 0.299f * r + 0.587f * g + 0.114f * b; }
-
 static void shrink_picture(float *const rgb[3], size_t stride, int factor, const level *to) {
     size_t n = (size_t)factor, width = (size_t)to->camera.width, height = (size_t)to->camera.height;
     for (size_t y = 0; y < height; y++)
@@ -99,7 +98,7 @@ static void shrink_picture(float *const rgb[3], size_t stride, int factor, const
             for (int c = 0; c < 3; c++)
                 for (size_t i = 0; i < n; i++)
                     for (size_t j = 0; j < n; j++) sum[c] += rgb[c][(y * n + i) * stride + x * n + j];
-            to->grey[y * width + x] = luma(sum[0], sum[1], sum[2]) / (float)(n * n);
+            to->grey[y * width + x] = sf_grey(sum[0], sum[1], sum[2]) / (float)(n * n);
         }
 }
 
@@ -137,7 +136,7 @@ sf_status sf_tracker_take(sf_tracker *t, const sf_camera *camera, float *const r
 /* 2. The drawing as points */
 
 static float grey_of(const sf_workspace *ws, size_t at) {
-    return luma(ws->rgb[0][at], ws->rgb[1][at], ws->rgb[2][at]);
+    return sf_grey(ws->rgb[0][at], ws->rgb[1][at], ws->rgb[2][at]);
 }
 
 /* 0: nothing is there. */
@@ -377,11 +376,9 @@ sf_status sf_track_picture(sf_tracker *t, const sf_model *model, const sf_render
                            const sf_rigid *guess, const sf_track_prior *prior, sf_track_guess how,
                            sf_track *track) {
     row_sums sums = {0};
-    int last = t->level_count - 1, coarsest = how == SF_GUESS_FAR            ? last
-                                              : how == SF_GUESS_NEAR && last ? 1
-                                                                             : 0;
-    int drawings = how == SF_GUESS_CLOSE ? 1 : DRAWINGS,
-        rounds = how == SF_GUESS_CLOSE ? ROUNDS_CLOSE : ROUNDS;
+    int close = how == SF_GUESS_CLOSE, drawings = close ? 1 : DRAWINGS,
+        rounds = close ? ROUNDS_CLOSE : ROUNDS;
+    int coarsest = (int)how < t->level_count ? (int)how : t->level_count - 1;
     *track = (sf_track){.pose = *guess};
     t->gain = 1, t->bias = 0, t->width = FIRST;
     for (int i = coarsest; i >= 0; i--)

@@ -35,11 +35,11 @@ void sf_tracker_destroy(sf_tracker **tracker);
 /* The picture to place: `camera` has its size and intrinsics, rgb planes of height x stride floats, 0..1. */
 sf_status sf_tracker_take(sf_tracker *tracker, const sf_camera *camera, float *const rgb[3], size_t stride);
 
-/* How good a guess is. */
+/* How good a guess is: by so many halvings of the picture it begins. */
 typedef enum sf_track_guess {
     SF_GUESS_CLOSE, /* less than a pixel off: at the finest size alone, from one drawing */
     SF_GUESS_NEAR,  /* some pixels */
-    SF_GUESS_FAR    /* many: begins coarser */
+    SF_GUESS_FAR    /* many */
 } sf_track_guess;
 
 /* Looks for the pose from which the model looks like the picture, from `guess` on. prior: NULL, or what else

@@ -11,6 +11,9 @@
  */
 enum { SF_LENS_PARAMETERS = 8, SF_TWIST = 6 };
 
+/* Scale of Cauchy's weights, in standard deviations: 95 % efficient (README, P.3). */
+#define SF_CAUCHY 2.385
+
 /* In a view. */
 enum { SF_CORNERS_MOST = 2400 };
 

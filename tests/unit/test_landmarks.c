@@ -65,60 +65,65 @@ static void take_picture(const sf_rigid *pose, double gain, double bias, double 
 
 /* 2. Patches */
 
-static void patches_are_found_to_parts_of_a_pixel(void **state) {
-    (void)state;
-    sf_context *ctx = test_context();
-    sf_pyramid here = {0}, there = {0};
+/* The wall as two cameras see it. */
+typedef struct pair {
+    sf_context *ctx;
+    sf_pyramid here, there;
+} pair;
+
+static pair look_twice(const sf_rigid *there, double gain, double bias, double noise) {
+    pair pictures = {.ctx = test_context()};
+    const sf_rigid here = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    picture *p = malloc(sizeof *p);
     sf_rng rng;
     sf_rng_seed(&rng, 7);
-    picture *p = malloc(sizeof *p);
-    sf_rigid pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, moved = pose;
+    assert_non_null(p);
+    float *const rgb[3] = {p->plane, p->plane, p->plane};
+    take_picture(&here, 1, 0, 0, &rng, p);
+    assert_ok(pictures.ctx, sf_pyramid_make(pictures.ctx, &lens, rgb, WIDTH, &pictures.here));
+    take_picture(there, gain, bias, noise, &rng, p);
+    assert_ok(pictures.ctx, sf_pyramid_make(pictures.ctx, &lens, rgb, WIDTH, &pictures.there));
+    free(p);
+    return pictures;
+}
+
+static void forget(pair *pictures) {
+    sf_pyramid_free(pictures->ctx, &pictures->here);
+    sf_pyramid_free(pictures->ctx, &pictures->there);
+    sf_context_destroy(&pictures->ctx);
+}
+
+static void patches_are_found_to_parts_of_a_pixel(void **state) {
+    (void)state;
+    sf_rigid moved = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     const double still[4] = {1, 0, 0, 1};
     double squares = 0, n = 0;
-    assert_non_null(p);
     moved.t[0] = 4 / lens.fx * 5.37, moved.t[1] = -4 / lens.fy * 3.81; /* px, on the wall */
-    take_picture(&pose, 1, 0, 0, &rng, p);
-    float *const rgb[3] = {p->plane, p->plane, p->plane};
-    assert_ok(ctx, sf_pyramid_make(ctx, &lens, rgb, WIDTH, &here));
-    take_picture(&moved, 0.7, 0.1, 0.01, &rng, p);
-    assert_ok(ctx, sf_pyramid_make(ctx, &lens, rgb, WIDTH, &there));
+    pair p = look_twice(&moved, 0.7, 0.1, 0.01);
     for (int y = 20; y < 100; y += 10)
         for (int x = 20; x < WIDTH - 20; x += 10) {
             sf_patch patch;
             double u = x + 0.5, v = y + 0.5;
-            if (sf_cornerness(&here, x, y) < 2e-4f) continue;
-            assert_true(sf_patch_cut(&here, u, v, &patch));
-            double like = sf_patch_find(&there, &patch, still, SF_PYRAMID_LEVELS - 1, &u, &v);
+            if (sf_cornerness(&p.here, x, y) < 2e-4f) continue;
+            assert_true(sf_patch_cut(&p.here, u, v, &patch));
+            double like = sf_patch_find(&p.there, &patch, still, SF_PYRAMID_LEVELS - 1, &u, &v);
             if (!(like > 0.9)) continue;
             squares += pow(u - x - 0.5 - 5.37, 2) + pow(v - y - 0.5 + 3.81, 2);
             n++;
         }
     print_message("%.0f patches, %.3f px rms\n", n, sqrt(squares / n / 2));
     assert_true(n > 60 && sqrt(squares / n / 2) < 0.1);
-    sf_pyramid_free(ctx, &here);
-    sf_pyramid_free(ctx, &there);
-    free(p);
-    sf_context_destroy(&ctx);
+    forget(&p);
 }
 
 static void patches_are_turned_and_scaled(void **state) {
     (void)state;
-    sf_context *ctx = test_context();
-    sf_pyramid here = {0}, there = {0};
-    sf_rng rng;
-    sf_rng_seed(&rng, 7);
-    picture *p = malloc(sizeof *p);
-    sf_rigid pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, turned = pose;
+    sf_rigid turned = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     const double angle = 0.5, far = 5, turn[6] = {0, 0, far - 4, 0, 0, angle};
     double worst = 0;
     int n = 0;
-    assert_non_null(p);
     sf_rigid_move(&turned, turn); /* the wall from 5 in place of 4, turned about the axis */
-    take_picture(&pose, 1, 0, 0, &rng, p);
-    float *const rgb[3] = {p->plane, p->plane, p->plane};
-    assert_ok(ctx, sf_pyramid_make(ctx, &lens, rgb, WIDTH, &here));
-    take_picture(&turned, 1, 0, 0, &rng, p);
-    assert_ok(ctx, sf_pyramid_make(ctx, &lens, rgb, WIDTH, &there));
+    pair p = look_twice(&turned, 1, 0, 0);
     const double c = cos(angle) * far / 4, s = sin(angle) * far / 4, back[4] = {c, s, -s, c};
     for (int y = 40; y < 110; y += 10)
         for (int x = 70; x < 170; x += 10) {
@@ -127,50 +132,34 @@ static void patches_are_turned_and_scaled(void **state) {
             double to_u = lens.cx + (cos(angle) * dx - sin(angle) * dy) * 4 / far;
             double to_v = lens.cy + (sin(angle) * dx + cos(angle) * dy) * 4 / far;
             double u = to_u + 0.7, v = to_v - 0.5;
-            if (sf_cornerness(&here, x, y) < 2e-4f) continue;
-            assert_true(sf_patch_cut(&here, x + 0.5, y + 0.5, &patch));
-            if (!(sf_patch_find(&there, &patch, back, 0, &u, &v) > 0.95)) continue;
+            if (sf_cornerness(&p.here, x, y) < 2e-4f) continue;
+            assert_true(sf_patch_cut(&p.here, x + 0.5, y + 0.5, &patch));
+            if (!(sf_patch_find(&p.there, &patch, back, 0, &u, &v) > 0.95)) continue;
             worst = fmax(worst, hypot(u - to_u, v - to_v));
             n++;
         }
     print_message("%d patches, %.3f px off at most\n", n, worst);
     assert_true(n > 15 && worst < 0.15);
-    sf_pyramid_free(ctx, &here);
-    sf_pyramid_free(ctx, &there);
-    free(p);
-    sf_context_destroy(&ctx);
+    forget(&p);
 }
 
 static void nothing_is_found_where_nothing_is(void **state) {
     (void)state;
-    sf_context *ctx = test_context();
-    sf_pyramid here = {0}, blank = {0};
-    sf_rng rng;
-    sf_rng_seed(&rng, 7);
-    picture *p = malloc(sizeof *p);
     const sf_rigid pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     const double still[4] = {1, 0, 0, 1}, huge[4] = {9, 0, 0, 9};
     sf_patch patch;
     double u = 100.5, v = 60.5;
-    assert_non_null(p);
-    take_picture(&pose, 1, 0, 0, &rng, p);
-    float *const rgb[3] = {p->plane, p->plane, p->plane};
-    assert_ok(ctx, sf_pyramid_make(ctx, &lens, rgb, WIDTH, &here));
-    take_picture(&pose, 0, 0.5, 0, &rng, p);
-    assert_ok(ctx, sf_pyramid_make(ctx, &lens, rgb, WIDTH, &blank));
-    assert_true(sf_patch_cut(&here, u, v, &patch));
-    assert_true(sf_patch_find(&blank, &patch, still, 2, &u, &v) < 0);
-    assert_true(sf_cornerness(&blank, 100, 60) < 1e-9f);
+    pair p = look_twice(&pose, 0, 0.5, 0);
+    assert_true(sf_patch_cut(&p.here, u, v, &patch));
+    assert_true(sf_patch_find(&p.there, &patch, still, 2, &u, &v) < 0);
+    assert_true(sf_cornerness(&p.there, 100, 60) < 1e-9f);
     u = 100.5, v = 60.5;
-    assert_true(sf_patch_find(&here, &patch, huge, 0, &u, &v) < -1); /* more than was kept of it */
+    assert_true(sf_patch_find(&p.here, &patch, huge, 0, &u, &v) < -1); /* more than was kept of it */
     u = 2, v = 60;
-    assert_true(sf_patch_find(&here, &patch, still, 0, &u, &v) < -1); /* the picture ends */
-    assert_false(sf_patch_cut(&here, 3, 60, &patch));
-    assert_true(sf_cornerness(&here, 0, 0) == 0 && sf_cornerness(&here, WIDTH - 1, HEIGHT - 1) == 0);
-    sf_pyramid_free(ctx, &here);
-    sf_pyramid_free(ctx, &blank);
-    free(p);
-    sf_context_destroy(&ctx);
+    assert_true(sf_patch_find(&p.here, &patch, still, 0, &u, &v) < -1); /* the picture ends */
+    assert_false(sf_patch_cut(&p.here, 3, 60, &patch));
+    assert_true(sf_cornerness(&p.here, 0, 0) == 0 && sf_cornerness(&p.here, WIDTH - 1, HEIGHT - 1) == 0);
+    forget(&p);
 }
 
 /* 3. Bundles */
