@@ -1,4 +1,4 @@
-/* keyframes.c - which frames are kept, and what is done with them: the start, points, evaluation. */
+/* keyframes.c - which frames are kept, and what is done with them: the start, evaluation. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,9 +11,7 @@
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
-    SEED_POINTS = 1500,
-    NEIGHBOURS = 5,
-    ADJUSTED = 60 /* keyframes whose poses are adjusted with each new one */
+    ADJUSTED = 60    /* keyframes whose poses are adjusted with each new one */
 };
 
 #define MOVED          2e-5 /* rad, parts of the distance: a pose that is another one */
@@ -21,10 +19,6 @@ enum {
 #define FIRST_GAP      0.4  /* of the gap between keyframes, before the fit begins */
 #define SHARP          0.7  /* of the usual sharpness: enough for a keyframe */
 #define PATIENCE       0.7  /* s, for a sharper one */
-#define OPEN           0.02 /* part of a picture without a model: worth a search for points */
-#define MISSING        0.4f /* transmittance of where nothing is */
-#define NEARER         0.87f
-#define WRONG          0.1f /* grey */
 #define LOOK_EVERY     0.5  /* s: evaluations */
 /* sRGB: value = (1 + offset) light^(1 / power) - offset */
 #define SRGB_POWER  2.4
@@ -227,13 +221,27 @@ static double usual_light(const sf_live *live) {
 
 /* What light does to values in sRGB, but for its darkest. Where all began alike each new picture taught the
  * model its own exposure where nothing else was seen, and a path through brighter and darker places ended in
- * colours that go with the exposures along it. */
+ * colours that go with the exposures along it. 0: the light is not known. */
+static int exposure_of_light(const sf_live *live, const sf_keyframe *k, double gain[3], double bias[3]) {
+    double usual = usual_light(live), by = exp((log(k->light) - usual) / SRGB_POWER);
+    if (isnan(usual) || !isfinite(by)) by = 1;
+    for (int c = 0; c < 3; c++) gain[c] = by, bias[c] = SRGB_OFFSET * (by - 1);
+    return !isnan(usual);
+}
+
 static void begin_exposure(sf_live *live, const sf_keyframe *k) {
-    double usual = usual_light(live);
-    double gain = exp((log(k->light) - usual) / SRGB_POWER), bias = SRGB_OFFSET * (gain - 1);
-    if (!isnan(usual))
-        (void)sf_fitter_set_exposure(live->fitter, k->id, (double[3]){gain, gain, gain},
-                                     (double[3]){bias, bias, bias});
+    double gain[3], bias[3];
+    if (exposure_of_light(live, k, gain, bias)) (void)sf_fitter_set_exposure(live->fitter, k->id, gain, bias);
+}
+
+void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]) {
+    for (int c = 0; c < 3; c++) gain[c] = 1, bias[c] = 0;
+    for (size_t i = live->keyframe_count; i--;) {
+        const sf_keyframe *k = &live->keyframes[i];
+        if (k->id != id || !live->options.fit.exposure) continue;
+        if (!k->told || sf_fitter_get_exposure(live->fitter, id, gain, bias))
+            (void)exposure_of_light(live, k, gain, bias);
+    }
 }
 
 void sf_live_tell_fit(sf_live *live) {
@@ -277,116 +285,7 @@ sf_status sf_live_begin(sf_live *live) {
     return status;
 }
 
-/* 4. Points */
-
-/* The newest keyframe that is trained on and its neighbours; references are the caller's. */
-static size_t seed_views(sf_live *live, sf_view *views[SF_SEED_VIEWS]) {
-    size_t n = 0, at = live->keyframe_count, count = 0, chosen[NEIGHBOURS];
-    while (at && live->keyframes[at - 1].held_out) at--;
-    if (!at) return 0;
-    const sf_keyframe *newest = &live->keyframes[at - 1];
-    sf_view **all = sf_alloc(live->ctx, at, sizeof *all);
-    const sf_camera **cameras = sf_alloc(live->ctx, at, sizeof *cameras);
-    for (size_t i = 0; all && cameras && i < at; i++) {
-        sf_view *view =
-            live->keyframes[i].held_out ? NULL : sf_scene_retain_id(live->scene, live->keyframes[i].id);
-        if (!view) continue;
-        cameras[count] = &view->camera;
-        all[count++] = view;
-    }
-    if (count && all[count - 1]->id == newest->id) {
-        views[n++] = sf_view_retain(all[count - 1]);
-        size_t found = sf_choose_neighbours(cameras, count, count - 1, live->distance, NEIGHBOURS, chosen);
-        for (size_t i = 0; i < found; i++) views[n++] = sf_view_retain(all[chosen[i]]);
-    }
-    for (size_t i = 0; i < count; i++) sf_view_release(all[i]);
-    sf_free(live->ctx, all);
-    sf_free(live->ctx, cameras);
-    return n;
-}
-
-/* The model as the newest keyframe sees it. */
-static sf_status draw_for(sf_live *live, const sf_view *view) {
-    sf_render_options options;
-    sf_camera camera = view->camera;
-    sf_fitter_render_options(live->fitter, &options);
-    sf_refine_camera(&live->fitter->views, view->id, &camera);
-    return sf_forward(&live->fitter->workspace, live->fitter->model, &camera, &options, 1);
-}
-
-static double open_part(const sf_workspace *ws) {
-    size_t open = 0, width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
-    for (size_t y = 0; y < height; y++)
-        for (size_t x = 0; x < width; x++) open += ws->transmittance[y * ws->stride + x] > MISSING;
-    return (double)open / (double)(width * height);
-}
-
-sf_status sf_live_ask_for_points(sf_live *live) {
-    sf_view *views[SF_SEED_VIEWS];
-    if (!live->fitter || !sf_seeder_idle(live->seeder)) return SF_OK;
-    size_t n = seed_views(live, views);
-    sf_status status = n > 1 ? draw_for(live, views[0]) : SF_OK;
-    if (!status && n > 1 && open_part(&live->fitter->workspace) > OPEN) {
-        sf_sweep_options options = {.wanted = SEED_POINTS,
-                                    .nearest = (double)live->fitter->near_plane,
-                                    .extent = live->fitter->extent};
-        sf_seeder_search(live->seeder, views, n, &options);
-        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
-    }
-    for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
-    return status;
-}
-
-/* Whether the drawing lacks what was found at a point: nothing is there, or something else far behind it. */
-static int is_missing(const sf_workspace *ws, const sf_view *view, const sf_camera *c, const float *xyz) {
-    double p[3], world[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
-    sf_mat3_vec(c->R_cw, world, p);
-    for (int k = 0; k < 3; k++) p[k] += c->t_cw[k];
-    if (!(p[2] > 0)) return 0;
-    double u = c->fx * p[0] / p[2] + c->cx, v = c->fy * p[1] / p[2] + c->cy;
-    if (!(u >= 0 && v >= 0 && u < c->width && v < c->height)) return 0;
-    size_t at = (size_t)v * ws->stride + (size_t)u, in_view = (size_t)v * (size_t)c->width + (size_t)u;
-    float T = ws->transmittance[at], wrong = 0;
-    if (T > MISSING) return 1;
-    for (size_t k = 0; k < 3; k++) {
-        size_t plane = k * (size_t)c->width * (size_t)c->height;
-        wrong += fabsf((float)view->rgb[plane + in_view] / 255.0f - ws->rgb[k][at]) / 3;
-    }
-    return wrong > WRONG && (float)p[2] < NEARER * ws->depth[at] / (1 - T);
-}
-
-/* Those that the model lacks stay. */
-static void keep_missing(sf_live *live, sf_seeds *seeds, const sf_view *view) {
-    size_t n = 0;
-    sf_camera camera = view->camera;
-    sf_refine_camera(&live->fitter->views, view->id, &camera);
-    for (size_t i = 0; i < seeds->cloud.n; i++) {
-        if (!is_missing(&live->fitter->workspace, view, &camera, seeds->cloud.xyz + 3 * i)) continue;
-        memmove(seeds->cloud.xyz + 3 * n, seeds->cloud.xyz + 3 * i, 3 * sizeof *seeds->cloud.xyz);
-        memmove(seeds->cloud.rgb + 3 * n, seeds->cloud.rgb + 3 * i, 3);
-        seeds->radius[n++] = seeds->radius[i];
-    }
-    seeds->cloud.n = n;
-}
-
-sf_status sf_live_take_points(sf_live *live) {
-    sf_seeds seeds;
-    size_t added = 0;
-    if (!live->fitter || !sf_seeder_take(live->seeder, &seeds)) return SF_OK;
-    sf_view *view = sf_scene_retain_id(live->scene, seeds.view);
-    sf_status status = view && seeds.cloud.n ? draw_for(live, view) : SF_OK;
-    if (!status && view && seeds.cloud.n) {
-        keep_missing(live, &seeds, view);
-        status = sf_fitter_add_points(live->fitter, seeds.cloud.n, seeds.cloud.xyz, seeds.cloud.rgb,
-                                      seeds.radius, &added);
-    }
-    live->seeded += added;
-    sf_view_release(view);
-    sf_seeds_free(live->seeder, &seeds);
-    return status;
-}
-
-/* 5. How good it is */
+/* 4. How good it is */
 
 static sf_status quality_of(sf_live *live, uint32_t id, sf_quality *quality) {
     sf_camera camera;

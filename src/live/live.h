@@ -128,7 +128,11 @@ void sf_live_tell_fit(sf_live *live);
 sf_status sf_live_begin(sf_live *live);
 /* Looks at a keyframe that is held out, or the first one, now and then. */
 sf_status sf_live_evaluate(sf_live *live);
-/* Asks for points around the newest keyframe, and takes in those that were found. */
+/* A keyframe's exposure as it is known by now: what the fit learned, before that what its light says. */
+void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]);
+
+/* points.c */
+/* Asks for points around the newest keyframe, and takes in those that the model lacks. */
 sf_status sf_live_ask_for_points(sf_live *live);
 sf_status sf_live_take_points(sf_live *live);
 

@@ -21,7 +21,8 @@ struct sf_seeder {
 
 static void search(sf_seeder *s) {
     sf_seeds *to = &s->seeds;
-    *to = (sf_seeds){.view = s->views[0]->id};
+    *to = (sf_seeds){0};
+    for (size_t i = 0; i < s->n; i++) to->ids[i] = s->views[i]->id;
     sf_status status =
         sf_sweep_points(s->own, (const sf_view *const *)s->views, s->n, &s->options, &to->cloud);
     if (!status && to->cloud.n) {

@@ -8,11 +8,11 @@ enum { SF_SEED_VIEWS = 6 };
 
 typedef struct sf_seeder sf_seeder;
 
-/* Points, how large each is to be, and the camera that they are for. */
+/* Points, how large each is to be, and the views that they are from. */
 typedef struct sf_seeds {
     sf_cloud cloud;
-    float *radius; /* [n], world units; 0: not to be used */
-    uint32_t view; /* id */
+    float *radius;               /* [n], world units; 0: not to be used */
+    uint32_t ids[SF_SEED_VIEWS]; /* of the views that were searched, that camera's first */
 } sf_seeds;
 
 sf_status sf_seeder_create(sf_context *ctx, sf_seeder **seeder);

@@ -21,6 +21,7 @@ enum {
 typedef struct candidate {
     float xyz[3];
     uint8_t rgb[3];
+    uint32_t view;
     float score;
     float pixel; /* world units that a pixel spans there */
     uint64_t voxel;
@@ -99,6 +100,7 @@ static void consider_pixel(const sf_seen *all, const sf_seen *seen, size_t x, si
     for (int k = 0; k < 3; k++) best->xyz[k] = (float)p[k];
     best->score = seen->score[i];
     best->pixel = (float)(z / c->fx);
+    best->view = seen->place;
     color_of(seen, x, y, best->rgb);
 }
 
@@ -175,7 +177,7 @@ static sf_status thin(sf_context *ctx, candidate *c, size_t n, size_t wanted, sf
         if (!is_kept(c, i, slots, slot_count)) continue;
         memcpy(cloud->xyz + 3 * cloud->n, c[i].xyz, sizeof c[i].xyz);
         memcpy(cloud->rgb + 3 * cloud->n, c[i].rgb, sizeof c[i].rgb);
-        cloud->n++;
+        cloud->view[cloud->n++] = c[i].view;
     }
     sf_free(ctx, slots);
     return status;

@@ -8,6 +8,7 @@
 /* A view and what a sweep found in it. */
 typedef struct sf_seen {
     const sf_view *view;
+    uint32_t place; /* of the view, among those that were given */
     sf_grey grey;
     float *inverse_depth, *score; /* as sf_match gives them */
     double distance;              /* camera z of what it looks at, world units */

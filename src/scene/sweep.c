@@ -31,7 +31,8 @@ sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud) {
     cloud->n = 0;
     cloud->xyz = sf_alloc(ctx, n, 3 * sizeof *cloud->xyz);
     cloud->rgb = sf_alloc(ctx, n, 3);
-    if (cloud->xyz && cloud->rgb) return SF_OK;
+    cloud->view = sf_calloc(ctx, n, sizeof *cloud->view);
+    if (cloud->xyz && cloud->rgb && cloud->view) return SF_OK;
     sf_cloud_destroy(ctx, cloud);
     return SF_ERR_MEMORY;
 }
@@ -39,6 +40,7 @@ sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud) {
 void sf_cloud_destroy(sf_context *ctx, sf_cloud *cloud) {
     sf_free(ctx, cloud->xyz);
     sf_free(ctx, cloud->rgb);
+    sf_free(ctx, cloud->view);
     *cloud = (sf_cloud){0};
 }
 
@@ -213,7 +215,10 @@ sf_status sf_sweep_points(sf_context *ctx, const sf_view *const *views, size_t n
     sweep_job job = {.ctx = ctx, .n = n < MOST_VIEWS ? n : MOST_VIEWS};
     job.seen = sf_calloc(ctx, job.n, sizeof *job.seen);
     sf_status status = job.seen ? SF_OK : SF_ERR_MEMORY;
-    for (size_t i = 0; !status && i < job.n; i++) job.seen[i].view = views[i * n / job.n];
+    for (size_t i = 0; !status && i < job.n; i++) {
+        size_t place = i * n / job.n;
+        job.seen[i].view = views[place], job.seen[i].place = (uint32_t)place;
+    }
     if (!status) status = match_all(&job, options);
     if (!status) status = sf_fuse(ctx, job.seen, job.n, options->wanted, cloud);
     if (job.seen) free_pictures(&job);

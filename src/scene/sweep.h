@@ -7,8 +7,9 @@
 
 /* Points and their colours. */
 typedef struct sf_cloud {
-    float *xyz;   /* [n][3], world units */
-    uint8_t *rgb; /* [n][3] */
+    float *xyz;     /* [n][3], world units */
+    uint8_t *rgb;   /* [n][3] */
+    uint32_t *view; /* [n]: whose colour it is, a place among the views that were swept; else 0 */
     size_t n;
 } sf_cloud;
 

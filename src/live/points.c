@@ -1,0 +1,199 @@
+/* points.c - new Gaussians where the newest keyframe shows what the model lacks. */
+#include <math.h>
+#include <string.h>
+
+#include "../base/linear.h"
+#include "../fit/refine.h"
+#include "../scene/neighbours.h"
+#include "live.h"
+
+enum {
+    POINTS = 1500, /* a search, at most */
+    NEIGHBOURS = 5,
+    CELL = 8,    /* px */
+    CROWDED = 12 /* Gaussians in 3 x 3 cells, at a point's depth: no others are needed there */
+};
+
+#define OPEN  0.4f    /* transmittance of where nothing is */
+#define WRONG 0.06f   /* grey */
+#define FAINT (-3.0f) /* log2 of the opacity of what is not counted */
+#define DEPTH 0.08f   /* of a depth: what lies within is at it */
+
+/* Gaussians by the cell that their middle is drawn in, as lists of indices; NOBODY ends one. */
+#define NOBODY UINT32_MAX
+typedef struct crowd {
+    const sf_workspace *ws;
+    size_t across, down;
+    uint32_t *first, *next; /* [down][across], [count] */
+} crowd;
+
+/* The newest keyframe that is trained on and its neighbours; references are the caller's. */
+static size_t seed_views(sf_live *live, sf_view *views[SF_SEED_VIEWS]) {
+    size_t n = 0, at = live->keyframe_count, count = 0, chosen[NEIGHBOURS];
+    while (at && live->keyframes[at - 1].held_out) at--;
+    if (!at) return 0;
+    const sf_keyframe *newest = &live->keyframes[at - 1];
+    sf_view **all = sf_alloc(live->ctx, at, sizeof *all);
+    const sf_camera **cameras = sf_alloc(live->ctx, at, sizeof *cameras);
+    for (size_t i = 0; all && cameras && i < at; i++) {
+        sf_view *view =
+            live->keyframes[i].held_out ? NULL : sf_scene_retain_id(live->scene, live->keyframes[i].id);
+        if (!view) continue;
+        cameras[count] = &view->camera;
+        all[count++] = view;
+    }
+    if (count && all[count - 1]->id == newest->id) {
+        views[n++] = sf_view_retain(all[count - 1]);
+        size_t found = sf_choose_neighbours(cameras, count, count - 1, live->distance, NEIGHBOURS, chosen);
+        for (size_t i = 0; i < found; i++) views[n++] = sf_view_retain(all[chosen[i]]);
+    }
+    for (size_t i = 0; i < count; i++) sf_view_release(all[i]);
+    sf_free(live->ctx, all);
+    sf_free(live->ctx, cameras);
+    return n;
+}
+
+/* The model as the newest keyframe sees it. */
+static sf_status draw_for(sf_live *live, const sf_view *view) {
+    sf_render_options options;
+    sf_camera camera = view->camera;
+    sf_fitter_render_options(live->fitter, &options);
+    sf_refine_camera(&live->fitter->views, view->id, &camera);
+    return sf_forward(&live->fitter->workspace, live->fitter->model, &camera, &options, 1);
+}
+
+sf_status sf_live_ask_for_points(sf_live *live) {
+    sf_view *views[SF_SEED_VIEWS];
+    if (!live->fitter || !sf_seeder_idle(live->seeder)) return SF_OK;
+    size_t n = seed_views(live, views);
+    if (n > 1) {
+        sf_sweep_options options = {
+            .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
+        sf_seeder_search(live->seeder, views, n, &options);
+        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
+    }
+    for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
+    return SF_OK;
+}
+
+/* Those of the drawing that are more than faint. */
+static sf_status gather(sf_context *ctx, const sf_workspace *ws, crowd *c) {
+    size_t width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
+    *c = (crowd){.ws = ws, .across = (width + CELL - 1) / CELL, .down = (height + CELL - 1) / CELL};
+    c->first = sf_alloc(ctx, c->across * c->down, sizeof *c->first);
+    c->next = sf_alloc(ctx, ws->count, sizeof *c->next);
+    if (!c->first || !c->next) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < c->across * c->down; i++) c->first[i] = NOBODY;
+    for (size_t i = 0; i < ws->count; i++) {
+        const sf_splat *g = &ws->splats[i];
+        if (ws->state[i] != SF_SEEN || g->log2_opacity < FAINT) continue;
+        if (!(g->u >= 0 && g->v >= 0 && g->u < (float)width && g->v < (float)height)) continue;
+        uint32_t *list = &c->first[(size_t)g->v / CELL * c->across + (size_t)g->u / CELL];
+        c->next[i] = *list, *list = (uint32_t)i;
+    }
+    return SF_OK;
+}
+
+/* Whether there are Gaussians enough about a point that falls on (u, v) at depth z. */
+static int is_crowded(const crowd *c, double u, double v, float z) {
+    size_t column = (size_t)u / CELL, row = (size_t)v / CELL;
+    int n = 0;
+    for (size_t y = row ? row - 1 : 0; y <= row + 1 && y < c->down; y++)
+        for (size_t x = column ? column - 1 : 0; x <= column + 1 && x < c->across; x++)
+            for (uint32_t i = c->first[y * c->across + x]; i != NOBODY; i = c->next[i])
+                n += fabsf(c->ws->splats[i].depth - z) < DEPTH * z;
+    return n > CROWDED;
+}
+
+/* How the model is drawn, and what the newest keyframe shows. */
+typedef struct sight {
+    const sf_view *view;
+    sf_camera camera;
+    double gain[3], bias[3];
+    crowd crowd;
+} sight;
+
+/* Mean difference of the channels at a pixel, without the picture's exposure. */
+static double error_at(const sight *s, size_t x, size_t y) {
+    const sf_workspace *ws = s->crowd.ws;
+    size_t width = (size_t)s->camera.width, plane = width * (size_t)s->camera.height;
+    double sum = 0;
+    for (size_t k = 0; k < 3; k++) {
+        double seen = s->view->rgb[k * plane + y * width + x] / 255.0;
+        sum += fabs((seen - s->bias[k]) / s->gain[k] - (double)ws->rgb[k][y * ws->stride + x]);
+    }
+    return sum / 3;
+}
+
+/* Whether the model lacks what was found at a point: nothing is there, or it errs and has few Gaussians.
+ * Where it is crowded growth has enough to go on from. */
+static int is_missing(const sight *s, const float *xyz) {
+    const sf_workspace *ws = s->crowd.ws;
+    const sf_camera *c = &s->camera;
+    double p[3], world[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
+    sf_mat3_vec(c->R_cw, world, p);
+    for (int k = 0; k < 3; k++) p[k] += c->t_cw[k];
+    if (!(p[2] > 0)) return 0;
+    double u = c->fx * p[0] / p[2] + c->cx, v = c->fy * p[1] / p[2] + c->cy;
+    if (!(u >= 0 && v >= 0 && u < c->width && v < c->height)) return 0;
+    if (is_crowded(&s->crowd, u, v, (float)p[2])) return 0;
+    size_t x = (size_t)u, y = (size_t)v;
+    if (s->view->weight && !s->view->weight[y * (size_t)c->width + x]) return 0; /* masked */
+    return ws->transmittance[y * ws->stride + x] > OPEN || error_at(s, x, y) > (double)WRONG;
+}
+
+/* A point's colour as it would be without the exposure of the picture that it is from. */
+static void expose_back(uint8_t *rgb, const double gain[3], const double bias[3]) {
+    for (int k = 0; k < 3; k++) {
+        double value = 255 * (rgb[k] / 255.0 - bias[k]) / gain[k];
+        rgb[k] = (uint8_t)(fmin(fmax(value, 0), 255) + 0.5);
+    }
+}
+
+/* Those that the model lacks stay, in the scene's own colours. */
+static void keep_missing(sf_live *live, sf_seeds *seeds, const sight *s) {
+    size_t n = 0;
+    double gain[SF_SEED_VIEWS][3], bias[SF_SEED_VIEWS][3];
+    sf_cloud *cloud = &seeds->cloud;
+    for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], gain[i], bias[i]);
+    for (size_t i = 0; i < cloud->n; i++) {
+        if (!is_missing(s, cloud->xyz + 3 * i)) continue;
+        uint32_t from = cloud->view[i];
+        memmove(cloud->xyz + 3 * n, cloud->xyz + 3 * i, 3 * sizeof *cloud->xyz);
+        memmove(cloud->rgb + 3 * n, cloud->rgb + 3 * i, 3);
+        expose_back(cloud->rgb + 3 * n, gain[from], bias[from]);
+        cloud->view[n] = from;
+        seeds->radius[n++] = seeds->radius[i];
+    }
+    cloud->n = n;
+}
+
+static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *view) {
+    sight s = {.view = view, .camera = view->camera};
+    sf_refine_camera(&live->fitter->views, view->id, &s.camera);
+    sf_live_exposure(live, view->id, s.gain, s.bias);
+    sf_status status = draw_for(live, view);
+    if (!status) status = gather(live->ctx, &live->fitter->workspace, &s.crowd);
+    if (!status) keep_missing(live, seeds, &s);
+    sf_free(live->ctx, s.crowd.first);
+    sf_free(live->ctx, s.crowd.next);
+    return status;
+}
+
+sf_status sf_live_take_points(sf_live *live) {
+    sf_seeds seeds;
+    size_t added = 0;
+    if (!live->fitter || !sf_seeder_take(live->seeder, &seeds)) return SF_OK;
+    sf_view *view = sf_scene_retain_id(live->scene, seeds.ids[0]);
+    sf_status status = SF_OK;
+    if (view && seeds.cloud.n) {
+        status = choose_points(live, &seeds, view);
+        if (!status)
+            status = sf_fitter_add_points(live->fitter, seeds.cloud.n, seeds.cloud.xyz, seeds.cloud.rgb,
+                                          seeds.radius, &added);
+    }
+    live->seeded += added;
+    sf_view_release(view);
+    sf_seeds_free(live->seeder, &seeds);
+    return status;
+}
