@@ -446,7 +446,8 @@ static void test_same_bytes(void **state) {
     }
 }
 
-/* Growth by a half is not seen: held-out views lose less than 0.1 dB, early and late. */
+/* Growth by a half is not seen: held-out views lose less than 0.1 dB, early and late. With the loss of a run
+ * of 770 steps; with that of 200, which is all but squared, the third growth loses 0.11 to 0.14. */
 static void test_growth_is_not_seen(void **state) {
     (void)state;
     int quick = getenv("SPLATFIT_QUICK") != NULL;
@@ -460,6 +461,7 @@ static void test_growth_is_not_seen(void **state) {
     options.max_gaussians = 100000;
     options.grow_most = 1e6;
     options.grow_rate = 0.5;
+    options.huber_delta = 0.1;
     sf_fitter *f;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
     for (int growth = 0; growth < (quick ? 1 : 3); growth++) {
