@@ -134,8 +134,11 @@ static sf_rigid predict(const sf_live *live, double *spread) {
     return pose;
 }
 
+/* Blurred pictures agree less: while they last the camera is tracked on as before, and has to be found again
+ * when they are over. */
 static int is_good(const sf_live *live, const sf_track *track) {
-    double least = fmax(AGREES, (live->doubts ? FOUND : LIKE_BEFORE) * live->usual_agreement);
+    int finds = live->doubts && (!live->blurred || live->state == SF_LIVE_LOST);
+    double least = fmax(AGREES, (finds ? FOUND : LIKE_BEFORE) * live->usual_agreement);
     return track->agreement >= least && track->seen >= SEEN && is_finite(&track->pose) &&
            isfinite(track->covariance[0]);
 }
