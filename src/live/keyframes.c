@@ -221,11 +221,10 @@ static double usual_light(const sf_live *live) {
 
 /* What light does to values in sRGB, but for its darkest. Where all began alike each new picture taught the
  * model its own exposure where nothing else was seen, and a path through brighter and darker places ended in
- * colours that go with the exposures along it. 0: the light is not known. */
+ * colours that go with the exposures along it. 0, and nothing changes: the light is not known. */
 static int exposure_of_light(const sf_live *live, const sf_keyframe *k, double gain[3], double bias[3]) {
     double usual = usual_light(live), by = exp((log(k->light) - usual) / SRGB_POWER);
-    if (isnan(usual) || !isfinite(by)) by = 1;
-    for (int c = 0; c < 3; c++) gain[c] = by, bias[c] = SRGB_OFFSET * (by - 1);
+    for (int c = 0; c < 3 && !isnan(usual); c++) gain[c] = by, bias[c] = SRGB_OFFSET * (by - 1);
     return !isnan(usual);
 }
 
@@ -235,13 +234,15 @@ static void begin_exposure(sf_live *live, const sf_keyframe *k) {
 }
 
 void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]) {
+    size_t at = live->keyframe_count;
     for (int c = 0; c < 3; c++) gain[c] = 1, bias[c] = 0;
-    for (size_t i = live->keyframe_count; i--;) {
-        const sf_keyframe *k = &live->keyframes[i];
-        if (k->id != id || !live->options.fit.exposure) continue;
-        if (!k->told || sf_fitter_get_exposure(live->fitter, id, gain, bias))
-            (void)exposure_of_light(live, k, gain, bias);
-    }
+    while (at && live->keyframes[at - 1].id != id) at--;
+    if (!at || !live->options.fit.exposure) return;
+    const sf_keyframe *k = &live->keyframes[at - 1];
+    if (k->told)
+        (void)sf_fitter_get_exposure(live->fitter, id, gain, bias);
+    else
+        (void)exposure_of_light(live, k, gain, bias);
 }
 
 void sf_live_tell_fit(sf_live *live) {

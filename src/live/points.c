@@ -2,8 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../base/linear.h"
-#include "../fit/refine.h"
 #include "../scene/neighbours.h"
 #include "live.h"
 
@@ -15,7 +13,7 @@ enum {
 };
 
 #define OPEN  0.4f    /* transmittance of where nothing is */
-#define WRONG 0.06f   /* grey */
+#define WRONG 0.06    /* grey */
 #define FAINT (-3.0f) /* log2 of the opacity of what is not counted */
 #define DEPTH 0.08f   /* of a depth: what lies within is at it */
 
@@ -51,15 +49,6 @@ static size_t seed_views(sf_live *live, sf_view *views[SF_SEED_VIEWS]) {
     sf_free(live->ctx, all);
     sf_free(live->ctx, cameras);
     return n;
-}
-
-/* The model as the newest keyframe sees it. */
-static sf_status draw_for(sf_live *live, const sf_view *view) {
-    sf_render_options options;
-    sf_camera camera = view->camera;
-    sf_fitter_render_options(live->fitter, &options);
-    sf_refine_camera(&live->fitter->views, view->id, &camera);
-    return sf_forward(&live->fitter->workspace, live->fitter->model, &camera, &options, 1);
 }
 
 sf_status sf_live_ask_for_points(sf_live *live) {
@@ -105,11 +94,12 @@ static int is_crowded(const crowd *c, double u, double v, float z) {
     return n > CROWDED;
 }
 
-/* How the model is drawn, and what the newest keyframe shows. */
+/* What the newest keyframe shows, and the model drawn as it does. */
 typedef struct sight {
     const sf_view *view;
     sf_camera camera;
-    double gain[3], bias[3];
+    double gain[SF_SEED_VIEWS][3],
+        bias[SF_SEED_VIEWS][3]; /* of the views that were searched, its own first */
     crowd crowd;
 } sight;
 
@@ -120,7 +110,7 @@ static double error_at(const sight *s, size_t x, size_t y) {
     double sum = 0;
     for (size_t k = 0; k < 3; k++) {
         double seen = s->view->rgb[k * plane + y * width + x] / 255.0;
-        sum += fabs((seen - s->bias[k]) / s->gain[k] - (double)ws->rgb[k][y * ws->stride + x]);
+        sum += fabs((seen - s->bias[0][k]) / s->gain[0][k] - (double)ws->rgb[k][y * ws->stride + x]);
     }
     return sum / 3;
 }
@@ -129,17 +119,11 @@ static double error_at(const sight *s, size_t x, size_t y) {
  * Where it is crowded growth has enough to go on from. */
 static int is_missing(const sight *s, const float *xyz) {
     const sf_workspace *ws = s->crowd.ws;
-    const sf_camera *c = &s->camera;
-    double p[3], world[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
-    sf_mat3_vec(c->R_cw, world, p);
-    for (int k = 0; k < 3; k++) p[k] += c->t_cw[k];
-    if (!(p[2] > 0)) return 0;
-    double u = c->fx * p[0] / p[2] + c->cx, v = c->fy * p[1] / p[2] + c->cy;
-    if (!(u >= 0 && v >= 0 && u < c->width && v < c->height)) return 0;
-    if (is_crowded(&s->crowd, u, v, (float)p[2])) return 0;
+    double u, v, z, p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
+    if (!sf_camera_sees(&s->camera, p, &u, &v, &z) || is_crowded(&s->crowd, u, v, (float)z)) return 0;
     size_t x = (size_t)u, y = (size_t)v;
-    if (s->view->weight && !s->view->weight[y * (size_t)c->width + x]) return 0; /* masked */
-    return ws->transmittance[y * ws->stride + x] > OPEN || error_at(s, x, y) > (double)WRONG;
+    if (s->view->weight && !s->view->weight[y * (size_t)s->camera.width + x]) return 0; /* masked */
+    return ws->transmittance[y * ws->stride + x] > OPEN || error_at(s, x, y) > WRONG;
 }
 
 /* A point's colour as it would be without the exposure of the picture that it is from. */
@@ -151,17 +135,15 @@ static void expose_back(uint8_t *rgb, const double gain[3], const double bias[3]
 }
 
 /* Those that the model lacks stay, in the scene's own colours. */
-static void keep_missing(sf_live *live, sf_seeds *seeds, const sight *s) {
+static void keep_missing(const sight *s, sf_seeds *seeds) {
     size_t n = 0;
-    double gain[SF_SEED_VIEWS][3], bias[SF_SEED_VIEWS][3];
     sf_cloud *cloud = &seeds->cloud;
-    for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], gain[i], bias[i]);
     for (size_t i = 0; i < cloud->n; i++) {
         if (!is_missing(s, cloud->xyz + 3 * i)) continue;
         uint32_t from = cloud->view[i];
         memmove(cloud->xyz + 3 * n, cloud->xyz + 3 * i, 3 * sizeof *cloud->xyz);
         memmove(cloud->rgb + 3 * n, cloud->rgb + 3 * i, 3);
-        expose_back(cloud->rgb + 3 * n, gain[from], bias[from]);
+        expose_back(cloud->rgb + 3 * n, s->gain[from], s->bias[from]);
         cloud->view[n] = from;
         seeds->radius[n++] = seeds->radius[i];
     }
@@ -169,12 +151,15 @@ static void keep_missing(sf_live *live, sf_seeds *seeds, const sight *s) {
 }
 
 static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *view) {
-    sight s = {.view = view, .camera = view->camera};
-    sf_refine_camera(&live->fitter->views, view->id, &s.camera);
-    sf_live_exposure(live, view->id, s.gain, s.bias);
-    sf_status status = draw_for(live, view);
-    if (!status) status = gather(live->ctx, &live->fitter->workspace, &s.crowd);
-    if (!status) keep_missing(live, seeds, &s);
+    sight s = {.view = view};
+    sf_render_options options;
+    sf_workspace *ws = &live->fitter->workspace;
+    sf_fitter_render_options(live->fitter, &options);
+    for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], s.gain[i], s.bias[i]);
+    sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s.camera);
+    if (!status) status = sf_forward(ws, live->fitter->model, &s.camera, &options, 0);
+    if (!status) status = gather(live->ctx, ws, &s.crowd);
+    if (!status) keep_missing(&s, seeds);
     sf_free(live->ctx, s.crowd.first);
     sf_free(live->ctx, s.crowd.next);
     return status;

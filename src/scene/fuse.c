@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "neighbours.h"
 
 enum {
     CELL = 2, /* px: one point at most in CELL x CELL */
@@ -39,27 +40,18 @@ static void to_world(const sf_camera *c, double u, double v, double z, double *p
     for (int k = 0; k < 3; k++) p[k] = c->R_cw[k] * q[0] + c->R_cw[3 + k] * q[1] + c->R_cw[6 + k] * q[2];
 }
 
-/* The pixel and depth of a world point; 0 if it is not in the picture. */
-static int to_picture(const sf_camera *c, const double *p, double *u, double *v, double *z) {
-    double q[3];
-    for (int k = 0; k < 3; k++)
-        q[k] = c->R_cw[3 * k] * p[0] + c->R_cw[3 * k + 1] * p[1] + c->R_cw[3 * k + 2] * p[2] + c->t_cw[k];
-    *u = c->fx * q[0] / q[2] + c->cx, *v = c->fy * q[1] / q[2] + c->cy, *z = q[2];
-    return q[2] > 0 && *u >= 0 && *u < c->width && *v >= 0 && *v < c->height;
-}
-
 /* Whether the neighbour's own depth, where the point falls in it, leads back to the pixel; `q` is the point
  * that the neighbour has. */
 static int confirms(const sf_seen *neighbour, const sf_camera *camera, const double *p, double x, double y,
                     double *q) {
     const sf_camera *c = &neighbour->grey.camera;
     double u, v, z, back_u, back_v, back_z;
-    if (!to_picture(c, p, &u, &v, &z)) return 0;
+    if (!sf_camera_sees(c, p, &u, &v, &z)) return 0;
     double column = floor(u), row = floor(v);
     float w = neighbour->inverse_depth[(size_t)row * (size_t)c->width + (size_t)column];
     if (!(w > 0) || fabs(z * (double)w - 1) > MOST_DEPTH_ERROR) return 0;
     to_world(c, u, v, 1 / (double)w, q);
-    if (!to_picture(camera, q, &back_u, &back_v, &back_z)) return 0;
+    if (!sf_camera_sees(camera, q, &back_u, &back_v, &back_z)) return 0;
     return hypot(back_u - x, back_v - y) <= MOST_PIXEL_ERROR;
 }
 

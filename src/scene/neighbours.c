@@ -122,3 +122,11 @@ size_t sf_choose_neighbours(const sf_camera *const *cameras, size_t n, size_t se
         }
     return count;
 }
+
+int sf_camera_sees(const sf_camera *c, const double p[3], double *u, double *v, double *z) {
+    double q[3];
+    for (int k = 0; k < 3; k++)
+        q[k] = c->R_cw[3 * k] * p[0] + c->R_cw[3 * k + 1] * p[1] + c->R_cw[3 * k + 2] * p[2] + c->t_cw[k];
+    *u = c->fx * q[0] / q[2] + c->cx, *v = c->fy * q[1] / q[2] + c->cy, *z = q[2];
+    return q[2] > 0 && *u >= 0 && *u < c->width && *v >= 0 && *v < c->height;
+}

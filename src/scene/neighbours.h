@@ -19,4 +19,7 @@ double sf_look_distance(const sf_camera *camera, const double focus[3], double e
 size_t sf_choose_neighbours(const sf_camera *const *cameras, size_t n, size_t self, double distance,
                             size_t most, size_t *chosen);
 
+/* The pixel and depth of a point of the world; 0: it is not in the picture. */
+int sf_camera_sees(const sf_camera *c, const double p[3], double *u, double *v, double *z);
+
 #endif

@@ -213,6 +213,37 @@ static void test_nothing_to_match(void **state) {
     sf_context_destroy(&ctx);
 }
 
+static uint8_t blue_of(const sf_view *view) { return (uint8_t)(10 + 9 * view->id); }
+
+static void paint_name(const sf_view *view, size_t x, size_t y, uint8_t *rgb, uint8_t *mask) {
+    (void)x, (void)y, (void)mask;
+    rgb[2] = blue_of(view);
+}
+
+/* A point says whose colour it has. */
+static void test_colors_of_views(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    held room, h;
+    size_t others = 0;
+    hold_simulated(ctx, SMALL_ROOM, &room);
+    repaint(&room, paint_name, 0, &h);
+    h.n = 4; /* fewer pictures to match */
+    sf_cloud cloud = sweep(&h, WANTED);
+    assert_true(cloud.n > 50);
+    for (size_t i = 0; i < cloud.n; i++) {
+        assert_in_range(cloud.view[i], 0, h.n - 1);
+        assert_int_equal(cloud.rgb[3 * i + 2], blue_of(h.views[cloud.view[i]]));
+        others += cloud.view[i] > 0;
+    }
+    assert_in_range(others, 1, cloud.n - 1);
+    sf_cloud_destroy(ctx, &cloud);
+    h.n = room.n;
+    let_go(&h);
+    let_go(&room);
+    sf_context_destroy(&ctx);
+}
+
 static void test_too_few_views(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -407,6 +438,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_points_lie_on_surfaces),
         cmocka_unit_test(test_nothing_to_match),
+        cmocka_unit_test(test_colors_of_views),
         cmocka_unit_test(test_too_few_views),
         cmocka_unit_test(test_bad_options),
         cmocka_unit_test(test_masked_pixels_are_not_matched),
