@@ -10,6 +10,7 @@
 enum { IDLE_MS = 20, FIRST_MS = 100 };
 
 #define TRACK_MEMORY  0.1 /* part of a frame in the mean time of a look */
+#define FIT_SHARE     0.5 /* of the time of a look: so long the fit goes on before the next one, at least */
 #define PLANNED       300 /* s, of a run without an end */
 #define PLANNED_STEPS 10000
 
@@ -179,7 +180,10 @@ static sf_status look_at_frame(sf_live *live) {
     if (!status && !live->fitter && taken) status = sf_live_begin(live);
     if (!status && taken) status = sf_live_ask_for_points(live);
     live->steps_due = live->options.steps_per_frame;
-    double took = sf_clock() - began;
+    double ended = sf_clock(), took = ended - began;
+    /* Where a look takes longer than from one frame to the next, frames would leave the fit no time at all.
+     */
+    if (live->fitter && !live->paused) live->next_frame = fmax(live->next_frame, ended + FIT_SHARE * took);
     live->track_seconds += (live->looked_at > 1 ? TRACK_MEMORY : 1) * (took - live->track_seconds);
     return status;
 }

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include <splatfit/live.h>
 #include <splatfit/source.h>
@@ -13,7 +14,10 @@
 
 #define SOURCE "sim:studio?width=64&height=48&fps=0&frames="
 
-enum { FRAMES = 40, FEW = 30 };
+/* In real time, faster than slow_pose() lets frames be looked at. */
+#define FAST_SOURCE "sim:studio?width=64&height=48&fps=100&frames=2000"
+
+enum { FRAMES = 40, FEW = 30, LOOKS = 20, SLOW_MS = 25 };
 
 static int frames(void) { return getenv("SPLATFIT_QUICK") ? FEW : FRAMES; }
 
@@ -24,13 +28,17 @@ typedef struct run {
 } run;
 
 /* options NULL: the source alone. */
-static run open_run(int threads, const sf_live_options *options) {
+static run open_source(const char *name, int threads, const sf_live_options *options) {
     run r = {.ctx = test_context_threads(threads), .source_ctx = test_context_threads(1)};
-    char name[96];
-    snprintf(name, sizeof name, SOURCE "%d", frames());
     assert_ok(r.source_ctx, sf_source_open(r.source_ctx, name, &r.source));
     if (options) assert_ok(r.ctx, sf_live_create(r.ctx, r.source, options, &r.live));
     return r;
+}
+
+static run open_run(int threads, const sf_live_options *options) {
+    char name[96];
+    snprintf(name, sizeof name, SOURCE "%d", frames());
+    return open_source(name, threads, options);
 }
 
 static void close_run(run *r) {
@@ -205,6 +213,43 @@ static void keeps_no_more_keyframes_than_allowed(void **state) {
     close_run(&r);
 }
 
+/* The frame's own camera, late. */
+static sf_status slow_pose(void *live, int64_t time_ns, double R_cw[9], double t_cw[3],
+                           double information[36]) {
+    (void)time_ns;
+    const sf_camera *truth = &(*(sf_live *const *)live)->picture->truth;
+    memcpy(R_cw, truth->R_cw, sizeof truth->R_cw);
+    memcpy(t_cw, truth->t_cw, sizeof truth->t_cw);
+    for (int k = 0; k < 36; k++) information[k] = k % 7 ? 0 : 1e8;
+    nanosleep(&(struct timespec){.tv_nsec = SLOW_MS * 1000000L}, NULL);
+    return SF_OK;
+}
+
+/* A machine that is slower than its camera: a frame always waits. */
+static void fits_between_slow_looks(void **state) {
+    (void)state;
+    sf_live_options options = options_for(0);
+    options.track_rate = 1000;
+    sf_live *live = NULL;
+    options.own_poses = 0;
+    options.pose = slow_pose;
+    options.pose_user = &live;
+    run r = open_source(FAST_SOURCE, 1, &options);
+    live = r.live;
+    sf_live_progress p = {0};
+    uint64_t looks = 0;
+    for (int since = 0; since < LOOKS; since += p.has_fit && p.looked_at > looks) {
+        int64_t steps = p.fit.step;
+        looks = p.looked_at;
+        while (p.looked_at == looks) {
+            assert_ok(r.ctx, sf_live_step(r.live));
+            sf_live_get_progress(r.live, &p);
+        }
+        if (since) assert_true(p.fit.step > steps);
+    }
+    close_run(&r);
+}
+
 static void is_cancelled(void **state) {
     (void)state;
     sf_live_options options = options_for(1);
@@ -245,10 +290,15 @@ static void refuses_options_by_name(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(fits_what_passes_by), cmocka_unit_test(runs_can_be_repeated),
-        cmocka_unit_test(is_paused_and_reset), cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
-        cmocka_unit_test(is_cancelled),        cmocka_unit_test(refuses_options_by_name),
-        cmocka_unit_test(exposure_is_locked),  cmocka_unit_test(exposures_begin_where_they_are),
+        cmocka_unit_test(fits_what_passes_by),
+        cmocka_unit_test(runs_can_be_repeated),
+        cmocka_unit_test(is_paused_and_reset),
+        cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
+        cmocka_unit_test(is_cancelled),
+        cmocka_unit_test(refuses_options_by_name),
+        cmocka_unit_test(exposure_is_locked),
+        cmocka_unit_test(exposures_begin_where_they_are),
+        cmocka_unit_test(fits_between_slow_looks),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
