@@ -70,7 +70,7 @@ boot() { # NAME GROUPS SECONDS FOLDER QEMU-OPTION...
 
 boot "vivid, uvcvideo" vivid,faults,uvc 300 "build/$toolchain-static"
 if grep -q SF_HAVE_LIBCAMERA "build/$toolchain/flags"; then
-    boot libcamera libcamera 120 "build/$toolchain" -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
+    boot "libcamera, live" libcamera,live 500 "build/$toolchain" -smp 2 -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
         -device virtio-9p-pci,fsdev=root,mount_tag=root
 else
     echo "board: libcamera: skipped: $root has none"

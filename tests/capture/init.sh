@@ -36,14 +36,13 @@ make_root() {
 }
 
 run_guest() { # GROUPS
+    # shellcheck disable=SC2086 # one word a parameter
+    modprobe vivid $vivid
+    # shellcheck disable=SC2046 # one word a group
+    set -- $(echo "$1" | tr , ' ')
     case $1 in
-    libcamera) make_root && chroot /tmp /bin/guest "$1" ;;
-    *)
-        # shellcheck disable=SC2086 # one word a parameter
-        modprobe vivid $vivid
-        # shellcheck disable=SC2046 # one word a group
-        /bin/guest $(echo "$1" | tr , ' ')
-        ;;
+    libcamera) make_root && chroot /tmp /bin/guest "$@" ;;
+    *) /bin/guest "$@" ;;
     esac
 }
 

@@ -223,10 +223,13 @@ static void wait_for_buffer(vivid_feed *feed) {
     feed->done++;
 }
 
-uint32_t vivid_feed_put(vivid_feed *feed) {
+/* The buffer that is put next. */
+static uint32_t free_buffer(vivid_feed *feed) {
     while (feed->put - feed->done >= BUFFERS) wait_for_buffer(feed);
-    uint32_t index = feed->put % BUFFERS;
-    pattern_fill(feed->planes[index], feed->plane_count, feed->put);
+    return feed->put % BUFFERS;
+}
+
+static uint32_t put_buffer(vivid_feed *feed, uint32_t index) {
     struct v4l2_plane planes[VIDEO_MAX_PLANES] = {{0}};
     struct v4l2_buffer buffer = {.index = index,
                                  .type = feed->type,
@@ -238,6 +241,19 @@ uint32_t vivid_feed_put(vivid_feed *feed) {
         planes[i].bytesused = (uint32_t)feed->bytes[i];
     check(try_ioctl(feed->fd, VIDIOC_QBUF, &buffer) == 0, "output: %s", strerror(errno));
     return feed->put++;
+}
+
+uint32_t vivid_feed_put(vivid_feed *feed) {
+    uint32_t index = free_buffer(feed);
+    pattern_fill(feed->planes[index], feed->plane_count, feed->put);
+    return put_buffer(feed, index);
+}
+
+void vivid_feed_show(vivid_feed *feed, const uint8_t *rgb) {
+    uint32_t index = free_buffer(feed);
+    const pattern_plane *p = &feed->planes[index][0];
+    for (size_t y = 0; y < p->rows; y++) memcpy(p->data + y * p->stride, rgb + y * p->width, p->width);
+    put_buffer(feed, index);
 }
 
 uint32_t vivid_feed_count(const vivid_feed *feed) { return feed->put; }

@@ -35,6 +35,8 @@ typedef struct vivid_feed vivid_feed;
 vivid_feed *vivid_feed_open(const char *node, uint32_t fourcc, sf_pixel_format format, int width, int height);
 /* Puts the next frame, waiting for a free buffer; its id. */
 uint32_t vivid_feed_put(vivid_feed *feed);
+/* The same with a picture in a pattern's place: rows of RGB24, for a feed of that format. */
+void vivid_feed_show(vivid_feed *feed, const uint8_t *rgb);
 /* Frames put so far. */
 uint32_t vivid_feed_count(const vivid_feed *feed);
 void vivid_feed_close(vivid_feed *feed);

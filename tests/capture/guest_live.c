@@ -1,0 +1,167 @@
+/* guest_live.c - a live fit of what a camera's driver gives: the simulated board, shown to the kernel's. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include <splatfit/calibrate.h>
+#include <splatfit/live.h>
+
+#include <linux/videodev2.h>
+
+#include "guest.h"
+#include "vivid.h"
+
+/* The first frames of a walk with a board in view; the driver has no size so small, so a pixel becomes
+ * SCALE x SCALE there, and the live fit averages them again. */
+#define SHOWN "sim:studio-board?width=240&height=160&fps=0&frames=240"
+
+enum {
+    SCALE = 3,
+    WIDTH = 240 * SCALE,
+    HEIGHT = 160 * SCALE,
+    FRAMES = 18,
+    STEPS = 40,
+    MOST = 3000,
+    SECONDS = 400
+};
+
+#define TAG_M     0.08
+#define WRONG_DEG 0.5
+#define WRONG_M   0.02
+#define LEAST_DB  18.0
+#define SAVED     "/tmp/scene.ply"
+#define DEGREES   57.29577951308232
+
+static sf_context *own_context(int threads) {
+    sf_context *ctx;
+    sf_context_options options = {.threads = threads};
+    check(sf_context_create(&ctx, &options) == SF_OK, "no context");
+    return ctx;
+}
+
+static void enlarge(const sf_frame *frame, uint8_t *rgb) {
+    check(frame->format == SF_PIXEL_RGB24 && frame->width * SCALE == WIDTH && frame->height * SCALE == HEIGHT,
+          "a simulated frame of %dx%d, %s", (int)frame->width, (int)frame->height,
+          sf_pixel_format_name(frame->format));
+    for (size_t y = 0; y < HEIGHT; y++)
+        for (size_t x = 0; x < WIDTH; x++)
+            for (size_t c = 0; c < 3; c++)
+                rgb[3 * (y * WIDTH + x) + c] =
+                    frame->plane[0][y / SCALE * frame->stride[0] + 3 * (x / SCALE) + c];
+}
+
+static sf_lens lens_of(const sf_camera *c) {
+    return (sf_lens){.fx = SCALE * c->fx, .fy = SCALE * c->fy, .cx = SCALE * c->cx, .cy = SCALE * c->cy};
+}
+
+static void begin(sf_source *camera, const sf_lens *lens, sf_live **live) {
+    sf_board *board;
+    sf_live_options o = sf_live_options_default();
+    check(sf_board_open(guest_context(), "a3-36h11", TAG_M, &board) == SF_OK, "%s",
+          sf_last_error(guest_context()));
+    o.board = board;
+    o.lens = *lens;
+    o.downscale = SCALE;
+    o.track_rate = 2; /* the emulated processors have little time */
+    o.hold_out = 4;
+    o.fit.max_gaussians = MOST;
+    sf_status status = sf_live_create(guest_context(), camera, &o, live);
+    if (status == SF_ERR_UNSUPPORTED) skip("not built with libapriltag");
+    check(status == SF_OK, "%s", sf_last_error(guest_context()));
+}
+
+static sf_live_progress play(sf_live *live, uint64_t looks, int64_t steps) {
+    sf_live_progress p;
+    sf_live_get_progress(live, &p);
+    while (p.looked_at < looks || p.fit.step < steps) {
+        sf_status status = sf_live_step(live);
+        check(status == SF_OK, "%s: %s", sf_status_text(status), sf_last_error(guest_context()));
+        sf_live_get_progress(live, &p);
+    }
+    return p;
+}
+
+static double degrees_apart(const sf_camera *a, const sf_camera *b) {
+    double trace = 0;
+    for (int k = 0; k < 9; k++) trace += a->R_cw[k] * b->R_cw[k];
+    return acos(fmin(fmax((trace - 1) / 2, -1), 1)) * DEGREES;
+}
+
+static double metres_apart(const sf_camera *a, const sf_camera *b) {
+    double from[3], to[3], squares = 0;
+    sf_camera_center(a, from);
+    sf_camera_center(b, to);
+    for (int k = 0; k < 3; k++) squares += (from[k] - to[k]) * (from[k] - to[k]);
+    return sqrt(squares);
+}
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int n) {
+    qsort(values, (size_t)n, sizeof *values, by_size);
+    return values[n / 2];
+}
+
+static void check_model(sf_live *live, size_t gaussians) {
+    sf_model *model, *saved;
+    check(sf_live_snapshot(live, &model) == SF_OK && sf_model_save(model, SAVED) == SF_OK &&
+              sf_model_load(guest_context(), SAVED, &saved) == SF_OK,
+          "%s", sf_last_error(guest_context()));
+    check(sf_model_count(saved) == gaussians && gaussians > MOST / 4, "%zu Gaussians, %zu saved", gaussians,
+          sf_model_count(saved));
+    sf_model_destroy(&model);
+    sf_model_destroy(&saved);
+}
+
+/* Each frame is shown until it was looked at for certain: of two looks the second began after it was put. */
+static void model(void) {
+    sf_context *shown_by = own_context(1);
+    sf_source *shown;
+    sf_frame frame;
+    sf_live *live = NULL;
+    sf_live_frame seen;
+    sf_live_progress p = {0};
+    double degrees[FRAMES], metres[FRAMES];
+    uint8_t *rgb = malloc((size_t)3 * WIDTH * HEIGHT);
+    alarm(SECONDS); /* in place of what is usual */
+    check(rgb && sf_source_open(shown_by, SHOWN, &shown) == SF_OK, "%s", sf_last_error(shown_by));
+    vivid_loop(VIVID_CAPTURE, VIVID_OUTPUT, WIDTH, HEIGHT);
+    vivid_feed *feed = vivid_feed_open(VIVID_OUTPUT, V4L2_PIX_FMT_RGB24, SF_PIXEL_RGB24, WIDTH, HEIGHT);
+    sf_source *camera = open_source("v4l2:" VIVID_CAPTURE "?size=%dx%d&format=RGB24", WIDTH, HEIGHT);
+    for (int i = 0; i < FRAMES; i++) {
+        next_frame(shown, -1, &frame);
+        enlarge(&frame, rgb);
+        vivid_feed_show(feed, rgb);
+        sf_lens lens = lens_of(&frame.camera);
+        if (!live) begin(camera, &lens, &live);
+        p = play(live, p.looked_at + 2, 0);
+        sf_live_get_frame(live, &seen);
+        check(i == 0 || seen.from != SF_POSE_NONE, "frame %d has no pose", i);
+        degrees[i] = degrees_apart(&seen.camera, &frame.camera);
+        metres[i] = metres_apart(&seen.camera, &frame.camera);
+        sf_source_release(shown, &frame);
+    }
+    p = play(live, 0, STEPS);
+    double off = median(degrees, FRAMES), away = median(metres, FRAMES);
+    printf("%llu looks, %zu keyframes, %lld steps, %zu Gaussians, %.2f degrees and %.1f mm off (medians), "
+           "held out %.2f dB, the first %.2f\n",
+           (unsigned long long)p.looked_at, p.keyframes, (long long)p.fit.step, p.fit.gaussians, off,
+           1e3 * away, p.held_out_psnr_corrected, p.first_psnr);
+    check(p.lost == 0 && p.keyframes > 5, "lost %d times, %zu keyframes", (int)p.lost, p.keyframes);
+    check(off < WRONG_DEG && away < WRONG_M, "poses are off by %.2f degrees, %.3f m", off, away);
+    check(p.held_out_psnr_corrected > LEAST_DB && p.first_psnr > LEAST_DB, "held out %.2f dB, the first %.2f",
+          p.held_out_psnr_corrected, p.first_psnr);
+    check_model(live, p.fit.gaussians);
+    sf_live_destroy(&live);
+    sf_source_close(&camera);
+    vivid_feed_close(feed);
+    sf_source_close(&shown);
+    sf_context_destroy(&shown_by);
+    free(rgb);
+}
+
+const guest_test live_tests[] = {{"model", model}, {0}};
