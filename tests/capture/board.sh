@@ -65,12 +65,13 @@ boot() { # NAME GROUPS SECONDS FOLDER QEMU-OPTION...
     status=$?
     tr -d '\r' <"$scratch/serial" >"$scratch/out"
     awk -v name="board: $name" -v status=$status -v seconds=$((SECONDS - began)) -v limit="$limit" \
-        -v show="${SHOW:-0}" -v sums="$scratch/sums" -f "$here/../tap.awk" "$scratch/out"
+        -v none="${ONLY:+1}" -v show="${SHOW:-0}" -v sums="$scratch/sums" -f "$here/../tap.awk" "$scratch/out"
 }
 
 boot "vivid, uvcvideo" vivid,faults,uvc 300 "build/$toolchain-static"
 if grep -q SF_HAVE_LIBCAMERA "build/$toolchain/flags"; then
-    boot "libcamera, live" libcamera,live 500 "build/$toolchain" -smp 2 -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
+    boot "libcamera, live" libcamera,live 500 "build/$toolchain" -smp 2 \
+        -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
         -device virtio-9p-pci,fsdev=root,mount_tag=root
 else
     echo "board: libcamera: skipped: $root has none"
