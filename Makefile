@@ -383,8 +383,8 @@ check-cpus: $(LEVEL_TESTS) $(PROGRAM)
 mutants:
 	@CC='$(CC)' MAKE='$(MAKE)' tests/mutants/run.sh
 # What runs in the emulated board: without shared libraries, and with them where there is a libcamera for it.
-BOARD_GUEST := $(addprefix $(O)/tests/capture/,guest.o guest_vivid.o guest_faults.o guest_uvc.o guest_libcamera.o guest_live.o \
-                 vivid.o webcam.o pattern.o)
+BOARD_GUEST := $(addprefix $(O)/tests/capture/,guest.o guest_vivid.o guest_faults.o guest_uvc.o guest_libcamera.o \
+                 guest_live.o vivid.o webcam.o pattern.o)
 BOARD_UVCSIM := $(addprefix $(O)/tests/capture/,uvcsim.o uvc.o usb.o pattern.o)
 $(O)/tests/capture/guest: $(BOARD_GUEST) $(LIB) $(SPNG)
 $(O)/tests/capture/uvcsim: $(BOARD_UVCSIM) $(SPNG)

@@ -181,8 +181,7 @@ static sf_status look_at_frame(sf_live *live) {
     if (!status && taken) status = sf_live_ask_for_points(live);
     live->steps_due = live->options.steps_per_frame;
     double ended = sf_clock(), took = ended - began;
-    /* Where a look takes longer than from one frame to the next, frames would leave the fit no time at all.
-     */
+    /* Where a look takes longer than from one frame to the next, the fit would have no time at all. */
     if (live->fitter && !live->paused) live->next_frame = fmax(live->next_frame, ended + FIT_SHARE * took);
     live->track_seconds += (live->looked_at > 1 ? TRACK_MEMORY : 1) * (took - live->track_seconds);
     return status;

@@ -15,6 +15,7 @@
 /* The first frames of a walk with a board in view; the driver has no size so small, so a pixel becomes
  * SCALE x SCALE there, and the live fit averages them again. */
 #define SHOWN "sim:studio-board?width=240&height=160&fps=0&frames=240"
+#define TAKEN "v4l2:" VIVID_CAPTURE "?size=720x480&format=RGB24"
 
 enum {
     SCALE = 3,
@@ -33,13 +34,6 @@ enum {
 #define SAVED     "/tmp/scene.ply"
 #define DEGREES   57.29577951308232
 
-static sf_context *own_context(int threads) {
-    sf_context *ctx;
-    sf_context_options options = {.threads = threads};
-    check(sf_context_create(&ctx, &options) == SF_OK, "no context");
-    return ctx;
-}
-
 static void enlarge(const sf_frame *frame, uint8_t *rgb) {
     check(frame->format == SF_PIXEL_RGB24 && frame->width * SCALE == WIDTH && frame->height * SCALE == HEIGHT,
           "a simulated frame of %dx%d, %s", (int)frame->width, (int)frame->height,
@@ -55,20 +49,19 @@ static sf_lens lens_of(const sf_camera *c) {
     return (sf_lens){.fx = SCALE * c->fx, .fy = SCALE * c->fy, .cx = SCALE * c->cx, .cy = SCALE * c->cy};
 }
 
-static void begin(sf_source *camera, const sf_lens *lens, sf_live **live) {
-    sf_board *board;
+static sf_live *begin(sf_source *camera, const sf_board *board, sf_lens lens) {
+    sf_live *live;
     sf_live_options o = sf_live_options_default();
-    check(sf_board_open(guest_context(), "a3-36h11", TAG_M, &board) == SF_OK, "%s",
-          sf_last_error(guest_context()));
     o.board = board;
-    o.lens = *lens;
+    o.lens = lens;
     o.downscale = SCALE;
     o.track_rate = 2; /* the emulated processors have little time */
     o.hold_out = 4;
     o.fit.max_gaussians = MOST;
-    sf_status status = sf_live_create(guest_context(), camera, &o, live);
+    sf_status status = sf_live_create(guest_context(), camera, &o, &live);
     if (status == SF_ERR_UNSUPPORTED) skip("not built with libapriltag");
     check(status == SF_OK, "%s", sf_last_error(guest_context()));
+    return live;
 }
 
 static sf_live_progress play(sf_live *live, uint64_t looks, int64_t steps) {
@@ -119,8 +112,10 @@ static void check_model(sf_live *live, size_t gaussians) {
 
 /* Each frame is shown until it was looked at for certain: of two looks the second began after it was put. */
 static void model(void) {
-    sf_context *shown_by = own_context(1);
-    sf_source *shown;
+    sf_context *own; /* the camera's: its frames are taken in on a thread of the live fit's */
+    sf_context_options options = {.threads = 1};
+    sf_source *camera, *shown = open_source(SHOWN);
+    sf_board *board;
     sf_frame frame;
     sf_live *live = NULL;
     sf_live_frame seen;
@@ -128,16 +123,17 @@ static void model(void) {
     double degrees[FRAMES], metres[FRAMES];
     uint8_t *rgb = malloc((size_t)3 * WIDTH * HEIGHT);
     alarm(SECONDS); /* in place of what is usual */
-    check(rgb && sf_source_open(shown_by, SHOWN, &shown) == SF_OK, "%s", sf_last_error(shown_by));
+    check(rgb && sf_context_create(&own, &options) == SF_OK, "out of memory");
+    check(sf_board_open(guest_context(), "a3-36h11", TAG_M, &board) == SF_OK, "%s",
+          sf_last_error(guest_context()));
     vivid_loop(VIVID_CAPTURE, VIVID_OUTPUT, WIDTH, HEIGHT);
     vivid_feed *feed = vivid_feed_open(VIVID_OUTPUT, V4L2_PIX_FMT_RGB24, SF_PIXEL_RGB24, WIDTH, HEIGHT);
-    sf_source *camera = open_source("v4l2:" VIVID_CAPTURE "?size=%dx%d&format=RGB24", WIDTH, HEIGHT);
+    check(sf_source_open(own, TAKEN, &camera) == SF_OK, "%s", sf_last_error(own));
     for (int i = 0; i < FRAMES; i++) {
         next_frame(shown, -1, &frame);
         enlarge(&frame, rgb);
         vivid_feed_show(feed, rgb);
-        sf_lens lens = lens_of(&frame.camera);
-        if (!live) begin(camera, &lens, &live);
+        if (!live) live = begin(camera, board, lens_of(&frame.camera));
         p = play(live, p.looked_at + 2, 0);
         sf_live_get_frame(live, &seen);
         check(i == 0 || seen.from != SF_POSE_NONE, "frame %d has no pose", i);
@@ -157,10 +153,11 @@ static void model(void) {
           p.held_out_psnr_corrected, p.first_psnr);
     check_model(live, p.fit.gaussians);
     sf_live_destroy(&live);
+    sf_board_close(&board);
     sf_source_close(&camera);
+    sf_context_destroy(&own);
     vivid_feed_close(feed);
     sf_source_close(&shown);
-    sf_context_destroy(&shown_by);
     free(rgb);
 }
 

@@ -229,14 +229,14 @@ static sf_status slow_pose(void *live, int64_t time_ns, double R_cw[9], double t
 static void fits_between_slow_looks(void **state) {
     (void)state;
     sf_live_options options = options_for(0);
-    options.track_rate = 1000;
     sf_live *live = NULL;
+    sf_live_progress p = {0};
+    options.track_rate = 1000;
     options.own_poses = 0;
     options.pose = slow_pose;
     options.pose_user = &live;
     run r = open_source(FAST_SOURCE, 1, &options);
     live = r.live;
-    sf_live_progress p = {0};
     uint64_t looks = 0;
     for (int since = 0; since < LOOKS; since += p.has_fit && p.looked_at > looks) {
         int64_t steps = p.fit.step;
