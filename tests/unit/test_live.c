@@ -14,8 +14,9 @@
 
 #define SOURCE "sim:studio?width=64&height=48&fps=0&frames="
 
-/* In real time, faster than slow_pose() lets frames be looked at. */
-#define FAST_SOURCE "sim:studio?width=64&height=48&fps=100&frames=2000"
+/* In real time, faster than slow_pose() lets frames be looked at, and endless: a fit begins late where checks
+ * slow it. */
+#define FAST_SOURCE "sim:studio?width=64&height=48&fps=100&frames=2000&loop=1"
 
 enum { FRAMES = 40, FEW = 30, LOOKS = 20, SLOW_MS = 25 };
 
