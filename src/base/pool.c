@@ -60,10 +60,15 @@ static void restore_denormals(uint32_t old) {
 #endif
 }
 
-/* Long enough for what a step does between its jobs, short enough to be no loss to others on the machine. */
-static const double LOOK_OUT_SECONDS = 30e-6;
+/* How long a thread looks out before it sleeps: to be woken takes longer than most of what a step does
+ * between its jobs. After a moment of it the processor is offered to whoever waits for one at each look. */
+static const double LOOK_OUT_SECONDS = 0.5e-3, MOMENT_SECONDS = 20e-6;
 
-static void pause_a_little(void) {
+static void pause_a_little(double looked_out) {
+    if (looked_out > MOMENT_SECONDS) {
+        sched_yield();
+        return;
+    }
 #if defined(__x86_64__) || defined(__i386__)
     __builtin_ia32_pause();
 #elif defined(__arm__) || defined(__aarch64__)
@@ -71,10 +76,13 @@ static void pause_a_little(void) {
 #endif
 }
 
-/* Whether a job other than `seen` is posted, or all are to stop, within a moment. */
+/* Whether a job other than `seen` is posted, or all are to stop, before it is time to sleep. */
 static int looked_out_for_job(struct sf_pool *pool, unsigned long seen) {
-    for (double end = sf_clock() + LOOK_OUT_SECONDS; sf_clock() < end; pause_a_little())
+    double start = sf_clock();
+    for (double passed = 0; passed < LOOK_OUT_SECONDS; passed = sf_clock() - start) {
         if (atomic_load(&pool->job) != seen || atomic_load(&pool->stop)) return 1;
+        pause_a_little(passed);
+    }
     return 0;
 }
 
@@ -87,8 +95,11 @@ static void wait_for_job(struct sf_pool *pool, unsigned long seen) {
 }
 
 static void wait_for_workers(struct sf_pool *pool) {
-    for (double end = sf_clock() + LOOK_OUT_SECONDS; sf_clock() < end; pause_a_little())
+    double start = sf_clock();
+    for (double passed = 0; passed < LOOK_OUT_SECONDS; passed = sf_clock() - start) {
         if (!atomic_load(&pool->busy)) return;
+        pause_a_little(passed);
+    }
     pthread_mutex_lock(&pool->lock);
     while (atomic_load(&pool->busy)) pthread_cond_wait(&pool->done, &pool->lock);
     pthread_mutex_unlock(&pool->lock);
