@@ -30,6 +30,10 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define STEADY_STEPS 3300.0
 #define HASTE_MOST   4
 
+/* Adam's second moment is better short; but whether a Gaussian pays shows in calmer steps. */
+#define SHORT_MEMORY 0.99
+#define LONG_MEMORY  0.999
+
 /* Squares learn faster what is far off, the absolute value makes small differences smaller: Huber's delta
  * falls with the steps that there are. */
 #define SQUARED_STEPS 100
@@ -82,6 +86,7 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
     double missing = f->gone_on ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
+    if (!(o->adam_beta2 > 0)) o->adam_beta2 = o->size == SF_SIZE_CAP ? SHORT_MEMORY : LONG_MEMORY;
     if (!(o->lr_haste > 0))
         o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);

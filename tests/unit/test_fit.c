@@ -370,8 +370,8 @@ static double psnr_with_moments(int moments, double beta2, int64_t seed) {
 }
 
 /* They reach what floats reach, to 0.1 dB: without growth, and before a small scene falls into one of several
- * ends. Each run where it is hard, since v changes by less than its last bit a step; with the usual decay, which
- * is faster, some runs have fallen, and their mean is meant. */
+ * ends. Each run where it is hard, since v changes by less than its last bit a step; with the plan's decay,
+ * which is faster, some runs have fallen, and their mean is meant. */
 static void test_half_moments_are_as_good(void **state) {
     (void)state;
     skip_if_quick();
@@ -382,8 +382,8 @@ static void test_half_moments_are_as_good(void **state) {
         for (int64_t seed = 1; seed <= SEEDS; seed++) {
             double floats = psnr_with_moments(SF_MOMENTS_FLOAT, betas[b], seed),
                    halves = psnr_with_moments(SF_MOMENTS_HALF, betas[b], seed);
-            print_message("adam_beta2 %g, moments as floats: %.2f dB, of 16 bits: %.2f dB\n", betas[b], floats,
-                          halves);
+            print_message("adam_beta2 %g, moments as floats: %.2f dB, of 16 bits: %.2f dB\n", betas[b],
+                          floats, halves);
             if (b == 0) assert_true(halves >= floats - 0.1);
             gain += (halves - floats) / SEEDS;
         }
