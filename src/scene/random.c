@@ -20,10 +20,11 @@ enum {
     NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
     AS_GOOD = NO_MATTER * 3 / 4,        /* one that says nothing of two depths */
 };
-#define LEAST_AGREE 0.2 /* of the points: at random it is a twentieth */
+#define ASIDE       1.25 /* how much nearer or farther a point may be than those beside it */
+#define LEAST_AGREE 0.2  /* of the points: at random it is a twentieth */
 
-/* The pixel that shows a point; 0 if none does. */
-static int pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) {
+/* The pixel that shows a point; 0 if none does, else the point's camera z. */
+static double pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) {
     double q[3];
     for (int i = 0; i < 3; i++) {
         q[i] = c->t_cw[i];
@@ -32,7 +33,7 @@ static int pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) 
     double u = c->fx * q[0] / q[2] + c->cx, v = c->fy * q[1] / q[2] + c->cy;
     if (!(q[2] > 0 && u >= 0 && u < c->width && v >= 0 && v < c->height)) return 0;
     *x = (size_t)u, *y = (size_t)v;
-    return 1;
+    return q[2];
 }
 
 /* The world point at `depth` behind a pixel. */
@@ -59,7 +60,7 @@ static int difference(const sf_view *view, const float *xyz, const uint8_t *rgb)
     size_t x, y;
     uint8_t there[3];
     int sum = 0;
-    if (!pixel_of(&view->camera, xyz, &x, &y) || !counts(view, x, y)) return MOST_DIFFERENCE;
+    if (!(pixel_of(&view->camera, xyz, &x, &y) > 0) || !counts(view, x, y)) return MOST_DIFFERENCE;
     color_at(view, x, y, there);
     for (int k = 0; k < 3; k++) sum += abs((int)there[k] - (int)rgb[k]);
     return sum < MOST_DIFFERENCE ? sum : MOST_DIFFERENCE;
@@ -72,14 +73,14 @@ typedef struct question {
     const sf_view *view, *others[LOOKS];
     size_t xs[AROUND], ys[AROUND];
     uint8_t colors[AROUND][3];
-    double distance; /* of what the view looks at, world units */
+    double nearest, farthest; /* depths that come into question, world units */
 } question;
 
 static question ask(const sf_view *const *views, size_t n, const sf_view *view, size_t x, size_t y,
-                    double distance, sf_rng *rng) {
+                    sf_rng *rng) {
     static const int across[AROUND] = {0, 1, -1, 0, 0}, down[AROUND] = {0, 0, 0, 1, -1};
     const sf_camera *c = &view->camera;
-    question q = {.view = view, .distance = distance};
+    question q = {.view = view};
     int step = 1 + (c->width > c->height ? c->width : c->height) / SPREAD;
     for (int i = 0; i < AROUND; i++) {
         q.xs[i] = clamped((int)x + step * across[i], c->width);
@@ -104,73 +105,132 @@ static int answer(const question *q, double depth, float xyz[3]) {
     return sum;
 }
 
-/* The least difference at a few random depths, from a third to three times the distance. Of depths that are
- * as good the point is at the farthest: what hangs before a wall without texture pleases the one view that it
- * is near to, and stands in the way of others. */
-static int best_answer(const question *q, sf_rng *rng, float *xyz) {
+/* All depths about a distance. */
+static void ask_about(question *q, double distance) { q->nearest = distance / 3, q->farthest = 3 * distance; }
+
+/* What the points of a cloud cover of the pictures. */
+typedef struct cover {
+    const sf_view *const *views;
+    size_t n;
+    float *depths; /* [n][CELLS][CELLS]: mean camera z of the points in a cell; 0: none is */
+} cover;
+
+static size_t cell_of(const sf_camera *c, size_t x, size_t y) {
+    return y * CELLS / (size_t)c->height * CELLS + x * CELLS / (size_t)c->width;
+}
+
+static float depth_at(const cover *c, size_t view, size_t x, size_t y) {
+    return c->depths[view * CELLS * CELLS + cell_of(&c->views[view]->camera, x, y)];
+}
+
+/* In how many pictures a point would hang before what is seen there. */
+static size_t hides(const cover *c, const float *xyz) {
+    size_t count = 0, x, y;
+    for (size_t i = 0; i < c->n; i++) {
+        double z = pixel_of(&c->views[i]->camera, xyz, &x, &y);
+        count += z > 0 && z * ASIDE < (double)depth_at(c, i, x, y);
+    }
+    return count;
+}
+
+/* The least difference at a few random depths of those in question, where the point hides as little as it
+ * may. Of depths that are as good the point is at the farthest: what hangs before a wall without texture
+ * pleases the one view that it is near to, and stands in the way of others. */
+static int best_answer(const question *q, const cover *c, sf_rng *rng, float *xyz) {
     int sums[DEPTHS], least = INT_MAX;
     double depths[DEPTHS], farthest = 0;
+    size_t hidden[DEPTHS], fewest = SIZE_MAX;
     float points[DEPTHS][3];
     for (int trial = 0; trial < DEPTHS; trial++) {
-        depths[trial] = q->distance * pow(9, sf_rng_uniform(rng)) / 3;
+        depths[trial] = q->nearest * pow(q->farthest / q->nearest, sf_rng_uniform(rng));
         sums[trial] = answer(q, depths[trial], points[trial]);
-        if (sums[trial] < least) least = sums[trial];
+        hidden[trial] = c ? hides(c, points[trial]) : 0;
+        if (hidden[trial] < fewest || (hidden[trial] == fewest && sums[trial] < least))
+            fewest = hidden[trial], least = sums[trial];
     }
     for (int trial = 0; trial < DEPTHS; trial++) {
-        if (sums[trial] > least + AS_GOOD || depths[trial] <= farthest) continue;
+        if (hidden[trial] > fewest || sums[trial] > least + AS_GOOD || depths[trial] <= farthest) continue;
         farthest = depths[trial];
         memcpy(xyz, points[trial], sizeof points[trial]);
     }
     return least;
 }
 
-static size_t cell_of(const sf_camera *c, size_t x, size_t y) {
-    return y * CELLS / (size_t)c->height * CELLS + x * CELLS / (size_t)c->width;
-}
-
-/* Marks the cells [n][CELLS][CELLS] in which the cloud has a point; returns the share of those without. */
-static double cover(const sf_view *const *views, size_t n, const sf_cloud *cloud, uint8_t *covered) {
-    size_t open = 0, cells = n * CELLS * CELLS, x, y;
-    for (size_t i = 0; i < n; i++)
-        for (size_t k = 0; k < cloud->n; k++)
-            if (pixel_of(&views[i]->camera, cloud->xyz + 3 * k, &x, &y))
-                covered[i * CELLS * CELLS + cell_of(&views[i]->camera, x, y)] = 1;
-    for (size_t i = 0; i < cells; i++) open += !covered[i];
+/* Finds what the cloud covers; returns the share of the pictures that it leaves open. `counts` has room for
+ * as many as there are depths. */
+static double find_cover(cover *c, const sf_cloud *cloud, uint32_t *number) {
+    size_t open = 0, cells = c->n * CELLS * CELLS, x, y;
+    for (size_t i = 0; i < c->n; i++)
+        for (size_t k = 0; k < cloud->n; k++) {
+            const sf_camera *camera = &c->views[i]->camera;
+            double z = pixel_of(camera, cloud->xyz + 3 * k, &x, &y);
+            if (!(z > 0)) continue;
+            size_t at = i * CELLS * CELLS + cell_of(camera, x, y);
+            c->depths[at] += (float)z, number[at]++;
+        }
+    for (size_t i = 0; i < cells; i++) {
+        if (number[i])
+            c->depths[i] /= (float)number[i];
+        else
+            open++;
+    }
     return (double)open / (double)cells;
 }
 
-/* A random pixel of a random view that is neither covered nor masked; 0 if none was found. */
-static int random_pixel(const sf_view *const *views, size_t n, const uint8_t *covered, sf_rng *rng,
-                        const sf_view **view, size_t *x, size_t *y) {
+/* The depths of the covered cells that are the nearest to a pixel, in squares about it: what no point was
+ * found on lies between them, or a little aside. Leaves the question as it is where none is covered. */
+static void ask_beside(question *q, const cover *c, size_t view, size_t x, size_t y) {
+    size_t at = cell_of(&c->views[view]->camera, x, y);
+    const float *depths = c->depths + view * CELLS * CELLS;
+    int column = (int)(at % CELLS), row = (int)(at / CELLS);
+    double nearest = INFINITY, farthest = 0;
+    for (int r = 1; r < CELLS && !(farthest > 0); r++)
+        for (int v = row - r; v <= row + r; v++)
+            for (int u = column - r; u <= column + r; u++) {
+                if (u < 0 || u >= CELLS || v < 0 || v >= CELLS) continue;
+                double z = (double)depths[v * CELLS + u];
+                if (!(z > 0)) continue;
+                nearest = fmin(nearest, z);
+                farthest = fmax(farthest, z);
+            }
+    if (!(farthest > 0)) return;
+    q->nearest = nearest / ASIDE, q->farthest = farthest * ASIDE;
+}
+
+/* A random pixel that is neither covered nor masked, of a random view, whose place is told; c->n if none was
+ * found. */
+static size_t random_pixel(const cover *c, sf_rng *rng, size_t *x, size_t *y) {
     for (int trial = 0; trial < TRIALS; trial++) {
-        size_t i = (size_t)sf_rng_below(rng, n);
-        const sf_camera *c = &views[i]->camera;
-        *x = (size_t)sf_rng_below(rng, (uint64_t)c->width);
-        *y = (size_t)sf_rng_below(rng, (uint64_t)c->height);
-        *view = views[i];
-        if (!covered[i * CELLS * CELLS + cell_of(c, *x, *y)] && counts(*view, *x, *y)) return 1;
+        size_t i = (size_t)sf_rng_below(rng, c->n);
+        const sf_camera *camera = &c->views[i]->camera;
+        *x = (size_t)sf_rng_below(rng, (uint64_t)camera->width);
+        *y = (size_t)sf_rng_below(rng, (uint64_t)camera->height);
+        if (!(depth_at(c, i, *x, *y) > 0) && counts(c->views[i], *x, *y)) return i;
     }
-    return 0;
+    return c->n;
 }
 
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud) {
     const sf_camera **cameras = sf_alloc(ctx, n, sizeof *cameras);
-    uint8_t *covered = sf_calloc(ctx, n, CELLS * CELLS);
-    sf_status status = cameras && covered ? SF_OK : SF_ERR_MEMORY;
+    cover c = {views, n, sf_calloc(ctx, n, CELLS * CELLS * sizeof *c.depths)};
+    uint32_t *number = sf_calloc(ctx, n, CELLS * CELLS * sizeof *number);
+    sf_status status = cameras && c.depths && number ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         double focus[3];
         for (size_t i = 0; i < n; i++) cameras[i] = &views[i]->camera;
         sf_focus_point(cameras, n, focus);
-        size_t wanted = cloud->n + (size_t)((double)count * cover(views, n, cloud, covered)), x, y;
-        const sf_view *view;
-        for (; cloud->n < wanted && random_pixel(views, n, covered, rng, &view, &x, &y); cloud->n++) {
-            question q = ask(views, n, view, x, y, sf_look_distance(&view->camera, focus, extent), rng);
-            best_answer(&q, rng, cloud->xyz + 3 * cloud->n);
+        size_t wanted = cloud->n + (size_t)((double)count * find_cover(&c, cloud, number)), x, y, i;
+        for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
+            question q = ask(views, n, views[i], x, y, rng);
+            ask_about(&q, sf_look_distance(cameras[i], focus, extent));
+            ask_beside(&q, &c, i, x, y);
+            best_answer(&q, &c, rng, cloud->xyz + 3 * cloud->n);
             memcpy(cloud->rgb + 3 * cloud->n, q.colors[0], sizeof q.colors[0]);
         }
     }
-    sf_free(ctx, covered);
+    sf_free(ctx, number);
+    sf_free(ctx, c.depths);
     sf_free(ctx, cameras);
     return status;
 }
@@ -182,14 +242,13 @@ int sf_points_agree(const sf_view *const *views, size_t n, const sf_cloud *cloud
     for (int trial = 0; trial < TRIALS && cloud->n; trial++) {
         const float *xyz = cloud->xyz + 3 * sf_rng_below(&rng, cloud->n);
         const sf_view *view = views[sf_rng_below(&rng, n)];
-        const double *R = view->camera.R_cw + 6;
-        double depth = view->camera.t_cw[2];
         size_t x, y;
         float at[3];
-        if (!pixel_of(&view->camera, xyz, &x, &y) || !counts(view, x, y)) continue;
-        for (int k = 0; k < 3; k++) depth += R[k] * (double)xyz[k];
-        question q = ask(views, n, view, x, y, depth, &rng);
-        agree += answer(&q, depth, at) <= best_answer(&q, &rng, at) + NO_MATTER;
+        double depth = pixel_of(&view->camera, xyz, &x, &y);
+        if (!(depth > 0) || !counts(view, x, y)) continue;
+        question q = ask(views, n, view, x, y, &rng);
+        ask_about(&q, depth);
+        agree += answer(&q, depth, at) <= best_answer(&q, NULL, &rng, at) + NO_MATTER;
         asked++;
     }
     return asked < FEWEST_ASKED || (double)agree >= LEAST_AGREE * (double)asked;

@@ -5,11 +5,13 @@
 #include "../base/rng.h"
 #include "sweep.h"
 
-/* Appends points behind random pixels of the n > 0 views (>= 1), at depths about which other views agree best
- * in colour, the farthest of those that are as good: `count` of them times the share of the pictures in which
- * no point of `cloud` lies yet, and only there. `cloud` has room for `count` more. Masked pixels give none.
- * The scene's extent (world units) stands for the distance of what cameras see whose axes do not meet.
- * SF_ERR_MEMORY: cloud is as it was. */
+/* Appends points behind random pixels of the n > 0 views (>= 1): `count` of them times the share of the
+ * pictures in which no point of `cloud` lies yet, and only there. Of random depths, about those of the points
+ * beside the pixel where the picture has any, each point has one at which it hangs before what is known to be
+ * seen in as few other views as may be, and about which views agree best in colour; the farthest of those
+ * that are as good. `cloud` has room for `count` more. Masked pixels give none. The scene's extent (world
+ * units) stands for the distance of what cameras see whose axes do not meet. SF_ERR_MEMORY: cloud is as it
+ * was. */
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud);
 

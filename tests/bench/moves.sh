@@ -29,6 +29,10 @@ moves=(
     'split for clones too|--split-scale 0.01'
     'growth in its first half|--grow-end 0.8 --grow-most 1000000'
     'settling|--lr-settle 1'
+    'rates by the length of the run|--lr-haste 1'
+    'smaller at first|--init-scale 1'
+    'squares first|--huber-delta 1e-9'
+    'shorter second moment|--adam-beta2 0.999'
     'no needles|--max-aspect 0'
 )
 

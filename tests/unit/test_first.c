@@ -9,6 +9,7 @@
 #include "base/rng.h"
 #include "scene/first.h"
 #include "scene/nearest.h"
+#include "scene/random.h"
 
 static const double sh_c0 = 0.28209479177387814;
 
@@ -421,6 +422,53 @@ static void test_random_depths(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Beside points: a view that has one at depth 6 alone asks about 4.8 to 7.5; a view from the side sees
+ * through the far part of that what lies behind it, at depth 9, so that points lie in the near part. */
+static void test_random_points_hide_nothing(void **state) {
+    (void)state;
+    enum { COUNT = 300, ACROSS = 40, DOWN = 30, KNOWN = ACROSS * DOWN + 1 };
+    sf_context *ctx = test_context();
+    sf_scene *scene = scene_of(ctx, 2);
+    sf_camera front = camera_around(0), side = camera_around(1);
+    sf_view *views[2];
+    uint32_t *ids;
+    size_t known;
+    assert_ok(ctx, sf_scene_training_ids(scene, &ids, &known));
+    assert_int_equal(known, 2);
+    for (size_t v = 0; v < 2; v++) assert_non_null(views[v] = sf_scene_retain_id(scene, ids[v]));
+    sf_free(ctx, ids);
+    sf_cloud cloud;
+    assert_ok(ctx, sf_cloud_create(ctx, KNOWN + COUNT, &cloud));
+    for (size_t i = 0; i < KNOWN; i++) { /* of the side: columns 9.8 to 15; the last one of the front alone */
+        float wall[3] = {0.3f + 1.9f * (float)(i % ACROSS) / ACROSS, 3,
+                         5 * (float)(i / ACROSS) / DOWN - 2.5f};
+        memcpy(cloud.xyz + 3 * i, i < KNOWN - 1 ? wall : ((float[]){0, -2.2f, 2}), sizeof wall);
+    }
+    cloud.n = KNOWN;
+    sf_rng rng;
+    sf_rng_seed(&rng, 1);
+    assert_ok(ctx, sf_random_points(ctx, (const sf_view *const *)views, 2, COUNT, 10, &rng, &cloud));
+    size_t left = 0;
+    assert_in_range(cloud.n, KNOWN + COUNT / 2, KNOWN + COUNT - 1);
+    for (size_t i = KNOWN; i < cloud.n; i++) {
+        const float *p = cloud.xyz + 3 * i;
+        double deep = (double)p[0] + 6, aside = (double)p[1] + 6;
+        double u = side.cx + side.fx * (double)p[0] / aside, v = side.cy - side.fy * (double)p[2] / aside;
+        int of_front = sees(&front, p) && deep > 4.79 && deep < 7.51;
+        int of_side = sees(&side, p) && aside > 7.19 && aside < 11.26;
+        if (!of_front && !of_side) fail_msg("point %zu lies at %.2f and %.2f", i, deep, aside);
+        if (aside > 7.19) continue;
+        if (u > 10.9 && u < 14.1 && v > 3.5 && v < 13)
+            fail_msg("point %zu hangs before what the side sees at %.2f %.2f", i, u, v);
+        left += u < 9.8;
+    }
+    assert_true(left > 20);
+    for (size_t v = 0; v < 2; v++) sf_view_release(views[v]);
+    sf_cloud_destroy(ctx, &cloud);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 static void test_random_count_is_capped(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -546,6 +594,7 @@ int main(void) {
         cmocka_unit_test(test_choice_is_even),
         cmocka_unit_test(test_at_random),
         cmocka_unit_test(test_random_depths),
+        cmocka_unit_test(test_random_points_hide_nothing),
         cmocka_unit_test(test_random_count_is_capped),
         cmocka_unit_test(test_nothing_to_start_from),
         cmocka_unit_test(test_from_where_asked),
