@@ -332,21 +332,30 @@ static void test_more_points_than_allowed(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* The choice is spread over all points: not the first ones. */
+/* The choice is spread evenly over space, wherever points stand in the list: one of five along a line, and of
+ * clusters of different sizes each gets its share, but for one at either end of what the curve sees of it. */
 static void test_choice_is_even(void **state) {
     (void)state;
     enum { POINTS = 1000, CHOSEN = 200 };
     sf_context *ctx = test_context();
-    sf_scene *scene = scene_of(ctx, 1);
-    add_points(scene, place_in_order, POINTS, 1);
-    sf_first_options options = usual;
-    options.max_gaussians = CHOSEN;
-    content *c = make_first(scene, &options, 3);
-    size_t upper = 0;
-    for (size_t i = 0; i < CHOSEN; i++) upper += c->means[i][0] >= POINTS / 2;
-    assert_in_range(upper, 65, 135); /* 100 expected, 6.3 the standard deviation: beyond 5 of them */
-    free(c);
-    sf_scene_destroy(&scene);
+    for (uint64_t seed = 1; seed <= 5; seed++) {
+        sf_scene *line = scene_of(ctx, 1), *clusters = scene_of(ctx, 1);
+        add_points(line, place_in_order, POINTS, 1);
+        add_points(clusters, place_in_clusters, POINTS, 1);
+        sf_first_options options = usual;
+        options.max_gaussians = CHOSEN;
+        content *c = make_first(line, &options, seed);
+        assert_true(c->means[0][0] < 5 && c->means[CHOSEN - 1][0] > POINTS - 6);
+        for (size_t i = 1; i < CHOSEN; i++) assert_true(c->means[i][0] - c->means[i - 1][0] == 5);
+        free(c);
+        c = make_first(clusters, &options, seed);
+        size_t of_cluster[4] = {0};
+        for (size_t i = 0; i < CHOSEN; i++) of_cluster[(size_t)lroundf(c->means[i][0] / 100) & 3]++;
+        for (size_t k = 0; k < 4; k++) assert_in_range(of_cluster[k], 48, 52);
+        free(c);
+        sf_scene_destroy(&line);
+        sf_scene_destroy(&clusters);
+    }
     sf_context_destroy(&ctx);
 }
 
