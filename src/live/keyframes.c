@@ -283,6 +283,8 @@ sf_status sf_live_begin(sf_live *live) {
     if (o.time_limit > 0) o.time_limit = fmax(o.time_limit - (sf_clock() - live->first_frame), 1);
     sf_status status = sf_fitter_create(live->ctx, live->scene, NULL, &o, &live->fitter);
     if (!status) live->state = SF_LIVE_TRACKING;
+    for (size_t i = 0; i < live->keyframe_count && !status; i++)
+        live->keyframes[i].searched = 1; /* as a whole */
     return status;
 }
 

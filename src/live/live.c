@@ -212,6 +212,7 @@ static sf_status step_fit(sf_live *live) {
     double began = sf_clock();
     look_at_heat(live, began);
     sf_status status = sf_live_take_points(live);
+    if (!status) status = sf_live_ask_for_points(live); /* for one that came while the thread was busy */
     if (!status) status = sf_live_evaluate(live);
     if (!status) status = sf_fitter_step(live->fitter);
     if (!status) sf_live_tell_fit(live);

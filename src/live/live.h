@@ -27,6 +27,7 @@ typedef struct sf_keyframe {
     uint32_t id; /* of the view */
     int held_out;
     int hold, told;              /* its pose is to be held; the fit knows of it */
+    int searched;                /* for points */
     double light;                /* as sf_picture has it */
     sf_rigid pose;               /* as it was found */
     double center[3];            /* of the camera */
@@ -132,8 +133,9 @@ sf_status sf_live_evaluate(sf_live *live);
 void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]);
 
 /* points.c */
-/* Asks for points around the newest keyframe, and takes in those that the model lacks. */
+/* Where no search goes on: has points looked for around the newest keyframe that was not searched yet. */
 sf_status sf_live_ask_for_points(sf_live *live);
+/* Takes in what a search found, of it what the model lacks. */
 sf_status sf_live_take_points(sf_live *live);
 
 void sf_tick(sf_ticker *ticker, double now);

@@ -1,4 +1,4 @@
-/* points.c - new Gaussians where the newest keyframe shows what the model lacks. */
+/* points.c - new Gaussians where a keyframe shows what the model lacks. */
 #include <math.h>
 #include <string.h>
 
@@ -25,24 +25,29 @@ typedef struct crowd {
     uint32_t *first, *next; /* [down][across], [count] */
 } crowd;
 
-/* The newest keyframe that is trained on and its neighbours; references are the caller's. */
-static size_t seed_views(sf_live *live, sf_view *views[SF_SEED_VIEWS]) {
-    size_t n = 0, at = live->keyframe_count, count = 0, chosen[NEIGHBOURS];
-    while (at && live->keyframes[at - 1].held_out) at--;
-    if (!at) return 0;
-    const sf_keyframe *newest = &live->keyframes[at - 1];
-    sf_view **all = sf_alloc(live->ctx, at, sizeof *all);
-    const sf_camera **cameras = sf_alloc(live->ctx, at, sizeof *cameras);
-    for (size_t i = 0; all && cameras && i < at; i++) {
-        sf_view *view =
-            live->keyframes[i].held_out ? NULL : sf_scene_retain_id(live->scene, live->keyframes[i].id);
+/* The newest keyframe that is trained on and was not searched yet; NULL: there is none. */
+static sf_keyframe *unsearched(const sf_live *live) {
+    size_t at = live->keyframe_count;
+    while (at && (live->keyframes[at - 1].held_out || live->keyframes[at - 1].searched)) at--;
+    return at ? &live->keyframes[at - 1] : NULL;
+}
+
+/* That keyframe and its neighbours; references are the caller's. */
+static size_t seed_views(sf_live *live, const sf_keyframe *keyframe, sf_view *views[SF_SEED_VIEWS]) {
+    size_t n = 0, count = 0, self = SIZE_MAX, chosen[NEIGHBOURS];
+    sf_view **all = sf_alloc(live->ctx, live->keyframe_count, sizeof *all);
+    const sf_camera **cameras = sf_alloc(live->ctx, live->keyframe_count, sizeof *cameras);
+    for (size_t i = 0; all && cameras && i < live->keyframe_count; i++) {
+        const sf_keyframe *k = &live->keyframes[i];
+        sf_view *view = k->held_out ? NULL : sf_scene_retain_id(live->scene, k->id);
         if (!view) continue;
+        if (k == keyframe) self = count;
         cameras[count] = &view->camera;
         all[count++] = view;
     }
-    if (count && all[count - 1]->id == newest->id) {
-        views[n++] = sf_view_retain(all[count - 1]);
-        size_t found = sf_choose_neighbours(cameras, count, count - 1, live->distance, NEIGHBOURS, chosen);
+    if (self < count) {
+        views[n++] = sf_view_retain(all[self]);
+        size_t found = sf_choose_neighbours(cameras, count, self, live->distance, NEIGHBOURS, chosen);
         for (size_t i = 0; i < found; i++) views[n++] = sf_view_retain(all[chosen[i]]);
     }
     for (size_t i = 0; i < count; i++) sf_view_release(all[i]);
@@ -53,8 +58,10 @@ static size_t seed_views(sf_live *live, sf_view *views[SF_SEED_VIEWS]) {
 
 sf_status sf_live_ask_for_points(sf_live *live) {
     sf_view *views[SF_SEED_VIEWS];
-    if (!live->fitter || !sf_seeder_idle(live->seeder)) return SF_OK;
-    size_t n = seed_views(live, views);
+    sf_keyframe *keyframe = live->fitter && sf_seeder_idle(live->seeder) ? unsearched(live) : NULL;
+    if (!keyframe) return SF_OK;
+    size_t n = seed_views(live, keyframe, views);
+    keyframe->searched = 1;
     if (n > 1) {
         sf_sweep_options options = {
             .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
@@ -94,7 +101,7 @@ static int is_crowded(const crowd *c, double u, double v, float z) {
     return n > CROWDED;
 }
 
-/* What the newest keyframe shows, and the model drawn as it does. */
+/* What a keyframe shows, and the model drawn as it does. */
 typedef struct sight {
     const sf_view *view;
     sf_camera camera;
