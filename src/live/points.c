@@ -6,7 +6,7 @@
 #include "live.h"
 
 enum {
-    POINTS = 1500, /* a search, at most */
+    POINTS = 3000, /* a search, at most */
     NEIGHBOURS = 5,
     CELL = 8,    /* px */
     CROWDED = 12 /* Gaussians in 3 x 3 cells, at a point's depth: no others are needed there */

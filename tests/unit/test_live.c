@@ -94,6 +94,36 @@ static void fits_what_passes_by(void **state) {
     close_run(&r);
 }
 
+/* Every keyframe that is trained on, once: also those that came while another was searched, the newest first.
+ */
+static void every_keyframe_is_searched(void **state) {
+    (void)state;
+    sf_live_options options = options_for(2);
+    run r = open_run(1, &options);
+    assert_int_equal(run_to_end(&r), SF_ERR_END);
+    sf_keyframe *older = NULL, *newer = NULL;
+    for (size_t i = 0; i < r.live->keyframe_count; i++) {
+        sf_keyframe *k = &r.live->keyframes[i];
+        if (k->held_out) continue;
+        assert_int_equal(k->searched, 1);
+        older = newer, newer = k;
+    }
+    assert_non_null(older);
+    assert_ok(r.ctx, sf_live_take_points(r.live));
+    older->searched = newer->searched = 0;
+    assert_ok(r.ctx, sf_live_ask_for_points(r.live));
+    assert_true(newer->searched && !older->searched);
+    assert_ok(r.ctx, sf_live_ask_for_points(r.live)); /* what was found is not taken yet */
+    assert_int_equal(older->searched, 0);
+    assert_ok(r.ctx, sf_live_take_points(r.live));
+    assert_ok(r.ctx, sf_live_ask_for_points(r.live));
+    assert_int_equal(older->searched, 1);
+    assert_ok(r.ctx, sf_live_take_points(r.live));
+    assert_ok(r.ctx, sf_live_ask_for_points(r.live)); /* nothing is left to search */
+    assert_int_equal(sf_seeder_idle(r.live->seeder), 1);
+    close_run(&r);
+}
+
 /* Of a source that has an automatic one; the studio without a board has none. */
 static void exposure_is_locked(void **state) {
     (void)state;
@@ -298,6 +328,7 @@ int main(void) {
         cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
         cmocka_unit_test(is_cancelled),
         cmocka_unit_test(refuses_options_by_name),
+        cmocka_unit_test(every_keyframe_is_searched),
         cmocka_unit_test(exposure_is_locked),
         cmocka_unit_test(exposures_begin_where_they_are),
         cmocka_unit_test(fits_between_slow_looks),
