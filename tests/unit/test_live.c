@@ -98,7 +98,7 @@ static void fits_what_passes_by(void **state) {
  */
 static void every_keyframe_is_searched(void **state) {
     (void)state;
-    sf_live_options options = options_for(2);
+    sf_live_options options = options_for(1);
     run r = open_run(1, &options);
     assert_int_equal(run_to_end(&r), SF_ERR_END);
     sf_keyframe *older = NULL, *newer = NULL;
