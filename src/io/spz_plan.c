@@ -5,7 +5,7 @@
  */
 #include <stdlib.h>
 
-#include "morton.h"
+#include "../scene/morton.h"
 #include "quantise.h"
 #include "spz.h"
 
@@ -87,8 +87,11 @@ sf_status sf_spz_make_plan(const sf_model *model, const int sh_bits[2], const ch
     sf_status status = measure(model, &m);
     if (!status) choose_fraction(model, &m, path, plan);
     if (!status && !sh_bits[0]) status = choose_classes(model, &m, plan);
+    const sf_gaussians means = {.means = block};
+    if (!status) status = sf_model_get(model, 0, n, &means);
+    if (!status) status = sf_morton_order(model->ctx, block, n, plan->classes, &plan->order);
     sf_free(model->ctx, block);
-    return status ? status : sf_morton_order(model, plan->classes, &plan->order);
+    return status;
 }
 
 void sf_spz_free_plan(sf_context *ctx, sf_spz_plan *plan) {

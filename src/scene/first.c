@@ -2,9 +2,9 @@
 #include "first.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "morton.h"
 #include "nearest.h"
 #include "random.h"
 #include "sweep.h"
@@ -16,65 +16,28 @@ enum {
     MOST_SWEPT = 20000, /* growth adds where more are needed */
 };
 
-/* A point's place on a curve that fills their bounding box (Morton's): what is near on it is near in space.
- */
-typedef struct on_curve {
-    uint64_t place;
-    uint32_t point;
-} on_curve;
-
-static int by_place(const void *a, const void *b) {
-    const on_curve *x = a, *y = b;
-    if (x->place != y->place) return x->place < y->place ? -1 : 1;
-    return (x->point > y->point) - (x->point < y->point);
-}
-
-enum { CURVE_BITS = 21 }; /* an axis */
-
-static uint64_t place_of(const float *p, const float *low, float side) {
-    const double cells = (double)(1 << CURVE_BITS) - 1;
-    uint64_t place = 0, cell[3];
-    for (int k = 0; k < 3; k++)
-        cell[k] = (uint64_t)(side > 0 ? cells * ((double)p[k] - (double)low[k]) / (double)side : 0);
-    for (int bit = CURVE_BITS; bit-- > 0;)
-        for (int k = 0; k < 3; k++) place = place << 1 | (cell[k] >> bit & 1);
-    return place;
-}
-
-static void put_on_curve(const float *xyz, size_t n, on_curve *curve) {
-    float low[3], high[3], side = 0;
-    memcpy(low, xyz, sizeof low);
-    memcpy(high, xyz, sizeof high);
-    for (size_t i = 0; i < 3 * n; i++) {
-        low[i % 3] = fminf(low[i % 3], xyz[i]);
-        high[i % 3] = fmaxf(high[i % 3], xyz[i]);
-    }
-    for (int k = 0; k < 3; k++) side = fmaxf(side, high[k] - low[k]);
-    for (size_t i = 0; i < n; i++) curve[i] = (on_curve){place_of(xyz + 3 * i, low, side), (uint32_t)i};
-    qsort(curve, n, sizeof *curve, by_place);
-}
-
-/* Leaves `most` of more points, in their order: one of each so many along the curve, from a random one on, so
- * that no place is left without by chance. */
+/* Leaves `most` of more points, in their order: one of each so many along a curve through space, from a
+ * random one on, so that no place is left without by chance. */
 static sf_status thin_points(sf_context *ctx, size_t most, sf_rng *rng, sf_cloud *c) {
-    on_curve *curve = sf_alloc(ctx, c->n, sizeof *curve);
+    uint32_t *curve;
+    sf_status status = sf_morton_order(ctx, c->xyz, c->n, NULL, &curve);
+    if (status) return status;
     uint8_t *kept = sf_calloc(ctx, c->n, 1);
-    sf_status status = curve && kept ? SF_OK : SF_ERR_MEMORY;
+    double apart = (double)c->n / (double)most, from = sf_rng_uniform(rng) * apart;
     size_t n = 0;
-    if (!status) {
-        double apart = (double)c->n / (double)most, from = sf_rng_uniform(rng) * apart;
-        put_on_curve(c->xyz, c->n, curve);
-        for (size_t k = 0; k < most; k++) {
-            size_t at = (size_t)(from + (double)k * apart);
-            kept[curve[at < c->n ? at : c->n - 1].point] = 1;
-        }
-        for (size_t i = 0; i < c->n; i++) {
-            if (!kept[i]) continue;
-            memmove(c->xyz + 3 * n, c->xyz + 3 * i, 3 * sizeof *c->xyz);
-            memmove(c->rgb + 3 * n++, c->rgb + 3 * i, 3);
-        }
-        c->n = n;
+    for (size_t k = 0; k < most && kept; k++) {
+        size_t at = (size_t)(from + (double)k * apart);
+        kept[curve[at < c->n ? at : c->n - 1]] = 1;
     }
+    for (size_t i = 0; i < c->n && kept; i++) {
+        if (!kept[i]) continue;
+        memmove(c->xyz + 3 * n, c->xyz + 3 * i, 3 * sizeof *c->xyz);
+        memmove(c->rgb + 3 * n++, c->rgb + 3 * i, 3);
+    }
+    if (kept)
+        c->n = n;
+    else
+        status = SF_ERR_MEMORY;
     sf_free(ctx, kept);
     sf_free(ctx, curve);
     return status;

@@ -156,8 +156,8 @@ static int best_answer(const question *q, const cover *c, sf_rng *rng, float *xy
     return least;
 }
 
-/* Finds what the cloud covers; returns the share of the pictures that it leaves open. `counts` has room for
- * as many as there are depths. */
+/* Finds what the cloud covers; returns the share of the pictures that it leaves open. `number` has room
+ * for as many as there are depths, all 0. */
 static double find_cover(cover *c, const sf_cloud *cloud, uint32_t *number) {
     size_t open = 0, cells = c->n * CELLS * CELLS, x, y;
     for (size_t i = 0; i < c->n; i++)
