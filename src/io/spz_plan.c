@@ -5,7 +5,7 @@
  */
 #include <stdlib.h>
 
-#include "../scene/morton.h"
+#include "../scene/curve.h"
 #include "quantise.h"
 #include "spz.h"
 
@@ -89,7 +89,7 @@ sf_status sf_spz_make_plan(const sf_model *model, const int sh_bits[2], const ch
     if (!status && !sh_bits[0]) status = choose_classes(model, &m, plan);
     const sf_gaussians means = {.means = block};
     if (!status) status = sf_model_get(model, 0, n, &means);
-    if (!status) status = sf_morton_order(model->ctx, block, n, plan->classes, &plan->order);
+    if (!status) status = sf_curve_order(model->ctx, block, n, plan->classes, &plan->order);
     sf_free(model->ctx, block);
     return status;
 }

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "morton.h"
+#include "curve.h"
 #include "nearest.h"
 #include "random.h"
 #include "sweep.h"
@@ -16,19 +16,34 @@ enum {
     MOST_SWEPT = 20000, /* growth adds where more are needed */
 };
 
-/* Leaves `most` of more points, in their order: one of each so many along a curve through space, from a
- * random one on, so that no place is left without by chance. */
-static sf_status thin_points(sf_context *ctx, size_t most, sf_rng *rng, sf_cloud *c) {
+/* Of points in that order the one nearest to their mean. */
+static uint32_t central(const float *xyz, const uint32_t *points, size_t n) {
+    double mean[3] = {0}, least = INFINITY;
+    uint32_t nearest = points[0];
+    for (size_t i = 0; i < 3 * n; i++) mean[i % 3] += (double)xyz[3 * points[i / 3] + i % 3] / (double)n;
+    for (size_t i = 0; i < n; i++) {
+        double square = 0;
+        for (int k = 0; k < 3; k++) {
+            double d = (double)xyz[3 * points[i] + k] - mean[k];
+            square += d * d;
+        }
+        if (square < least) least = square, nearest = points[i];
+    }
+    return nearest;
+}
+
+/* Leaves `most` of more points, in their order: a curve through space is cut into as many parts, and each
+ * part leaves its central one, so that no place is left without by chance. */
+static sf_status thin_points(sf_context *ctx, size_t most, sf_cloud *c) {
     uint32_t *curve;
-    sf_status status = sf_morton_order(ctx, c->xyz, c->n, NULL, &curve);
+    sf_status status = sf_curve_order(ctx, c->xyz, c->n, NULL, &curve);
     if (status) return status;
     uint8_t *kept = sf_calloc(ctx, c->n, 1);
-    double apart = (double)c->n / (double)most, from = sf_rng_uniform(rng) * apart;
-    size_t n = 0;
     for (size_t k = 0; k < most && kept; k++) {
-        size_t at = (size_t)(from + (double)k * apart);
-        kept[curve[at < c->n ? at : c->n - 1]] = 1;
+        size_t from = (size_t)((uint64_t)k * c->n / most), end = (size_t)((uint64_t)(k + 1) * c->n / most);
+        kept[central(c->xyz, curve + from, end - from)] = 1;
     }
+    size_t n = 0;
     for (size_t i = 0; i < c->n && kept; i++) {
         if (!kept[i]) continue;
         memmove(c->xyz + 3 * n, c->xyz + 3 * i, 3 * sizeof *c->xyz);
@@ -44,7 +59,7 @@ static sf_status thin_points(sf_context *ctx, size_t most, sf_rng *rng, sf_cloud
 }
 
 /* All points, or `most` of them. */
-static sf_status choose_points(sf_scene *scene, size_t most, sf_rng *rng, sf_cloud *c) {
+static sf_status choose_points(sf_scene *scene, size_t most, sf_cloud *c) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
     sf_status status = sf_cloud_create(scene->ctx, info.points, c);
@@ -52,7 +67,7 @@ static sf_status choose_points(sf_scene *scene, size_t most, sf_rng *rng, sf_clo
     size_t total = c->n = sf_scene_get_points(scene, 0, info.points, c->xyz, c->rgb);
     if (total <= most) return SF_OK;
     sf_log(scene->ctx, SF_LOG_INFO, "%zu of %zu points chosen, evenly: max_gaussians", most, total);
-    status = thin_points(scene->ctx, most, rng, c);
+    status = thin_points(scene->ctx, most, c);
     if (status) sf_cloud_destroy(scene->ctx, c);
     return status;
 }
@@ -123,11 +138,11 @@ static sf_status points_from_views(sf_context *ctx, const sf_view *const *views,
 
 /* The scene's own points, none where they are too few or lie nowhere in particular. */
 static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, size_t n,
-                                 const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
+                                 const sf_first_options *options, sf_cloud *c) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
     if (info.points < ENOUGH) return SF_OK;
-    sf_status status = choose_points(scene, options->max_gaussians, rng, c);
+    sf_status status = choose_points(scene, options->max_gaussians, c);
     if (status || sf_points_agree(views, n, c)) return status;
     sf_log(scene->ctx, SF_LOG_WARNING,
            "first: the scene's points are not where the pictures show anything: they are left out (points "
@@ -141,7 +156,7 @@ static sf_status find_points(sf_scene *scene, const sf_first_options *options, s
     sf_status status = hold_views(scene, &held);
     if (status) return status;
     const sf_view *const *views = (const sf_view *const *)held.views;
-    if (options->from == SF_FIRST_AUTO) status = points_of_scene(scene, views, held.n, options, rng, c);
+    if (options->from == SF_FIRST_AUTO) status = points_of_scene(scene, views, held.n, options, c);
     if (!status && !c->n) status = points_from_views(scene->ctx, views, held.n, options, rng, c);
     release_views(scene->ctx, &held);
     return status;
@@ -152,7 +167,7 @@ static sf_status gather_points(sf_scene *scene, const sf_first_options *options,
     sf_scene_get_info(scene, &info);
     if (options->from == SF_FIRST_POINTS && !info.points)
         return sf_fail(scene->ctx, SF_ERR_EMPTY, "first: points: the scene has none");
-    if (options->from == SF_FIRST_POINTS) return choose_points(scene, options->max_gaussians, rng, c);
+    if (options->from == SF_FIRST_POINTS) return choose_points(scene, options->max_gaussians, c);
     return find_points(scene, options, rng, c);
 }
 

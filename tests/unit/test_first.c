@@ -300,7 +300,7 @@ static int is_point(const content *c, size_t i, const float *xyz, const uint8_t 
     return same;
 }
 
-/* Too many points: exactly as many as allowed, each once, in their order, chosen by the seed. */
+/* Too many points: exactly as many as allowed, each once, in their order, the same of any seed. */
 static void test_more_points_than_allowed(void **state) {
     (void)state;
     enum { POINTS = 1100 };
@@ -314,48 +314,43 @@ static void test_more_points_than_allowed(void **state) {
     for (size_t a = 0; a < sizeof allowed / sizeof *allowed; a++) {
         sf_first_options options = usual;
         options.max_gaussians = allowed[a];
-        content *c = make_first(scene, &options, 1), *same = make_first(scene, &options, 1);
-        content *other = make_first(scene, &options, 2);
+        content *c = make_first(scene, &options, 1), *same = make_first(scene, &options, 2);
         assert_int_equal(c->count, allowed[a] < POINTS ? allowed[a] : POINTS);
         assert_memory_equal(c, same, sizeof *c);
-        assert_int_equal(other->count, c->count);
-        if (allowed[a] == 100) assert_memory_not_equal(c->means, other->means, sizeof c->means);
         size_t found = 0;
         for (size_t k = 0; k < POINTS && found < c->count; k++)
             found += (size_t)is_point(c, found, xyz[k], rgb[k]);
         assert_int_equal(found, c->count);
         free(c);
         free(same);
-        free(other);
     }
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
 
-/* The choice is spread evenly over space, wherever points stand in the list: one of five along a line, and of
- * clusters of different sizes each gets its share, but for one at either end of what the curve sees of it. */
+/* The choice is spread evenly over space, wherever points stand in the list: of a line, one in five, it
+ * leaves no gap of more than ten (one at random leaves about thirty), and of clusters of different sizes each
+ * gets its share. */
 static void test_choice_is_even(void **state) {
     (void)state;
     enum { POINTS = 1000, CHOSEN = 200 };
     sf_context *ctx = test_context();
-    for (uint64_t seed = 1; seed <= 5; seed++) {
-        sf_scene *line = scene_of(ctx, 1), *clusters = scene_of(ctx, 1);
-        add_points(line, place_in_order, POINTS, 1);
-        add_points(clusters, place_in_clusters, POINTS, 1);
-        sf_first_options options = usual;
-        options.max_gaussians = CHOSEN;
-        content *c = make_first(line, &options, seed);
-        assert_true(c->means[0][0] < 5 && c->means[CHOSEN - 1][0] > POINTS - 6);
-        for (size_t i = 1; i < CHOSEN; i++) assert_true(c->means[i][0] - c->means[i - 1][0] == 5);
-        free(c);
-        c = make_first(clusters, &options, seed);
-        size_t of_cluster[4] = {0};
-        for (size_t i = 0; i < CHOSEN; i++) of_cluster[(size_t)lroundf(c->means[i][0] / 100) & 3]++;
-        for (size_t k = 0; k < 4; k++) assert_in_range(of_cluster[k], 48, 52);
-        free(c);
-        sf_scene_destroy(&line);
-        sf_scene_destroy(&clusters);
-    }
+    sf_scene *line = scene_of(ctx, 1), *clusters = scene_of(ctx, 1);
+    add_points(line, place_in_order, POINTS, 1);
+    add_points(clusters, place_in_clusters, POINTS, 1);
+    sf_first_options options = usual;
+    options.max_gaussians = CHOSEN;
+    content *c = make_first(line, &options, 1);
+    assert_true(c->means[0][0] < 5 && c->means[CHOSEN - 1][0] > POINTS - 6);
+    for (size_t i = 1; i < CHOSEN; i++) assert_true(c->means[i][0] - c->means[i - 1][0] <= 10);
+    free(c);
+    c = make_first(clusters, &options, 1);
+    size_t of_cluster[4] = {0};
+    for (size_t i = 0; i < CHOSEN; i++) of_cluster[(size_t)lroundf(c->means[i][0] / 100) & 3]++;
+    for (size_t k = 0; k < 4; k++) assert_in_range(of_cluster[k], 48, 52);
+    free(c);
+    sf_scene_destroy(&line);
+    sf_scene_destroy(&clusters);
     sf_context_destroy(&ctx);
 }
 

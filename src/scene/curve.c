@@ -1,5 +1,5 @@
-/* morton.c - points in the order of a curve through space. */
-#include "morton.h"
+/* curve.c - points in the order of a curve through space. */
+#include "curve.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -43,19 +43,39 @@ static cube bound(const float *xyz, size_t n) {
     return c;
 }
 
+/* How far along Hilbert's curve through a cube of 2^AXIS_BITS to each side a cell is (Skilling 2004,
+ * "Programming the Hilbert curve"): unlike the Z-curve it never jumps. Changes the axes. */
+static uint64_t along(uint32_t axes[3]) {
+    const uint32_t top = 1u << (AXIS_BITS - 1);
+    for (uint32_t bit = top; bit > 1; bit >>= 1) {
+        uint32_t below = bit - 1;
+        for (int k = 0; k < 3; k++) {
+            uint32_t swapped = axes[k] & bit ? 0 : (axes[0] ^ axes[k]) & below;
+            axes[0] ^= axes[k] & bit ? below : swapped;
+            axes[k] ^= swapped;
+        }
+    }
+    axes[1] ^= axes[0];
+    axes[2] ^= axes[1];
+    uint32_t flip = 0;
+    for (uint32_t bit = top; bit > 1; bit >>= 1) flip ^= axes[2] & bit ? bit - 1 : 0;
+    return spread(axes[0] ^ flip) << 2 | spread(axes[1] ^ flip) << 1 | spread(axes[2] ^ flip);
+}
+
 static void find_places(const float *xyz, size_t n, const uint8_t *classes, place *places) {
     cube c = bound(xyz, n);
     double scale = c.side > 0 ? ((1 << AXIS_BITS) - 1) / c.side : 0;
     for (size_t i = 0; i < n; i++) {
         places[i] = (place){.index = (uint32_t)i};
         if (classes) places[i].code = (uint64_t)(CLASSES - 1 - classes[i]) << CLASS_AT;
-        for (size_t k = 0; k < 3; k++)
-            places[i].code |= spread((uint64_t)(scale * ((double)xyz[3 * i + k] - c.least[k]))) << k;
+        uint32_t axes[3];
+        for (size_t k = 0; k < 3; k++) axes[k] = (uint32_t)(scale * ((double)xyz[3 * i + k] - c.least[k]));
+        places[i].code |= along(axes);
     }
 }
 
-sf_status sf_morton_order(sf_context *ctx, const float *xyz, size_t n, const uint8_t *classes,
-                          uint32_t **order) {
+sf_status sf_curve_order(sf_context *ctx, const float *xyz, size_t n, const uint8_t *classes,
+                         uint32_t **order) {
     place *places = sf_alloc(ctx, n + 1, sizeof *places);
     *order = sf_alloc(ctx, n + 1, sizeof **order);
     sf_status status = places && *order ? SF_OK : SF_ERR_MEMORY;
