@@ -122,8 +122,7 @@ typedef enum sf_moment_format {
     REAL(lr_exposure_final, 0.02, 1e-9, 1, "", "rates of gains and biases at the end, as a fraction")        \
     REAL(lr_camera_final, 0.05, 1e-9, 1, "", "those of poses and focal lengths at the end")                  \
     REAL(adam_beta1, 0.7, 0, 0.9999, "", "decay of Adam's first moment")                                     \
-    REAL(adam_beta2, 0, 0, 0.999999, "",                                                                     \
-         "decay of Adam's second moment; 0: 0.99, and 0.999 where Gaussians are charged for")                \
+    REAL(adam_beta2, 0.99, 0, 0.999999, "", "decay of Adam's second moment")                                 \
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
     ENUM(moments, 0, "float|half", "Adam's moments take 8 bytes a parameter, or 4, rounded at random")       \
     ENUM(first, 0, "auto|points|sweep|random",                                                               \

@@ -114,8 +114,8 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     }
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_moments_forget(&f->moments, f->model, i);
-    sf_moments_forget(&f->moments, f->model, j);
+    sf_moments_restart(&f->moments, f->model, i);
+    sf_moments_restart(&f->moments, f->model, j);
 }
 
 /* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
@@ -130,7 +130,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
     float opacity = 1.0f - sqrtf(1.0f - sf_opacity(p->field[SF_FIELD_logit_opacity][i]));
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_moments_forget(&f->moments, f->model, j);
+    sf_moments_restart(&f->moments, f->model, j);
 }
 
 typedef struct candidate {

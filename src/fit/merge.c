@@ -206,7 +206,7 @@ void sf_merge_pair(sf_fitter *f, const sf_pair *pair) {
             *x = part * *x + (1 - part) * value_of(m, field, pair->b, c);
         }
     set_shape(p, pair->a, &one);
-    sf_moments_forget(&f->moments, m, pair->a);
+    sf_moments_restart(&f->moments, m, pair->a);
 }
 
 /* Leaves the cheapest pairs of Gaussians that are in no cheaper one; returns how many there are. */

@@ -57,6 +57,31 @@ void sf_moments_arrange(const sf_moments *moments, const sf_model *model, const 
                                  order);
 }
 
+/* The part of its squares that a field of a newcomer keeps. Its share of a picture is smaller than what it
+ * was made of, so are its gradients, and it has to find a place of its own: up to three times the steps for
+ * what makes its shape. Colours and opacity are right already. */
+static float part_kept(int field) {
+    return field == SF_FIELD_mean || field == SF_FIELD_log_scale || field == SF_FIELD_quat ? 0.1f : 1;
+}
+
+static void restart(const sf_moments *moments, int field, size_t at) {
+    if (moments->format == SF_MOMENTS_HALF) {
+        uint32_t *word = (uint32_t *)moments->part[0][field] + at;
+        *word = sf_bits_of(part_kept(field) * sf_float_of((*word & 0xffffu) << 15)) >> 15;
+    } else {
+        ((float *)moments->part[0][field])[at] = 0;
+        ((float *)moments->part[1][field])[at] *= part_kept(field);
+    }
+}
+
+void sf_moments_restart(const sf_moments *moments, const sf_model *model, size_t i) {
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        int n = sf_field_components(field);
+        for (int c = 0; i < model->banded[sf_field_band(field)] && c < n; c++)
+            restart(moments, field, sf_at(i, n, c));
+    }
+}
+
 void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {

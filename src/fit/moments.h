@@ -28,6 +28,9 @@ void sf_moments_destroy(sf_context *ctx, sf_moments *moments);
 sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int band, size_t room);
 void sf_moments_arrange(const sf_moments *moments, const sf_model *model, const sf_order *order);
 
+/* Gaussian i is not what it was: it has no direction yet, and begins with a part of the squares of what it
+ * was made of. From squares of 0 the first steps would be 1 / sqrt(1 - beta2) times too long, and be seen. */
+void sf_moments_restart(const sf_moments *moments, const sf_model *model, size_t i);
 /* Those of Gaussian i of the model, and of all that there is room for, back to 0. */
 void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i);
 void sf_moments_forget_all(const sf_moments *moments, const sf_model *model);

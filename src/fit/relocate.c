@@ -34,7 +34,7 @@ static void correct(sf_fitter *f, size_t i, uint32_t n) {
     double opacity = fmin(1 / (1 + exp(-(double)p->field[SF_FIELD_logit_opacity][i])), 0.9999), shrink;
     sf_set_opacity(p, i, (float)sf_relocated(opacity, n, &shrink));
     for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_log_scale, i, k) += (float)log(shrink);
-    sf_moments_forget(&f->moments, f->model, i);
+    sf_moments_restart(&f->moments, f->model, i);
 }
 
 /* Of a place that nobody has come to yet. */

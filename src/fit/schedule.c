@@ -30,10 +30,6 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define STEADY_STEPS 3300.0
 #define HASTE_MOST   4
 
-/* Adam's second moment is better short; but whether a Gaussian pays shows in calmer steps. */
-#define SHORT_MEMORY 0.99
-#define LONG_MEMORY  0.999
-
 /* Squares learn faster what is far off, the absolute value makes small differences smaller: Huber's delta
  * falls with the steps that there are. */
 #define SQUARED_STEPS 100
@@ -86,7 +82,6 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
     double missing = f->gone_on ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
-    if (!(o->adam_beta2 > 0)) o->adam_beta2 = o->size == SF_SIZE_CAP ? SHORT_MEMORY : LONG_MEMORY;
     if (!(o->lr_haste > 0))
         o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
@@ -156,11 +151,11 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
     const sf_fit_options *o = &f->options;
     switch (field) {
     case SF_FIELD_mean:
-        return o->lr_mean * f->extent * pow(o->lr_mean_final, fraction);
+        return o->lr_mean * sqrt(o->lr_haste) * f->extent * pow(o->lr_mean_final, fraction);
     case SF_FIELD_log_scale:
         return o->lr_scale * o->lr_haste;
     case SF_FIELD_quat:
-        return o->lr_quat;
+        return o->lr_quat * sqrt(o->lr_haste);
     case SF_FIELD_logit_opacity:
         return o->lr_opacity * sqrt(o->lr_haste);
     case SF_FIELD_sh0:

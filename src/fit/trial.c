@@ -54,8 +54,8 @@ void sf_trials_undo(const sf_trials *trials, sf_model *model) {
 
 static void undo_and_forget(sf_fitter *f, const sf_trial *t) {
     undo(t, f->model);
-    sf_moments_forget(&f->moments, f->model, t->a);
-    sf_moments_forget(&f->moments, f->model, t->b);
+    sf_moments_restart(&f->moments, f->model, t->a);
+    sf_moments_restart(&f->moments, f->model, t->b);
 }
 
 void sf_trials_end(sf_fitter *f) {

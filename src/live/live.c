@@ -45,7 +45,6 @@ sf_live_options sf_live_options_default(void) {
     o.fit.blur = 0;            /* such frames are no keyframes */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
-    o.fit.adam_beta2 = 0.999; /* what is seen but now and then has to be remembered for longer */
     o.fit.huber_delta = 1e-9; /* L1: what moves, and what tracking is off by, is not to be fitted first */
     return o;
 }

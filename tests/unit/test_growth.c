@@ -479,6 +479,65 @@ static void test_growth_is_not_seen(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Adam's moments of a value. */
+typedef struct moment {
+    float m, v;
+} moment;
+
+static moment moment_of(const sf_fitter *f, int field, size_t i, int c) {
+    size_t at = sf_at(i, sf_field_components(field), c);
+    const uint32_t *first = f->moments.part[0][field];
+    if (f->moments.format == SF_MOMENTS_HALF)
+        return (moment){sf_float_of(first[at] & 0xffff0000u), sf_float_of((first[at] & 0xffffu) << 15)};
+    return (moment){sf_float_of(first[at]), ((const float *)f->moments.part[1][field])[at]};
+}
+
+/* Halves of a split have no direction, and a part of the squares of what they were: colours and opacity all,
+ * shapes a tenth (16 bits keep 8 of a fraction). With none the first steps would be 1 / sqrt(1 - beta2) times
+ * too long. The others' moments stay. */
+static void check_newcomers(int format) {
+    enum { MOST = 20000 };
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=64&height=48&frames=9", NULL, &scene));
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = 40, options.grow_every = 1000, options.sh_degree = 0;
+    options.max_gaussians = MOST, options.grow_most = 1e6, options.grow_rate = 0.3;
+    options.moments = format;
+    sf_fitter *f;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+    for (int step = 0; step < 10; step++) assert_ok(ctx, sf_fitter_step(f));
+    static moment was[MOST][SF_FIELD_COUNT][4];
+    size_t count = f->model->count, halves = 0;
+    for (size_t i = 0; i < count; i++)
+        for (int field = 0; field <= SF_FIELD_sh0; field++)
+            for (int c = 0; c < sf_field_components(field); c++) was[i][field][c] = moment_of(f, field, i, c);
+    sf_grow_and_prune(f, sf_fraction(f));
+    size_t grown = f->model->count - count;
+    assert_true(grown > 100 && f->model->count <= MOST);
+    for (size_t i = 0; i < count; i++) {
+        int half = moment_of(f, SF_FIELD_sh0, i, 0).m == 0 && was[i][SF_FIELD_sh0][0].m != 0;
+        halves += (size_t)half;
+        for (int field = 0; field <= SF_FIELD_sh0; field++)
+            for (int c = 0; c < sf_field_components(field); c++) {
+                moment is = moment_of(f, field, i, c), old = was[i][field][c];
+                double part = !half || field >= SF_FIELD_logit_opacity ? 1 : 0.1;
+                assert_true(is.m == (half ? 0 : old.m));
+                assert_true(fabs((double)is.v - part * (double)old.v) <= part * (double)old.v / 128);
+            }
+    }
+    assert_int_equal(halves, grown);
+    for (size_t j = count; j < f->model->count; j++) assert_true(moment_of(f, SF_FIELD_sh0, j, 0).m == 0);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+static void test_newcomers_do_not_leap(void **state) {
+    (void)state;
+    check_newcomers(SF_MOMENTS_FLOAT);
+    check_newcomers(SF_MOMENTS_HALF);
+}
+
 /* No axis grows beyond max_scale, and nothing is taken away for it. */
 static void test_no_giants(void **state) {
     (void)state;
@@ -514,6 +573,7 @@ int main(void) {
         cmocka_unit_test(test_clone_and_split),
         cmocka_unit_test(test_no_giants),
         cmocka_unit_test(test_growth_is_not_seen),
+        cmocka_unit_test(test_newcomers_do_not_leap),
         cmocka_unit_test(test_error_of_several_views),
         cmocka_unit_test(test_masked_error),
         cmocka_unit_test(test_hidden),

@@ -141,22 +141,8 @@ static void test_what_the_user_chose_stays(void **state) {
     options.pyramid_end = 0.31, options.grow_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
     options.pyramid_mix = 0.34;
     options.grow_every = 35, options.lr_haste = 1.5, options.huber_delta = 0.25;
-    options.adam_beta2 = 0.98;
     sf_fit_options got = planned(options);
     assert_same_options(&got, &options);
-}
-
-/* Adam remembers longer where Gaussians are charged for, which a short run does not do. */
-static void test_memory_follows_the_size(void **state) {
-    (void)state;
-    sf_fit_options options = short_fit(3000);
-    options.size = SF_SIZE_AUTO;
-    assert_true(planned(options).adam_beta2 == 0.999);
-    options.size = SF_SIZE_CAP;
-    assert_true(planned(options).adam_beta2 == 0.99);
-    options = short_fit(100);
-    options.size = SF_SIZE_AUTO;
-    assert_true(planned(options).adam_beta2 == 0.99);
 }
 
 static void test_time_is_planned_as_steps(void **state) {
@@ -375,7 +361,6 @@ int main(void) {
         cmocka_unit_test(test_brief_runs_make_large_steps),
         cmocka_unit_test(test_views_far_apart_follow_one_another),
         cmocka_unit_test(test_what_the_user_chose_stays),
-        cmocka_unit_test(test_memory_follows_the_size),
         cmocka_unit_test(test_time_is_planned_as_steps),
         cmocka_unit_test(test_little_time_is_spent_on_steps),
         cmocka_unit_test(test_growth_is_bounded_by_the_plan),
