@@ -6,10 +6,12 @@
 # PROGRAM        the program, build/splatfit if unset
 # RUN            runs it, where it is another machine's
 # SPLATFIT_DATA  the folder of real scenes; without it only the simulated one
+# PARTS          which of fits, moves and sizes; all of them if unset
 set -eu
 
 dir=$1
 kind=${2:-full}
+parts=${PARTS:-fits moves sizes}
 program=${PROGRAM:-build/splatfit}
 data=${SPLATFIT_DATA:-none}
 moments=0.1,0.2,0.5,1,1.5,2,3,4,5,7,10,15,20,30,45,60,90,120,180,240,300,450,600
@@ -29,8 +31,8 @@ full  fox      DATA/fox-centred-270                    1,2,3,4,5 native         
 full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           draft       --preset draft
 full  fox      DATA/fox-centred-270                    1         native           high        --preset high
 full  fox      DATA/fox-centred-270                    1         avx2,sse4,scalar draft       --preset draft
-full  fox      DATA/fox-centred-270                    1         native           5 s         --time-limit 5 --max-gaussians 30000
-full  fox      DATA/fox-centred-270                    1         native           60 s        --time-limit 60 --max-gaussians 80000
+full  fox      DATA/fox-centred-270                    1         native           5 s         --time-limit 5 --max-gaussians 40000
+full  fox      DATA/fox-centred-270                    1         native           60 s        --time-limit 60 --size cap --max-gaussians 82000
 full  tagboard DATA/rbt-tagboard                       1,2,3,4,5 native           standard    --preset standard
 full  tagboard DATA/rbt-tagboard                       1,2,3     native           draft       --preset draft
 quick studio   sim:studio?width=80&height=60&frames=20 1,2       native           60 steps    --steps 60 --max-gaussians 1000
@@ -60,8 +62,8 @@ fit() { # NAME PROJECT LEVEL SEED LABEL OPTION...
 list=$(mktemp)
 trap 'rm -f "$list"' EXIT
 rows | sed 's/  */ /g' | grep "^$kind " >"$list"
-rm -rf "$dir"/fit-*
 number=0
+case $parts in *fits*) rm -rf "$dir"/fit-* ;; *) : >"$list" ;; esac
 while read -r _ scene project seeds levels rest; do
     number=$((number + 1))
     case $project in DATA/*) project=$data/${project#DATA/} ;; esac
@@ -79,6 +81,7 @@ while read -r _ scene project seeds levels rest; do
         done
     done
 done <"$list"
-"$(dirname "$0")/moves.sh" "$dir" "$kind"
-"$(dirname "$0")/sizes.sh" "$dir" "$kind"
+for part in moves sizes; do
+    case $parts in *$part*) "$(dirname "$0")/$part.sh" "$dir" "$kind" ;; esac
+done
 splatfit chart "$dir"/*.json --out "$dir"
