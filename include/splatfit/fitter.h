@@ -106,8 +106,8 @@ typedef enum sf_moment_format {
     REAL(lr_opacity, 0.07, 0, 1, "", "learning rate of the logit-opacities")                                 \
     REAL(lr_scale, 0.015, 0, 1, "", "learning rate of the log-scales")                                       \
     REAL(lr_haste, 0, 0, 100, "",                                                                            \
-         "the rates of scales, higher SH bands and a background are so many times as high, that of "         \
-         "opacities by the root of it; 0: as plan_steps suggest")                                            \
+         "the rates of scales, higher SH bands and a background are so many times as high, those of "        \
+         "means, quaternions and opacities by the root of it; 0: as plan_steps suggest")                     \
     REAL(lr_quat, 0.003, 0, 1, "", "learning rate of the quaternions")                                       \
     REAL(lr_background, 0.01, 0, 1, "", "learning rate of an estimated background")                          \
     FLAG(exposure, 0, "learn a gain and a bias per channel of each training picture")                        \

@@ -26,7 +26,7 @@ rows() {
 full  studio   sim:studio                              1,2,3,4,5 native           standard    --preset standard
 full  studio   sim:studio                              1,2,3,4,5 native           draft       --preset draft
 full  studio   sim:studio                              1         avx2,sse4,scalar draft       --preset draft
-full  studio   sim:studio                              1         native           5 s         --time-limit 5 --max-gaussians 20000
+full  studio   sim:studio                              1         native           20 s        --time-limit 20 --max-gaussians 40000
 full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           standard    --preset standard
 full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           draft       --preset draft
 full  fox      DATA/fox-centred-270                    1         native           high        --preset high
