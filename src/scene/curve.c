@@ -12,7 +12,7 @@ typedef struct place {
     uint32_t index;
 } place;
 
-static int along_curve(const void *a, const void *b) {
+static int by_code(const void *a, const void *b) {
     const place *x = a, *y = b;
     if (x->code != y->code) return x->code < y->code ? -1 : 1;
     return x->index < y->index ? -1 : 1;
@@ -81,7 +81,7 @@ sf_status sf_curve_order(sf_context *ctx, const float *xyz, size_t n, const uint
     sf_status status = places && *order ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         find_places(xyz, n, classes, places);
-        qsort(places, n, sizeof *places, along_curve);
+        qsort(places, n, sizeof *places, by_code);
         for (size_t i = 0; i < n; i++) (*order)[i] = places[i].index;
     } else {
         sf_free(ctx, *order);

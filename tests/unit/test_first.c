@@ -329,7 +329,7 @@ static void test_more_points_than_allowed(void **state) {
 }
 
 /* The choice is spread evenly over space, wherever points stand in the list: of a line, one in five, it
- * leaves no gap of more than ten (one at random leaves about thirty), and of clusters of different sizes each
+ * leaves no gap of more than ten, and of clusters of different sizes each
  * gets its share. */
 static void test_choice_is_even(void **state) {
     (void)state;
