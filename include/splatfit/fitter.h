@@ -68,7 +68,7 @@ typedef enum sf_moment_format {
          "training views with less than this part of the detail that the model has there, against the "      \
          "median of all, are blurred and count less (not in a run that time ends after fewer than 2000 "     \
          "steps); 0: none")                                                                                  \
-    INT(max_gaussians, 100000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
+    INT(max_gaussians, 150000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap",                                                                                \
          "Gaussians: those that pay for themselves, in runs of 1000 steps or more (2000 where time alone "   \
          "ends them), or as many as max_gaussians")                                                          \
@@ -147,7 +147,7 @@ typedef enum sf_moment_format {
     REAL(reg_scale, 0, 0, 1e6, "", "log-scales of what is seen fall by so many rates")                       \
     REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
     REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
-    REAL(grow_most, 50, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
+    REAL(grow_most, 27, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
     INT(grow_every, 0, 0, 100000000, "steps", "steps between growths; 0: as plan_steps suggest")             \
     REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
          "least mean screen gradient (device units) or error (px) of what grows")                            \

@@ -59,7 +59,8 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(best_fraction)                                                                                         \
     F(next_validation)                                                                                       \
     F(settle_from)                                                                                           \
-    F(least_mean)                                                                                            \
+    F(least_noise)                                                                                           \
+    F(growth_pays)                                                                                           \
     F(trials.part)                                                                                           \
     F(trials.squares)                                                                                        \
     F(least_squares)                                                                                         \

@@ -60,7 +60,8 @@ struct sf_fitter {
     int growths_in_vain;   /* since the one with least_squares */
     double least_squares;  /* error of some views, the least after a growth; 0: none yet */
     int least_level;       /* that of the resolution it was at */
-    double least_mean;     /* squared error of a value, the least that was charged with; 0: none yet */
+    double growth_pays;    /* by what the scene's errors say growth is multiplied; 0: by nothing yet */
+    double least_noise;    /* what the error of a value counts for, the least so far; 0: none yet */
     sf_trials trials;
     int growth_ended; /* memory ran out: said once, and N stays */
 
@@ -153,6 +154,8 @@ double sf_fraction(const sf_fitter *fitter);
 double sf_fraction_at(const sf_fitter *fitter, double time);
 /* `level`, or the most that leaves a picture of this size large enough. */
 int sf_level_within(int level, int width, int height);
+/* Halvings of the finest pictures that steps near this fraction are made on. */
+int sf_finest_level(const sf_fitter *fitter, double fraction);
 int sf_scheduled_level(const sf_fitter *fitter, double fraction, int width, int height);
 int sf_scheduled_degree(const sf_fitter *fitter, double fraction);
 /* How many steps there are in `seconds`, where one at full resolution takes `step` seconds now. */

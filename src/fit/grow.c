@@ -242,7 +242,8 @@ static sf_status grow_by_plan(sf_fitter *f, double fraction) {
     if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
-    if (sf_is_priced(f) && !f->grown_out && !f->growth_ended && sf_consider_growth(f)) end_growth(f);
+    if (sf_is_priced(f) && !f->grown_out && !f->growth_ended && sf_consider_growth(f, fraction))
+        end_growth(f);
     sf_status status = prune(f, NULL);
     size_t wanted = !f->grown_out && !status ? wanted_more(f, fraction) : 0;
     return wanted ? grow(f, wanted) : status;

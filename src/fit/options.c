@@ -46,7 +46,6 @@ sf_status sf_fit_options_preset(sf_context *ctx, const char *name, sf_fit_option
         preset.validate = 0;
     } else if (!strcmp(name, "high")) {
         preset.steps = 12000;
-        preset.max_gaussians = 150000;
         preset.lr_mean = 3.2e-4;
     } else if (strcmp(name, "standard") != 0) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "preset: \"%s\" is none of draft|standard|high", name);

@@ -6,8 +6,10 @@
 
 #include "trial.h"
 
-/* What a Gaussian must take away of the squared error, in mean squared errors of a value. */
-#define PRICE 20.0
+/* What a Gaussian must take away of the squared error, in mean squared errors of a value, where so many
+ * values err together as if they were one, or more; where fewer do, so much less. */
+#define PRICE    20.0
+#define TOGETHER 70.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.25 / 255)
 /* What a float of an SH band must take away, in those of a Gaussian's: much of what bands make serves to
@@ -23,6 +25,9 @@
  */
 #define GROWTH_GAIN 0.02
 enum { GROWTHS_IN_VAIN = 3 };
+/* Where Gaussians are cheap it pays to try more of them, by the root of how much cheaper, at most so many
+ * times as many. */
+#define MOST_GROWTH 2.5
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
 #define GROWTH_PART 0.25
 
@@ -64,12 +69,16 @@ int sf_charging_due(const sf_fitter *f, double fraction) {
     return f->trials.count || may_try(f, fraction);
 }
 
-/* What a Gaussian must take away of the squared error. What has gone may have cost something: that does not
- * make the others worth less. */
-static double price_of(const sf_fitter *f, const sf_worth *w) {
-    double mean = w->squares / w->values;
-    if (f->least_mean > 0) mean = fmin(mean, f->least_mean);
-    return PRICE / f->options.quality * (mean + NOTHING * NOTHING);
+/* What a value's error counts for, against what chance does. What has gone may have cost something: that does
+ * not make the others worth less, so the least counts. */
+static void hear_noise(sf_fitter *f, const sf_errors *e) {
+    double noise = e->squares / e->values * fmin(sf_errs_together(e) / TOGETHER, 1);
+    if (!(f->least_noise > 0 && f->least_noise < noise)) f->least_noise = noise;
+}
+
+/* What a Gaussian must take away of the squared error. */
+static double price_of(const sf_fitter *f) {
+    return PRICE / f->options.quality * (f->least_noise + NOTHING * NOTHING);
 }
 
 /* Where errors are hardly seen only those grow that have a part in them: elsewhere this chooses worse than
@@ -78,7 +87,8 @@ static sf_status spare_the_good(sf_fitter *f) {
     sf_worth w;
     sf_status status = sf_weigh(f, WEIGHED, &w);
     if (!status && w.views) {
-        double price = price_of(f, &w);
+        double mean = w.errors.squares / w.errors.values;
+        double price = PRICE / f->options.quality * (mean + NOTHING * NOTHING);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
             if (f->screen_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price) f->screen_sum[i] = 0;
     }
@@ -87,11 +97,11 @@ static sf_status spare_the_good(sf_fitter *f) {
 }
 
 /* Pictures as coarse as those that are trained on: what coarse ones teach makes fine ones no better. */
-static void judge_growth(sf_fitter *f, double squares) {
-    int compares = f->least_squares > 0 && f->level == f->least_level;
+static void judge_growth(sf_fitter *f, int level, double squares) {
+    int compares = f->least_squares > 0 && level == f->least_level;
     int gained = compares && squares < f->least_squares * (1 - GROWTH_GAIN);
     if (compares) f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
-    if (gained || !compares) f->least_squares = squares, f->least_level = f->level;
+    if (gained || !compares) f->least_squares = squares, f->least_level = level;
     if (f->growths_in_vain < GROWTHS_IN_VAIN) return;
     f->grown_out = 1;
     sf_log(f->ctx, SF_LOG_INFO,
@@ -100,14 +110,16 @@ static void judge_growth(sf_fitter *f, double squares) {
            f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
 }
 
-sf_status sf_consider_growth(sf_fitter *f) {
-    double squares, values;
-    sf_status status = sf_look_for_squares(f, f->level, LOOKED, &squares, &values);
+sf_status sf_consider_growth(sf_fitter *f, double fraction) {
+    sf_errors errors;
+    int level = sf_finest_level(f, fraction);
+    sf_status status = sf_look_for_errors(f, level, LOOKED, &errors);
     if (status) return status;
-    judge_growth(f, squares);
-    if (f->level) status = sf_look_for_squares(f, 0, LOOKED, &squares, &values);
+    judge_growth(f, level, errors.squares);
+    f->growth_pays = fmin(fmax(sqrt(TOGETHER / sf_errs_together(&errors)), 1), MOST_GROWTH);
+    if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);
     if (status) return status;
-    return squares < HARDLY_SEEN * NOTHING * NOTHING * values ? spare_the_good(f) : SF_OK;
+    return errors.squares < HARDLY_SEEN * NOTHING * NOTHING * errors.values ? spare_the_good(f) : SF_OK;
 }
 
 /* What has an effect, the least first. */
@@ -124,13 +136,13 @@ static int by_effect(const void *a, const void *b) {
 }
 
 /* The squared error of some views without the first n of the list. */
-static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares) {
+static sf_status try_without(sf_fitter *f, poor *list, size_t n, sf_errors *errors) {
     float *logit = f->model->params.field[SF_FIELD_logit_opacity];
     for (size_t k = 0; k < n; k++) {
         list[k].logit = logit[list[k].gaussian];
         logit[list[k].gaussian] = SF_INVISIBLE;
     }
-    sf_status status = sf_look_for_squares(f, 0, LOOKED, squares, NULL);
+    sf_status status = sf_look_for_errors(f, 0, LOOKED, errors);
     for (size_t k = 0; k < n; k++) logit[list[k].gaussian] = list[k].logit;
     return status;
 }
@@ -138,7 +150,8 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, double *squares
 /* What is not worth its price goes, but half of all at most where that is seen, and no more than the steps to
  * come make up for: where many do the same none is worth much, and what is left of them is worth more. */
 static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
-    double before, after = INFINITY, unseen = NOTHING * NOTHING * w->values;
+    sf_errors before, after;
+    double unseen = NOTHING * NOTHING * w->errors.values;
     double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0, half = w->count / 2;
@@ -147,10 +160,11 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
         if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0) && sf_was_weighed(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
-    sf_status status = sf_look_for_squares(f, 0, LOOKED, &before, NULL);
+    sf_status status = sf_look_for_errors(f, 0, LOOKED, &before);
     while (n && !status) {
         status = try_without(f, list, n, &after);
-        if (after - before <= (n > half ? LATE_RISE : rise) * (before + unseen)) break;
+        if (after.squares - before.squares <= (n > half ? LATE_RISE : rise) * (before.squares + unseen))
+            break;
         n = n > half ? half : n / 2;
     }
     for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
@@ -185,12 +199,11 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
 sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
     sf_status status = sf_weigh(f, WEIGHED, w);
     if (status) return status;
-    double price = price_of(f, w);
+    if (w->views) hear_noise(f, &w->errors);
+    double price = price_of(f);
     int taking = taking_out(f, fraction);
     if (f->trials.count) sf_trials_judge(f, w, price, NOTHING * NOTHING);
     if (!w->views) return SF_OK;
-    double mean = w->squares / w->values;
-    if (!(f->least_mean > 0 && f->least_mean < mean)) f->least_mean = mean;
     if (taking) status = take_out(f, fraction, price, w);
     if (taking && fraction <= charge_until(f)) lower_degrees(w, price / SF_MOST_FLOATS * BAND_PRICE, degrees);
     leave_visible_alone(w);
@@ -200,6 +213,10 @@ sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees
 sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) {
     sf_status status = SF_OK;
     if (!w->views || !may_try(f, fraction)) return SF_OK;
+    if (w->errors.squares > HARDLY_SEEN * NOTHING * NOTHING * w->errors.values) { /* a photograph's */
+        f->trials.in_vain++;
+        return SF_OK;
+    }
     if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
         if (!sf_trials_promise(f)) return SF_OK;
         sf_worth_free(f->ctx, w);

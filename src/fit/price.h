@@ -12,8 +12,8 @@ enum { SF_NOTABLE = 50 /* what takes less of the model away than this part hardl
 int sf_is_priced(const sf_fitter *fitter);
 
 /* Looks, before a growth, whether those before it have taken away from the error: where several have not,
- * growth ends (grown_out). SF_ERR_MEMORY: nothing has changed. */
-sf_status sf_consider_growth(sf_fitter *fitter);
+ * growth ends (grown_out); and how much of it pays here (growth_pays). SF_ERR_MEMORY: nothing has changed. */
+sf_status sf_consider_growth(sf_fitter *fitter, double fraction);
 
 /* Whether this step ends with charging: with those that are not worth their price, to the end of the
  * run, or, when nothing grows any more, with pairs on trial (trial.h). */

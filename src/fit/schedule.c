@@ -35,9 +35,6 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define SQUARED_STEPS 100
 #define DELTA_MOST    0.4
 
-/* A short run grows this part of grow_most. */
-#define SHORT_GROWTH 0.52
-
 /* A mean step in full steps with the first Gaussians; how steps grow with the Gaussians. */
 #define MEAN_STEP   0.55
 #define STEP_GROWTH 0.7
@@ -51,9 +48,9 @@ static int is_short(const sf_fitter *f, double steps) {
     return steps < (f->options.steps > 0 ? SF_SHORT_RUN : SF_SHORT_TIME);
 }
 
-/* Most Gaussians to grow in a run of so many steps: a short one has no time to find out which of many pay. */
+/* Most Gaussians to grow in a run of so many steps. */
 static double most_grown(const sf_fitter *f, double steps) {
-    return f->options.grow_most * (is_short(f, steps) ? SHORT_GROWTH : 1) * steps;
+    return f->options.grow_most * (f->growth_pays > 0 ? f->growth_pays : 1) * steps;
 }
 
 double sf_steps_in(const sf_fitter *f, double seconds, double step) {
@@ -122,17 +119,27 @@ int sf_level_within(int level, int width, int height) {
     return level;
 }
 
-int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
+/* Halvings that the pyramid has at this fraction, but for the steps between. */
+static int pyramid_level(const sf_fitter *f, double fraction) {
     int level = 0;
-    if (f->gone_on) return 0;
-    fraction = place_of(f, fraction);
     double end = f->options.pyramid_end;
     while (level < f->options.pyramid_levels && fraction < end) {
         level++;
         end *= f->options.pyramid_ratio;
     }
+    return level;
+}
+
+int sf_finest_level(const sf_fitter *f, double fraction) {
+    return f->gone_on ? 0 : pyramid_level(f, place_of(f, fraction));
+}
+
+int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
+    if (f->gone_on) return 0;
+    int level = sf_finest_level(f, fraction);
     /* A step at half the resolution costs half, and teaches nearly as much. */
-    if (!level && fraction < f->options.pyramid_mix && f->options.pyramid_levels) level = f->step & 1;
+    if (!level && place_of(f, fraction) < f->options.pyramid_mix && f->options.pyramid_levels)
+        level = f->step & 1;
     return sf_level_within(level, width, height);
 }
 

@@ -117,7 +117,7 @@ sf_status sf_trials_begin(sf_fitter *f, sf_worth *w) {
     sf_free(f->ctx, t->tiles);
     t->tiles = w->tiles, t->tile_count = w->tile_count, t->tile_capacity = w->tile_capacity;
     w->tiles = NULL;
-    t->squares = w->squares;
+    t->squares = w->errors.squares;
     return SF_OK;
 }
 
@@ -145,13 +145,17 @@ static uint32_t *count_members(const sf_fitter *f) {
     return members;
 }
 
+/* What was weighed while one of them was hidden says nothing of either. */
+static void leave(const sf_trial *t, sf_worth *w) { w->effect[t->a] = w->effect[t->b] = INFINITY; }
+
 void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
     sf_trials *t = &f->trials;
     uint32_t *members = count_members(f);
-    double fell = fmin(w->squares / t->squares, 1), all = 0;
+    double fell = fmin(w->errors.squares / t->squares, 1), all = 0;
     size_t n = t->count, good = 0;
     if (!members || w->tile_count != t->tile_count) { /* views came or went: nothing to compare */
         sf_free(f->ctx, members);
+        for (size_t k = 0; k < n; k++) leave(&t->list[k], w);
         sf_trials_end(f);
         return;
     }
@@ -166,7 +170,7 @@ void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
             good++;
         } else {
             undo_and_forget(f, one);
-            w->effect[one->a] = w->effect[one->b] = INFINITY;
+            leave(one, w);
         }
     }
     learn(t, failed, (double)good / (double)n, (double)good >= WORTH_LOOKING * (double)w->count);

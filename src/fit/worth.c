@@ -20,18 +20,15 @@ enum {
 typedef struct weigh_job {
     sf_workspace *ws;
     sf_worth *worth;
-    double *sums;        /* [rows of the picture][2]: squares, weights */
+    sf_errors *sums;     /* [rows of tiles] */
     double pixels;       /* of the full resolution in one of the picture */
     uint8_t *tried;      /* [count] whether it stands for a pair on trial; NULL: none does */
     const float *before; /* squared errors of the tiles of the views to come; there are so many */
     size_t before_count;
 } weigh_job;
 
-/* The residual, times the weight, and the weight itself, 0 beyond the picture. */
-static void residual_task(void *job_pointer, size_t row, int thread) {
-    (void)thread;
-    const weigh_job *job = job_pointer;
-    sf_workspace *ws = job->ws;
+/* The residuals of a row of pixels, times the weight, and the weight itself, 0 beyond the picture. */
+static void residual_row(sf_workspace *ws, size_t row, sf_errors *errors) {
     size_t from = row * ws->stride, width = row < (size_t)ws->eye.height ? (size_t)ws->eye.width : 0;
     double squares = 0, weights = 0;
     for (size_t x = 0; x < ws->stride; x++) {
@@ -45,21 +42,47 @@ static void residual_task(void *job_pointer, size_t row, int thread) {
             squares += (double)r * (double)r;
         }
     }
-    job->sums[2 * row] = squares;
-    job->sums[2 * row + 1] = weights;
+    errors->squares += squares;
+    errors->values += SF_CHANNELS * weights;
+}
+
+/* The square of a tile's sum. */
+static double clump(const sf_workspace *ws, int channel, size_t from) {
+    double sum = 0;
+    for (size_t y = 0; y < SF_TILE; y++)
+        for (size_t x = 0; x < SF_TILE; x++) sum += (double)ws->d_rgb[channel][from + y * ws->stride + x];
+    return sum * sum;
+}
+
+static void residual_task(void *job_pointer, size_t band, int thread) {
+    (void)thread;
+    const weigh_job *job = job_pointer;
+    sf_errors errors = {0};
+    for (size_t y = 0; y < SF_TILE; y++) residual_row(job->ws, SF_TILE * band + y, &errors);
+    for (size_t x = 0; x < job->ws->stride; x += SF_TILE)
+        for (int ch = 0; ch < SF_CHANNELS; ch++)
+            errors.clumps += clump(job->ws, ch, SF_TILE * band * job->ws->stride + x);
+    job->sums[band] = errors;
+}
+
+static void add_errors(sf_errors *to, const sf_errors *more, double factor) {
+    to->squares += factor * more->squares;
+    to->clumps += factor * more->clumps;
+    to->values += factor * more->values;
+}
+
+double sf_errs_together(const sf_errors *errors) {
+    return errors->squares > 0 ? fmax(errors->clumps / errors->squares, 1) : 1;
 }
 
 /* Of the picture that was drawn last. */
 static sf_status residual(weigh_job *job, double pixels) {
-    size_t rows = job->ws->plane_rows;
+    size_t bands = job->ws->plane_rows / SF_TILE;
     job->pixels = pixels;
-    job->sums = sf_alloc(job->ws->ctx, rows, 2 * sizeof *job->sums);
+    job->sums = sf_alloc(job->ws->ctx, bands, sizeof *job->sums);
     if (!job->sums) return SF_ERR_MEMORY;
-    sf_pool_run(job->ws->ctx->pool, rows, residual_task, job);
-    for (size_t row = 0; row < rows; row++) {
-        job->worth->squares += pixels * job->sums[2 * row];
-        job->worth->values += pixels * SF_CHANNELS * job->sums[2 * row + 1];
-    }
+    sf_pool_run(job->ws->ctx->pool, bands, residual_task, job);
+    for (size_t band = 0; band < bands; band++) add_errors(&job->worth->errors, &job->sums[band], pixels);
     sf_free(job->ws->ctx, job->sums);
     job->worth->views++;
     return SF_OK;
@@ -199,12 +222,11 @@ static sf_status look_at_level(sf_fitter *f, int level, size_t views, sf_look_fn
     return status;
 }
 
-sf_status sf_look_for_squares(sf_fitter *f, int level, size_t views, double *squares, double *values) {
+sf_status sf_look_for_errors(sf_fitter *f, int level, size_t views, sf_errors *errors) {
     sf_worth w = {0};
     weigh_job job = {.ws = &f->workspace, .worth = &w};
     sf_status status = look_at_level(f, level, views, glance_at, &job, NULL);
-    *squares = w.squares;
-    if (values) *values = w.values;
+    *errors = w.errors;
     return status;
 }
 
@@ -221,8 +243,7 @@ static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
 
 /* To as many views as are trained on. */
 static void scale_up(sf_worth *w, double factor) {
-    w->squares *= factor;
-    w->values *= factor;
+    add_errors(&w->errors, &w->errors, factor - 1);
     for (size_t i = 0; i < w->count; i++) {
         w->removal[i] *= (float)factor;
         w->effect[i] *= (float)factor;

@@ -11,14 +11,23 @@ typedef struct sf_blame {
     float values;      /* weights of pixels, times the channels */
 } sf_blame;
 
+/* Sums over views, their pixels (by weight) and channels, values 0..1. */
+typedef struct sf_errors {
+    double squares; /* squared errors */
+    double clumps;  /* squares of the errors' sums over tiles of 16 by 16 pixels */
+    double values;  /* weights of the pixels, times the channels */
+} sf_errors;
+
+/* So many neighbouring values err together as if they were one: 1 where each errs by itself. */
+double sf_errs_together(const sf_errors *errors);
+
 /* Squared errors are sums over the views, their pixels (by weight) and channels, values 0..1. Where only some
  * views are looked at, all sums but those of tiles are for as many as there are. */
 typedef struct sf_worth {
     size_t count;
-    size_t views;   /* looked at */
-    int whole;      /* all that are trained on were */
-    double squares; /* squared error of the views */
-    double values;  /* weights of their pixels, times the channels */
+    size_t views; /* looked at */
+    int whole;    /* all that are trained on were */
+    sf_errors errors;
     float *removal; /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
                        be below 0 */
     float *effect;  /* [count] what that does to the pictures, squared: the removal where the residual is
@@ -39,8 +48,8 @@ sf_status sf_weigh(sf_fitter *fitter, size_t views, sf_worth *worth);
 int sf_was_weighed(const sf_worth *worth, size_t i);
 void sf_worth_free(sf_context *ctx, sf_worth *worth);
 
-/* The squared error alone of `views` of them (0: all), after `level` halvings but counted as at full
- * resolution, and its values (may be NULL). SF_ERR_MEMORY. */
-sf_status sf_look_for_squares(sf_fitter *fitter, int level, size_t views, double *squares, double *values);
+/* The errors alone of `views` of them (0: all), after `level` halvings but counted as at full resolution.
+ * SF_ERR_MEMORY. */
+sf_status sf_look_for_errors(sf_fitter *fitter, int level, size_t views, sf_errors *errors);
 
 #endif

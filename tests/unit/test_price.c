@@ -70,6 +70,38 @@ static const ball three[] = {{{0, 0, 0}, {0.3f, 0.3f, 0.3f}, 0.8f, 0.9f},
                              {{0.2f, 0.1f, 0.3f}, {0.2f, 0.4f, 0.2f}, 0.6f, 0.4f},
                              {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
 
+/* Where all values err alike a tile of them is as one; of those that err by chance, by 0 or by e, the square
+ * of a tile's sum is (n e / 2)^2 + n e^2 / 4 in the mean, and their squares are n e^2 / 2. */
+static void test_errs_together(void **state) {
+    (void)state;
+    static uint8_t bytes[3 * PIXELS];
+    for (int alike = 0; alike < 2; alike++) {
+        sf_context *ctx = test_context();
+        sf_scene *scene;
+        sf_errors errors;
+        sf_rng rng;
+        ball faint = {{0, 0, 0}, {0.01f, 0.01f, 0.01f}, 0.001f, 0.5f}; /* below 1/255: nothing is drawn */
+        sf_model *model = model_of(ctx, &faint, 1, 0);
+        sf_rng_seed(&rng, 1);
+        assert_ok(ctx, sf_scene_create(ctx, &scene));
+        for (int view = 0; view < VIEWS; view++) {
+            sf_camera camera = camera_of(view);
+            sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
+            for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = alike || sf_rng_uniform(&rng) < 0.5 ? 100 : 0;
+            assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+        }
+        sf_fitter *f = fitter_of(ctx, scene, model);
+        assert_ok(ctx, sf_look_for_errors(f, 0, 0, &errors));
+        double together = sf_errs_together(&errors);
+        double n = SF_TILE * SF_TILE, expected = alike ? n : (n + 1) / 2;
+        assert_true(fabs(together / expected - 1) < (alike ? 1e-6 : 0.02));
+        sf_fitter_destroy(&f);
+        sf_scene_destroy(&scene);
+        sf_model_destroy(&model);
+        sf_context_destroy(&ctx);
+    }
+}
+
 /* Squared error of a model, but for Gaussian `without` (-1: none), against the views of the scene: by hand.
  */
 static double squares_without(sf_context *ctx, sf_scene *scene, const ball *balls, size_t n, int without) {
@@ -112,8 +144,8 @@ static void test_worth_is_what_is_lost(void **state) {
     assert_ok(ctx, sf_weigh(f, 0, &w));
     double before = squares_without(ctx, scene, off, 3, -1);
     assert_int_equal(w.views, VIEWS);
-    assert_true(fabs(w.values - 3.0 * VIEWS * PIXELS) < 1e-6);
-    assert_true(fabs(w.squares / before - 1) < 1e-4);
+    assert_true(fabs(w.errors.values - 3.0 * VIEWS * PIXELS) < 1e-6);
+    assert_true(fabs(w.errors.squares / before - 1) < 1e-4);
     for (int i = 0; i < 3; i++) {
         double added = squares_without(ctx, scene, off, 3, i) - before;
         /* faint pairs that come or go at alpha 1/255, and pixels that were finished, are all that differs */
@@ -125,8 +157,8 @@ static void test_worth_is_what_is_lost(void **state) {
     sf_worth some;
     assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
     assert_int_equal(some.views, VIEWS / 2);
-    assert_true(fabs(some.values / w.values - 1) < 1e-9);
-    assert_true(some.squares > 0.3 * w.squares && some.squares < 3 * w.squares);
+    assert_true(fabs(some.errors.values / w.errors.values - 1) < 1e-9);
+    assert_true(some.errors.squares > 0.3 * w.errors.squares && some.errors.squares < 3 * w.errors.squares);
     some.mass[1] = w.mass[1] = 0; /* as if nobody had looked where it is */
     assert_true(sf_was_weighed(&some, 0) && sf_was_weighed(&w, 0));
     assert_true(!sf_was_weighed(&some, 1) && sf_was_weighed(&w, 1));
@@ -243,8 +275,9 @@ static void values_of(const sf_model *m, float *values) {
 }
 
 /* Of two that are one and one beside others, and of two that are not: the trial of the first succeeds, that
- * of all does not, and leaves everything as it was. */
-static void trial(float other_gray, int succeeds) {
+ * of all does not, and leaves everything as it was; so does one that cannot be judged, for a view has gone.
+ */
+static void trial(float other_gray, int succeeds, int view_goes) {
     enum { VALUES = 300 };
     sf_context *ctx = test_context();
     ball twins[3] = {three[0], three[0], three[2]}, one[2] = {three[0], three[2]};
@@ -274,14 +307,22 @@ static void trial(float other_gray, int succeeds) {
     assert_memory_equal(before, after, sizeof before); /* a trial is not to be seen */
     sf_model_destroy(&seen);
 
+    if (view_goes) {
+        uint32_t *ids;
+        size_t n;
+        assert_ok(ctx, sf_scene_training_ids(scene, &ids, &n));
+        assert_ok(ctx, sf_scene_remove_view(scene, ids[n - 1]));
+        sf_free(ctx, ids);
+    }
     assert_ok(ctx, sf_weigh(f, 0, &w));
+    if (view_goes) assert_true(w.effect[0] < 1e-6f || w.effect[1] < 1e-6f); /* one was hidden */
     sf_trials_judge(f, &w, 0.1, 0);
     assert_int_equal(f->trials.count, 0);
     values_of(f->model, after);
     int going = 0;
     for (int i = 0; i < 3; i++) going += f->screen_sum[i] < 0;
     assert_int_equal(going, succeeds);
-    assert_int_equal(f->trials.in_vain, !succeeds);
+    assert_int_equal(f->trials.in_vain, !succeeds && !view_goes);
     assert_memory_equal(succeeds ? during : before, after, sizeof before);
     assert_true(succeeds || (isinf(w.effect[0]) && isinf(w.effect[1])));
     sf_worth_free(ctx, &w);
@@ -293,11 +334,15 @@ static void trial(float other_gray, int succeeds) {
 }
 static void test_trial_succeeds(void **state) {
     (void)state;
-    trial(0, 1);
+    trial(0, 1, 0);
 }
 static void test_trial_fails(void **state) {
     (void)state;
-    trial(0.2f, 0);
+    trial(0.2f, 0, 0);
+}
+static void test_trial_without_its_views(void **state) {
+    (void)state;
+    trial(0.2f, 0, 1);
 }
 
 /* From random first points, a fit that is charged has fewer Gaussians than one that is not, at nearly the
@@ -324,7 +369,7 @@ static void test_a_fit_pays(void **state) {
         assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
         assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
         assert_ok(ctx, sf_weigh(f, 0, &w));
-        count[size] = w.count, squares[size] = w.squares / w.values;
+        count[size] = w.count, squares[size] = w.errors.squares / w.errors.values;
         sf_worth_free(ctx, &w);
         sf_fitter_destroy(&f);
     }
@@ -405,6 +450,8 @@ int main(void) {
         cmocka_unit_test(test_merge),
         cmocka_unit_test(test_trial_succeeds),
         cmocka_unit_test(test_trial_fails),
+        cmocka_unit_test(test_trial_without_its_views),
+        cmocka_unit_test(test_errs_together),
         cmocka_unit_test(test_degrees_are_paid_for),
         cmocka_unit_test(test_trial_goes_on),
         cmocka_unit_test(test_a_fit_pays),

@@ -193,11 +193,14 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     options.grow_most = 2;
     sf_fitter *fitter = start(&options);
     size_t first = fitter->first_count;
-    assert_int_equal(sf_planned_count(fitter, 1), first + 104); /* a short run: 0.52 of it */
+    assert_int_equal(sf_planned_count(fitter, 1), first + 200);
     assert_int_equal(fitter->options.size, SF_SIZE_CAP);
     fitter->options.plan_steps = SF_SHORT_RUN;
     assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_RUN);
     assert_int_equal(sf_planned_count(fitter, 0), first);
+    fitter->growth_pays = 2.5;
+    assert_int_equal(sf_planned_count(fitter, 1), first + 5 * SF_SHORT_RUN);
+    fitter->growth_pays = 0;
     assert_true(sf_planned_count(fitter, fitter->options.grow_end / 2) > first);
     fitter->options.steps = 0; /* time alone ends it */
     assert_int_equal(sf_planned_count(fitter, 1), first + 104 * SF_SHORT_RUN / 100);
@@ -222,7 +225,10 @@ static void test_resolution_and_rates_follow_the_plan(void **state) {
     assert_int_equal(halves, 5);
     for (f->step = 0; f->step < 10; f->step++)
         assert_int_equal(sf_scheduled_level(f, o->pyramid_mix, 4096, 4096), 0);
-    assert_int_equal(sf_scheduled_level(f, 0, 40, 40), 0); /* never below 32 px */
+    assert_int_equal(sf_finest_level(f, 0), 2);
+    assert_int_equal(sf_finest_level(f, o->pyramid_end - 1e-9), 1);
+    assert_int_equal(sf_finest_level(f, o->pyramid_end), 0); /* also while every other step is coarser */
+    assert_int_equal(sf_scheduled_level(f, 0, 40, 40), 0);   /* never below 32 px */
     double before = sf_scheduled_rate(f, o->lr_settle, SF_FIELD_sh0),
            end = sf_scheduled_rate(f, 1, SF_FIELD_sh0);
     assert_true(before == o->lr_sh0);
@@ -239,7 +245,7 @@ static void test_presets_have_names(void **state) {
     assert_ok(ctx, sf_fit_options_preset(ctx, "high", &high));
     assert_same_options(&standard, &defaults);
     assert_true(draft.steps < standard.steps && standard.steps < high.steps);
-    assert_true(draft.max_gaussians < standard.max_gaussians && standard.max_gaussians < high.max_gaussians);
+    assert_true(draft.max_gaussians < standard.max_gaussians && standard.max_gaussians <= high.max_gaussians);
     kept = draft;
     assert_status(ctx, sf_fit_options_preset(ctx, "best", &kept), SF_ERR_ARGUMENT);
     assert_error_names(ctx, "\"best\"");
