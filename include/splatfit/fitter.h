@@ -58,9 +58,9 @@ typedef enum sf_moment_format {
     INT(plan_steps, 0, 0, 100000000, "",                                                                     \
         "steps for which the schedule is planned; 0: steps, or what time_limit seems to allow")              \
     INT(validate, 8, 0, 1000, "",                                                                            \
-        "of n training views or more every n-th is kept out of the training until the rates fall, to stop "  \
-        "and to choose by (with target_psnr to the end, and of 3 or more at least one; without it not in a " \
-        "run that time ends after fewer than 2000 steps); 0: none")                                          \
+        "of n training views or more every n-th is kept out, to stop and to choose by, until growth is "     \
+        "over and they gain, or the rates fall (with target_psnr to the end, and of 3 or more at least "     \
+        "one; without it not in a run that time ends after fewer than 2000 steps); 0: none")                 \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
          "the rates fall where they have gained nothing for so long; 0: never")                              \

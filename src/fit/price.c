@@ -9,7 +9,7 @@
 /* What a Gaussian must take away of the squared error, in mean squared errors of a value, where so many
  * values err together as if they were one, or more; where fewer do, so much less. */
 #define PRICE    20.0
-#define TOGETHER 70.0
+#define TOGETHER 60.0
 /* Errors below this, of values 0..1, nobody sees. */
 #define NOTHING (2.25 / 255)
 /* What a float of an SH band must take away, in those of a Gaussian's: much of what bands make serves to
@@ -72,7 +72,7 @@ int sf_charging_due(const sf_fitter *f, double fraction) {
 /* What a value's error counts for, against what chance does. What has gone may have cost something: that does
  * not make the others worth less, so the least counts. */
 static void hear_noise(sf_fitter *f, const sf_errors *e) {
-    double noise = e->squares / e->values * fmin(sf_errs_together(e) / TOGETHER, 1);
+    double noise = e->toned / e->values * fmin(sf_errs_together(e) / TOGETHER, 1);
     if (!(f->least_noise > 0 && f->least_noise < noise)) f->least_noise = noise;
 }
 
@@ -115,7 +115,7 @@ sf_status sf_consider_growth(sf_fitter *f, double fraction) {
     int level = sf_finest_level(f, fraction);
     sf_status status = sf_look_for_errors(f, level, LOOKED, &errors);
     if (status) return status;
-    judge_growth(f, level, errors.squares);
+    judge_growth(f, level, errors.toned);
     f->growth_pays = fmin(fmax(sqrt(TOGETHER / sf_errs_together(&errors)), 1), MOST_GROWTH);
     if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);
     if (status) return status;

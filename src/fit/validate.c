@@ -165,14 +165,26 @@ sf_status sf_bring_back(sf_fitter *f) {
     return SF_OK;
 }
 
+/* When growth and coarse pictures are over. */
+static double learned_by(const sf_fitter *f) {
+    const sf_fit_options *o = &f->options;
+    return o->pyramid_levels && !f->gone_on ? fmax(o->grow_end, o->pyramid_end) : o->grow_end;
+}
+
 /* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer
  * pictures were to come meanwhile. Before that a view may well lose for a while what it gains in the end. */
 static int is_hopeless(const sf_fitter *f, double fraction) {
-    const sf_fit_options *o = &f->options;
-    double since = fmax(f->best_fraction, o->grow_end);
-    if (o->pyramid_levels && !f->gone_on) since = fmax(since, o->pyramid_end);
-    if (!(o->patience > 0) || fraction >= f->settle_from) return 0;
-    return fraction > since + o->patience && f->step >= f->best_step + PATIENT_STEPS;
+    double patience = f->options.patience;
+    if (!(patience > 0) || fraction >= f->settle_from) return 0;
+    return fraction > fmax(f->best_fraction, learned_by(f)) + patience &&
+           f->step >= f->best_step + PATIENT_STEPS;
+}
+
+/* Whether nothing can come of watching on: the newest look is the best, so that patience would last until the
+ * rates fall anyway. Each view is worth more in the training then. */
+static int is_safe(const sf_fitter *f, double fraction) {
+    return f->best_step == f->step && fraction > learned_by(f) &&
+           fraction + f->options.patience >= f->settle_from;
 }
 
 static void settle_early(sf_fitter *f, double fraction) {
@@ -236,6 +248,6 @@ sf_status sf_consider(sf_fitter *f, double fraction) {
     if (over && !f->end) f->end = why_over(f);
     if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) status = sf_bring_back(f);
     if (f->end) sf_trials_end(f);
-    if (!f->end && joins && fraction >= f->settle_from) status = join(f);
+    if (!f->end && joins && (fraction >= f->settle_from || is_safe(f, fraction))) status = join(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;
 }

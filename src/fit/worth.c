@@ -17,73 +17,123 @@ enum {
     BLAME = SF_WORTH_SUMS /* a slot's sums from here on: its sf_blame */
 };
 
+/* Variance below which what is drawn tells nothing of a gain; part of the squared errors that is rounding. */
+#define LEAST_SPREAD 1e-6
+
+/* Of one channel, render x and picture y, by weight: what the line of least squares through them is made of,
+ * and the line, y = gain x + bias. */
+typedef struct tone {
+    double weights, x, y, xx, xy;
+    double gain, bias;
+} tone;
+
+/* Of a row of tiles. */
+typedef struct band_sums {
+    sf_errors errors;
+    tone tones[SF_CHANNELS];
+} band_sums;
+
 typedef struct weigh_job {
     sf_workspace *ws;
     sf_worth *worth;
-    sf_errors *sums;     /* [rows of tiles] */
-    double pixels;       /* of the full resolution in one of the picture */
-    uint8_t *tried;      /* [count] whether it stands for a pair on trial; NULL: none does */
-    const float *before; /* squared errors of the tiles of the views to come; there are so many */
+    band_sums *bands;
+    tone tones[SF_CHANNELS]; /* of the picture */
+    double pixels;           /* of the full resolution in one of the picture */
+    uint8_t *tried;          /* [count] whether it stands for a pair on trial; NULL: none does */
+    const float *before;     /* squared errors of the tiles of the views to come; there are so many */
     size_t before_count;
 } weigh_job;
 
 /* The residuals of a row of pixels, times the weight, and the weight itself, 0 beyond the picture. */
-static void residual_row(sf_workspace *ws, size_t row, sf_errors *errors) {
+static void residual_row(sf_workspace *ws, size_t row, band_sums *sums) {
     size_t from = row * ws->stride, width = row < (size_t)ws->eye.height ? (size_t)ws->eye.width : 0;
-    double squares = 0, weights = 0;
     for (size_t x = 0; x < ws->stride; x++) {
         size_t at = from + x;
         float weight = x >= width ? 0.0f : ws->has_weight ? ws->weight[at] : 1.0f;
         ws->weight[at] = weight;
-        weights += (double)weight;
+        sums->errors.values += (double)(SF_CHANNELS * weight);
         for (int ch = 0; ch < SF_CHANNELS; ch++) {
-            float r = x < width ? weight * ws->rgb[ch][at] - ws->target[ch][at] : 0.0f;
+            tone *t = &sums->tones[ch];
+            float drawn = x < width ? ws->rgb[ch][at] : 0, target = x < width ? ws->target[ch][at] : 0;
+            float weighted = weight * drawn, r = weighted - target; /* the target has the weight in it */
             ws->d_rgb[ch][at] = r;
-            squares += (double)r * (double)r;
+            sums->errors.squares += (double)r * (double)r;
+            t->weights += (double)weight, t->x += (double)weighted, t->y += (double)target;
+            t->xx += (double)weighted * (double)drawn, t->xy += (double)target * (double)drawn;
         }
     }
-    errors->squares += squares;
-    errors->values += SF_CHANNELS * weights;
-}
-
-/* The square of a tile's sum. */
-static double clump(const sf_workspace *ws, int channel, size_t from) {
-    double sum = 0;
-    for (size_t y = 0; y < SF_TILE; y++)
-        for (size_t x = 0; x < SF_TILE; x++) sum += (double)ws->d_rgb[channel][from + y * ws->stride + x];
-    return sum * sum;
 }
 
 static void residual_task(void *job_pointer, size_t band, int thread) {
     (void)thread;
     const weigh_job *job = job_pointer;
-    sf_errors errors = {0};
-    for (size_t y = 0; y < SF_TILE; y++) residual_row(job->ws, SF_TILE * band + y, &errors);
+    band_sums *sums = &job->bands[band];
+    for (size_t y = 0; y < SF_TILE; y++) residual_row(job->ws, SF_TILE * band + y, sums);
+}
+
+static void find_tone(tone *t, const band_sums *bands, size_t count, int channel) {
+    *t = (tone){0};
+    for (size_t band = 0; band < count; band++) {
+        const tone *part = &bands[band].tones[channel];
+        t->weights += part->weights, t->x += part->x, t->y += part->y, t->xx += part->xx, t->xy += part->xy;
+    }
+    double spread = t->weights * t->xx - t->x * t->x;
+    int is_flat = !(spread > LEAST_SPREAD * t->weights * t->weights);
+    t->gain = is_flat ? 1 : (t->weights * t->xy - t->x * t->y) / spread;
+    t->bias = t->weights > 0 ? (t->y - t->gain * t->x) / t->weights : 0;
+}
+
+/* A tile's residuals with the tone of the picture. */
+static void add_toned(const weigh_job *job, int channel, size_t from, sf_errors *errors) {
+    const sf_workspace *ws = job->ws;
+    const tone *t = &job->tones[channel];
+    double sum = 0;
+    for (size_t y = 0; y < SF_TILE; y++)
+        for (size_t at = from + y * ws->stride; at < from + y * ws->stride + SF_TILE; at++) {
+            double weight = (double)ws->weight[at];
+            if (!(weight > 0)) continue;
+            double r =
+                weight * (t->gain * (double)ws->rgb[channel][at] + t->bias) - (double)ws->target[channel][at];
+            sum += r;
+            errors->toned += r * r;
+        }
+    errors->clumps += sum * sum;
+}
+
+static void toned_task(void *job_pointer, size_t band, int thread) {
+    (void)thread;
+    const weigh_job *job = job_pointer;
     for (size_t x = 0; x < job->ws->stride; x += SF_TILE)
         for (int ch = 0; ch < SF_CHANNELS; ch++)
-            errors.clumps += clump(job->ws, ch, SF_TILE * band * job->ws->stride + x);
-    job->sums[band] = errors;
+            add_toned(job, ch, SF_TILE * band * job->ws->stride + x, &job->bands[band].errors);
 }
 
 static void add_errors(sf_errors *to, const sf_errors *more, double factor) {
     to->squares += factor * more->squares;
+    to->toned += factor * more->toned;
     to->clumps += factor * more->clumps;
     to->values += factor * more->values;
 }
 
 double sf_errs_together(const sf_errors *errors) {
-    return errors->squares > 0 ? fmax(errors->clumps / errors->squares, 1) : 1;
+    double most = SF_TILE * SF_TILE; /* also where nothing is left */
+    return errors->toned > LEAST_SPREAD * errors->squares
+               ? fmin(fmax(errors->clumps / errors->toned, 1), most)
+               : most;
 }
 
 /* Of the picture that was drawn last. */
 static sf_status residual(weigh_job *job, double pixels) {
     size_t bands = job->ws->plane_rows / SF_TILE;
     job->pixels = pixels;
-    job->sums = sf_alloc(job->ws->ctx, bands, sizeof *job->sums);
-    if (!job->sums) return SF_ERR_MEMORY;
+    job->bands = sf_calloc(job->ws->ctx, bands, sizeof *job->bands);
+    if (!job->bands) return SF_ERR_MEMORY;
     sf_pool_run(job->ws->ctx->pool, bands, residual_task, job);
-    for (size_t band = 0; band < bands; band++) add_errors(&job->worth->errors, &job->sums[band], pixels);
-    sf_free(job->ws->ctx, job->sums);
+    for (int ch = 0; ch < SF_CHANNELS; ch++) find_tone(&job->tones[ch], job->bands, bands, ch);
+    sf_pool_run(job->ws->ctx->pool, bands, toned_task, job);
+    for (size_t band = 0; band < bands; band++)
+        add_errors(&job->worth->errors, &job->bands[band].errors, pixels);
+    sf_free(job->ws->ctx, job->bands);
     job->worth->views++;
     return SF_OK;
 }

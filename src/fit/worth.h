@@ -14,11 +14,14 @@ typedef struct sf_blame {
 /* Sums over views, their pixels (by weight) and channels, values 0..1. */
 typedef struct sf_errors {
     double squares; /* squared errors */
-    double clumps;  /* squares of the errors' sums over tiles of 16 by 16 pixels */
-    double values;  /* weights of the pixels, times the channels */
+    double toned; /* what is left of them where each view has the gain and bias, a channel, that suit it best:
+                     no Gaussian has a part in the rest */
+    double clumps; /* of those left: squares of the errors' sums over tiles of 16 by 16 pixels */
+    double values; /* weights of the pixels, times the channels */
 } sf_errors;
 
-/* So many neighbouring values err together as if they were one: 1 where each errs by itself. */
+/* So many neighbouring values err together as if they were one, each view's gain and bias apart: 1 where each
+ * errs by itself, SF_TILE^2 at most. */
 double sf_errs_together(const sf_errors *errors);
 
 /* Squared errors are sums over the views, their pixels (by weight) and channels, values 0..1. Where only some

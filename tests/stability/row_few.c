@@ -78,7 +78,8 @@ static void few_views(stab_run *run) {
 const stab_row stab_row_14 = {
     .id = "14",
     .failure = "With few views the held-out quality rises, then falls",
-    .cure = "Of 8 views or more some are kept out of the training until the rates fall; where they gain "
+    .cure = "Of 8 views or more some are kept out of the training until growth is over and they still gain; "
+            "where they gain "
             "nothing any more, the fit settles from its best model.",
     .run = few_views,
 };

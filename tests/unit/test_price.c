@@ -70,10 +70,11 @@ static const ball three[] = {{{0, 0, 0}, {0.3f, 0.3f, 0.3f}, 0.8f, 0.9f},
                              {{0.2f, 0.1f, 0.3f}, {0.2f, 0.4f, 0.2f}, 0.6f, 0.4f},
                              {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
 
-/* Where all values err alike a tile of them is as one; of those that err by chance, by 0 or by e, the square
- * of a tile's sum is (n e / 2)^2 + n e^2 / 4 in the mean, and their squares are n e^2 / 2. */
+/* Where tiles err as a whole each is as one value; where values err by chance, each by itself. How bright a
+ * view is has no part in it. */
 static void test_errs_together(void **state) {
     (void)state;
+    enum { E = 100 };
     static uint8_t bytes[3 * PIXELS];
     for (int alike = 0; alike < 2; alike++) {
         sf_context *ctx = test_context();
@@ -82,24 +83,66 @@ static void test_errs_together(void **state) {
         sf_rng rng;
         ball faint = {{0, 0, 0}, {0.01f, 0.01f, 0.01f}, 0.001f, 0.5f}; /* below 1/255: nothing is drawn */
         sf_model *model = model_of(ctx, &faint, 1, 0);
+        double expected = 0;
         sf_rng_seed(&rng, 1);
         assert_ok(ctx, sf_scene_create(ctx, &scene));
         for (int view = 0; view < VIEWS; view++) {
             sf_camera camera = camera_of(view);
             sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
-            for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = alike || sf_rng_uniform(&rng) < 0.5 ? 100 : 0;
+            double lit = 0;
+            for (int px = 0; px < PIXELS; px++) {
+                int tile = px % WIDTH / SF_TILE + px / WIDTH / SF_TILE;
+                int is_lit = alike ? tile % 2 : sf_rng_uniform(&rng) < 0.5;
+                for (int ch = 0; ch < 3; ch++) bytes[3 * px + ch] = (uint8_t)(10 * view + (is_lit ? E : 0));
+                lit += (double)is_lit / PIXELS;
+            }
+            expected += 3 * PIXELS * lit * (1 - lit) * pow(E / 255.0, 2); /* what a bias leaves */
             assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
         }
         sf_fitter *f = fitter_of(ctx, scene, model);
         assert_ok(ctx, sf_look_for_errors(f, 0, 0, &errors));
+        assert_true(errors.squares > 1.9 * expected);
+        assert_true(fabs(errors.toned / expected - 1) < 1e-5);
         double together = sf_errs_together(&errors);
-        double n = SF_TILE * SF_TILE, expected = alike ? n : (n + 1) / 2;
-        assert_true(fabs(together / expected - 1) < (alike ? 1e-6 : 0.02));
+        if (alike)
+            assert_true(fabs(together / (SF_TILE * SF_TILE) - 1) < 1e-4);
+        else
+            assert_true(fabs(together - 1) < 0.2);
         sf_fitter_destroy(&f);
         sf_scene_destroy(&scene);
         sf_model_destroy(&model);
         sf_context_destroy(&ctx);
     }
+}
+
+/* A view that is brighter than the model has it, and less steep, errs; but not by what Gaussians are there
+ * for. */
+static void test_tone_is_no_error(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_model *model = model_of(ctx, three, 3, 0);
+    sf_scene *scene;
+    static float rgb[3 * PIXELS];
+    static uint8_t bytes[3 * PIXELS];
+    sf_errors errors;
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    for (int view = 0; view < VIEWS; view++) {
+        sf_camera camera = camera_of(view);
+        sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
+        draw(ctx, model, view, rgb);
+        for (int i = 0; i < 3 * PIXELS; i++)
+            bytes[i] = (uint8_t)(255 * (0.7 * fmin((double)rgb[i], 1) + 0.05 * (1 + i % 3)) + 0.5);
+        assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+    }
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    assert_ok(ctx, sf_look_for_errors(f, 0, 0, &errors));
+    assert_true(errors.squares > 0.005 * errors.values);
+    assert_true(errors.toned <
+                2 / 12.0 / (255 * 255) * errors.values); /* rounding: a twelfth of a level's square */
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
 }
 
 /* Squared error of a model, but for Gaussian `without` (-1: none), against the views of the scene: by hand.
@@ -452,6 +495,7 @@ int main(void) {
         cmocka_unit_test(test_trial_fails),
         cmocka_unit_test(test_trial_without_its_views),
         cmocka_unit_test(test_errs_together),
+        cmocka_unit_test(test_tone_is_no_error),
         cmocka_unit_test(test_degrees_are_paid_for),
         cmocka_unit_test(test_trial_goes_on),
         cmocka_unit_test(test_a_fit_pays),

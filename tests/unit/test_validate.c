@@ -191,6 +191,33 @@ static void test_the_end_learns_from_all(void **state) {
     assert_true(at_end);
 }
 
+/* Once growth is over the views join where the newest look is the best: patience would last until the rates
+ * fall anyway. */
+static void test_who_gains_needs_no_watching(void **state) {
+    (void)state;
+    enum { STEPS = 200 };
+    sf_fit_options options = short_fit(STEPS);
+    options.size = SF_SIZE_CAP;
+    options.pyramid_levels = 0;
+    options.grow_end = 0.3;
+    options.patience = 0.4;
+    uint32_t kept_out = studio->views[4]->id;
+    sf_fitter *fitter = start(studio, &options);
+    int joined = 0;
+    for (int step = 1; !joined && step <= 0.8 * STEPS; step++) {
+        take_steps(fitter, 1);
+        sf_fit_progress p = progress_of(fitter);
+        joined = !sf_validates(fitter, kept_out);
+        if (!joined) continue;
+        assert_true(p.fraction >= 0.4 && p.fraction < 0.79);
+        assert_int_equal(p.best_step, step - 1); /* it was looked at before the step */
+    }
+    assert_true(joined);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    assert_int_equal(progress_of(fitter).end, SF_FIT_COMPLETE);
+    sf_fitter_destroy(&fitter);
+}
+
 /* Few views, and rates that make too much of them. */
 
 typedef struct curve {
@@ -280,6 +307,7 @@ int main(void) {
         cmocka_unit_test(test_every_eighth),
         cmocka_unit_test(test_views_that_come_and_go),
         cmocka_unit_test(test_the_end_learns_from_all),
+        cmocka_unit_test(test_who_gains_needs_no_watching),
         cmocka_unit_test(test_few_views_stop_near_the_best),
         cmocka_unit_test(test_runs_say_why_they_end),
     };
