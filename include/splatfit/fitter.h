@@ -57,10 +57,11 @@ typedef enum sf_moment_format {
     REAL(time_limit, 0, 0, 1e9, "s", "stop after this time, the schedule spread over it; 0: no limit")       \
     INT(plan_steps, 0, 0, 100000000, "",                                                                     \
         "steps for which the schedule is planned; 0: steps, or what time_limit seems to allow")              \
-    INT(validate, 8, 0, 1000, "",                                                                            \
+    INT(validate, -1, -1, 1000, "",                                                                          \
         "of n training views or more every n-th is kept out, to stop and to choose by, until growth is "     \
         "over and they gain, or the rates fall (with target_psnr to the end, and of 3 or more at least "     \
-        "one; without it not in a run that time ends after fewer than 2000 steps); 0: none")                 \
+        "one); 0: none; -1: every 8th, without target_psnr none in a run of fewer than 1000 steps (2000 "    \
+        "where time alone ends it)")                                                                         \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
          "the rates fall where they have gained nothing for so long; 0: never")                              \

@@ -316,8 +316,7 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     f->ctx = ctx;
     f->scene = scene;
     f->options = *options;
-    if (options->target_psnr > 0 && options->validate < 2)
-        f->options.validate = sf_fit_options_default().validate;
+    if (options->target_psnr > 0 && options->validate < 2) f->options.validate = SF_VALIDATE_EVERY;
     f->extent = options->extent > 0 ? options->extent : info.extent;
     f->near_plane = (float)(options->near_plane * f->extent);
     f->start = f->rate_time = sf_clock();

@@ -69,10 +69,8 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
     if (is_short(f, planned)) o->size = SF_SIZE_CAP;
-    if (!o->steps && is_short(f, planned)) { /* looks at views take the time of steps on them */
-        o->blur = 0;
-        if (!(o->target_psnr > 0)) o->validate = 0;
-    }
+    if (!o->steps && is_short(f, planned)) o->blur = 0; /* looks at views take the time of steps on them */
+    if (o->validate < 0) o->validate = is_short(f, planned) ? 0 : SF_VALIDATE_EVERY;
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);

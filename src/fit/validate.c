@@ -52,17 +52,22 @@ static void drop_gone(sf_fitter *f) {
     keep_out(f, kept);
 }
 
+/* Every so many-th is kept out; before there is a plan, those that one may have. */
+static int64_t dealt_out(const sf_fitter *f) {
+    return f->options.validate < 0 ? SF_VALIDATE_EVERY : f->options.validate;
+}
+
 /* The fewest training views of which some are kept out: where one is a large part of them, the model misses
  * it more than it can gain. A target needs one all the same. */
 static size_t fewest(const sf_fitter *f) {
-    size_t every = (size_t)f->options.validate;
+    size_t every = (size_t)dealt_out(f);
     return f->options.target_psnr > 0 && every > FEWEST ? FEWEST : every;
 }
 
 /* A view that is kept out or trained on does not change sides: what comes later is dealt with when it comes.
  */
 sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
-    const int64_t every = f->options.validate;
+    const int64_t every = dealt_out(f);
     size_t first = 0;
     if (every < 2 || f->joined) return SF_OK;
     drop_gone(f);

@@ -4,7 +4,7 @@
 #
 # By steps, so that what else the machine does changes nothing. Logs of an earlier run are replaced.
 #
-# PROGRAM, RUN, SPLATFIT_DATA: as for charts.sh. SCENES: which of fox, tagboard and studio.
+# PROGRAM, RUN, SPLATFIT_DATA: as for charts.sh. SIZED: which of fox, tagboard and studio.
 set -eu
 
 dir=$1
@@ -17,7 +17,7 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 
 # The caps in eighths of `base`; the fit with the whole of it is the one that is pruned.
-scenes=${SCENES:-fox tagboard studio}
+scenes=${SIZED:-fox tagboard studio}
 studio=sim:studio base=60000 eighths='1 2 4 6 8 12 16' steps=3000 seeds='1 2 3'
 if [ "$kind" = quick ]; then
     scenes=studio studio='sim:studio?width=80&height=60&frames=20' base=400 eighths='2 4 8' steps=40 seeds=1

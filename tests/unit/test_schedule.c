@@ -140,7 +140,7 @@ static void test_what_the_user_chose_stays(void **state) {
     sf_fit_options options = short_fit(100);
     options.pyramid_end = 0.31, options.grow_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
     options.pyramid_mix = 0.34;
-    options.grow_every = 35, options.lr_haste = 1.5, options.huber_delta = 0.25;
+    options.grow_every = 35, options.validate = 5, options.lr_haste = 1.5, options.huber_delta = 0.25;
     sf_fit_options got = planned(options);
     assert_same_options(&got, &options);
 }
@@ -160,11 +160,10 @@ static void test_little_time_is_spent_on_steps(void **state) {
     (void)state;
     sf_fit_options options = short_fit(0);
     options.time_limit = 1000;
-    options.validate = 4;
     options.plan_steps = SF_SHORT_TIME;
     sf_fitter *fitter = start(&options);
     assert_true(fitter->kept_out_count > 0);
-    assert_int_equal(fitter->options.validate, 4);
+    assert_int_equal(fitter->options.validate, SF_VALIDATE_EVERY);
     assert_true(fitter->options.blur > 0);
     assert_true(sf_fraction_at(fitter, 0.1) < 0.11);
     fitter->step = SF_SHORT_TIME / 2;
@@ -180,6 +179,13 @@ static void test_little_time_is_spent_on_steps(void **state) {
     assert_true(fabs(sf_fraction_at(fitter, 0.1) - 0.1) < 1e-9); /* of the time alone */
     sf_fitter_destroy(&fitter);
 
+    options.validate = 4; /* who asks for them has them */
+    fitter = start(&options);
+    assert_true(fitter->kept_out_count > 0);
+    assert_int_equal(fitter->options.validate, 4);
+    sf_fitter_destroy(&fitter);
+
+    options.validate = -1;
     options.target_psnr = 30; /* needs them */
     fitter = start(&options);
     assert_true(fitter->kept_out_count > 0);

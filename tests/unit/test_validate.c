@@ -36,6 +36,7 @@ static int unload(void **state) {
 static sf_fit_options short_fit(int64_t steps) {
     sf_fit_options options = sf_fit_options_default();
     options.steps = steps;
+    options.validate = 8; /* too few steps for it else */
     options.max_gaussians = 600;
     options.init_random = 600;
     options.first = SF_FIRST_RANDOM;
