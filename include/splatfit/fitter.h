@@ -148,7 +148,7 @@ typedef enum sf_moment_format {
     REAL(reg_scale, 0, 0, 1e6, "", "log-scales of what is seen fall by so many rates")                       \
     REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
     REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
-    REAL(grow_most, 27, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
+    REAL(grow_most, 26, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
     INT(grow_every, 0, 0, 100000000, "steps", "steps between growths; 0: as plan_steps suggest")             \
     REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
          "least mean screen gradient (device units) or error (px) of what grows")                            \

@@ -15,8 +15,8 @@
 /* Bits of SH above band 1 (which has one more) of the Gaussian of median weight, and by how much they rise
  * where the weight doubles. An error of the SH counts with the weight; half a bit would make all errors count
  * alike, but what a Gaussian's weight is when others are before it is not known. */
-#define MEDIAN_BITS   5.4
-#define DOUBLING_BITS 0.35
+#define MEDIAN_BITS   5.7
+#define DOUBLING_BITS 0.25
 
 enum { BITS_MOST = 8 };
 
