@@ -63,12 +63,23 @@ double sf_steps_in(const sf_fitter *f, double seconds, double step) {
     return steps;
 }
 
+/* Few views say little of what others would see: what they do not need may well be missed elsewhere, and no
+ * view can be spared to tell. So nothing is charged for, and less grows. */
+static void spare_few_views(sf_fitter *f) {
+    sf_scene_info info;
+    sf_scene_get_info(f->scene, &info);
+    if (f->options.size != SF_SIZE_AUTO || info.train_views >= SF_VALIDATE_EVERY) return;
+    f->options.size = SF_SIZE_CAP;
+    f->growth_pays = (double)info.train_views / SF_VALIDATE_EVERY;
+}
+
 void sf_plan_schedule(sf_fitter *f, double planned) {
     sf_fit_options *o = &f->options;
     planned = fmax(planned, 1);
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
     if (is_short(f, planned)) o->size = SF_SIZE_CAP;
+    spare_few_views(f);
     if (!o->steps && is_short(f, planned)) o->blur = 0; /* looks at views take the time of steps on them */
     if (o->validate < 0) o->validate = is_short(f, planned) ? 0 : SF_VALIDATE_EVERY;
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);

@@ -192,6 +192,26 @@ static void test_little_time_is_spent_on_steps(void **state) {
     sf_fitter_destroy(&fitter);
 }
 
+/* What few views do not need others may miss. */
+static void test_few_views_are_not_charged(void **state) {
+    (void)state;
+    for (size_t views = 7; views <= 8; views++) {
+        sf_load_options load = sf_load_options_default();
+        sf_scene *few;
+        sf_fitter *fitter;
+        load.hold_out = 0;
+        assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=48&height=36&frames=10", &load, &few));
+        test_thin_out(ctx, few, views);
+        sf_fit_options options = short_fit(SF_SHORT_RUN);
+        options.size = SF_SIZE_AUTO;
+        assert_ok(ctx, sf_fitter_create(ctx, few, NULL, &options, &fitter));
+        assert_int_equal(fitter->options.size, views < 8 ? SF_SIZE_CAP : SF_SIZE_AUTO);
+        assert_true(fitter->growth_pays == (views < 8 ? 7.0 / 8 : 0));
+        sf_fitter_destroy(&fitter);
+        sf_scene_destroy(&few);
+    }
+}
+
 static void test_growth_is_bounded_by_the_plan(void **state) {
     (void)state;
     sf_fit_options options = short_fit(100);
@@ -371,6 +391,7 @@ int main(void) {
         cmocka_unit_test(test_what_the_user_chose_stays),
         cmocka_unit_test(test_time_is_planned_as_steps),
         cmocka_unit_test(test_little_time_is_spent_on_steps),
+        cmocka_unit_test(test_few_views_are_not_charged),
         cmocka_unit_test(test_growth_is_bounded_by_the_plan),
         cmocka_unit_test(test_resolution_and_rates_follow_the_plan),
         cmocka_unit_test(test_presets_have_names),
