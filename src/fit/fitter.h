@@ -61,7 +61,7 @@ struct sf_fitter {
     int growths_in_vain;   /* since the one with least_squares */
     double least_squares;  /* error of some views, the least after a growth; 0: none yet */
     int least_level;       /* that of the resolution it was at */
-    double growth_pays;    /* by what the scene's errors say growth is multiplied; 0: by nothing yet */
+    double growth_pays;    /* what growth is multiplied by, as errors say, or few views; 0: nothing yet */
     double least_noise;    /* what the error of a value counts for, the least so far; 0: none yet */
     sf_trials trials;
     int growth_ended; /* memory ran out: said once, and N stays */

@@ -78,9 +78,9 @@ static void few_views(stab_run *run) {
 const stab_row stab_row_14 = {
     .id = "14",
     .failure = "With few views the held-out quality rises, then falls",
-    .cure = "Of 8 views or more some are kept out of the training until growth is over and they still gain; "
-            "where they gain "
-            "nothing any more, the fit settles from its best model.",
+    .cure = "Of 8 views or more some are kept out of the training while growth lasts, and on until they "
+            "gain; where they gain nothing any more, the fit settles from its best model. Of fewer nothing "
+            "is charged.",
     .run = few_views,
 };
 
