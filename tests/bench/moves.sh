@@ -6,7 +6,7 @@
 # steps alone) and the steps of the shortest fit that reaches the quality which the fit without any move reaches with 2,000.
 # The table leaves out one move at a time.
 #
-# PROGRAM, RUN, SPLATFIT_DATA: as for charts.sh. SCENES: which of fox and studio.
+# PROGRAM, RUN, SPLATFIT_DATA: as for charts.sh. MOVED: which of fox and studio.
 set -euo pipefail
 
 dir=$1
@@ -37,12 +37,12 @@ moves=(
 )
 
 if [ "$kind" = quick ]; then
-    scenes=${SCENES:-studio}
+    scenes=${MOVED:-studio}
     ladder=(20 40) seeds=(1) lengths=(30) reference=40 most='--max-gaussians 1000'
     studio='sim:studio?width=80&height=60&frames=20'
     moves=("${moves[@]:0:3}")
 else
-    scenes=${SCENES:-fox studio}
+    scenes=${MOVED:-fox studio}
     ladder=(200 280 400 560 800 1130 1600 2260) seeds=(1 2) lengths=(800) reference=2000 most='--max-gaussians 30000'
     studio=sim:studio
 fi
