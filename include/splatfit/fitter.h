@@ -60,18 +60,18 @@ typedef enum sf_moment_format {
     INT(validate, -1, -1, 1000, "",                                                                          \
         "of n training views or more every n-th is kept out, to stop and to choose by, until growth is "     \
         "over and they gain, or the rates fall (with target_psnr to the end, and of 3 or more at least "     \
-        "one); 0: none; -1: every 8th, without target_psnr none in a run of fewer than 1000 steps (2000 "    \
+        "one); 0: none; -1: every 8th, without target_psnr none in a run of fewer than 1000 steps (3000 "    \
         "where time alone ends it)")                                                                         \
     REAL(target_psnr, 0, 0, 100, "dB", "end where the views of validate reach this; 0: no target")           \
     REAL(patience, 0.25, 0, 1, "of the run",                                                                 \
          "the rates fall where they have gained nothing for so long; 0: never")                              \
     REAL(blur, 0.33, 0, 1, "",                                                                               \
          "training views with less than this part of the detail that the model has there, against the "      \
-         "median of all, are blurred and count less (not in a run that time ends after fewer than 2000 "     \
+         "median of all, are blurred and count less (not in a run that time ends after fewer than 3000 "     \
          "steps); 0: none")                                                                                  \
     INT(max_gaussians, 150000, 1, 100000000, "", "hard cap on the number of Gaussians")                      \
     ENUM(size, 0, "auto|cap",                                                                                \
-         "Gaussians: those that pay for themselves, in runs of 1000 steps or more (2000 where time alone "   \
+         "Gaussians: those that pay for themselves, in runs of 1000 steps or more (3000 where time alone "   \
          "ends them), or as many as max_gaussians")                                                          \
     REAL(merge, 1, 0, 1, "",                                                                                 \
          "size auto: two Gaussians that one stands for but for this part of their square integral become "   \

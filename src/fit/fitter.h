@@ -18,7 +18,7 @@ enum {
     SF_LOSS_WINDOW = 50,
     SF_VALIDATE_EVERY = 8, /* training views: one is kept out where the options leave it to the plan */
     SF_SHORT_RUN = 1000,   /* steps: fewer leave no time to grow more than is needed, and to take it away */
-    SF_SHORT_TIME = 2000 /* and where time alone ends the run, for what that costs is taken from the steps */
+    SF_SHORT_TIME = 3000 /* and where time alone ends the run, for what that costs is taken from the steps */
 };
 
 enum { SF_MOST_FLOATS = 59 /* of a Gaussian */ };
