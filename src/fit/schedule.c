@@ -78,8 +78,8 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     planned = fmax(planned, 1);
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
-    if (is_short(f, planned)) o->size = SF_SIZE_CAP;
     spare_few_views(f);
+    if (is_short(f, planned)) o->size = SF_SIZE_CAP;
     if (!o->steps && is_short(f, planned)) o->blur = 0; /* looks at views take the time of steps on them */
     if (o->validate < 0) o->validate = is_short(f, planned) ? 0 : SF_VALIDATE_EVERY;
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
