@@ -83,9 +83,6 @@ typedef enum sf_moment_format {
     REAL(extent, 0, 0, 1e12, "world units",                                                                  \
          "size of the scene, which rates and limits are measured in; 0: as far as the cameras are apart")    \
     FLAG(open_end, 0, "no end: beyond the plan the run goes on at the rates before they would fall")         \
-    INT(recent, 0, 0, 1000000, "",                                                                           \
-        "every other step is of one of the n newest training views, and new ones are taken up at once; 0: "  \
-        "all are alike, and new ones wait for the next pass")                                                \
     INT(sh_degree, 3, 0, 3, "", "highest degree of the spherical harmonics")                                 \
     FLAG(antialiased, 0, "compensate opacity for the low-pass (mip) and mark the model so")                  \
     ENUM(background, 0, "black|white|random|auto|color",                                                     \

@@ -56,11 +56,12 @@ static void choose_background(sf_fitter *f) {
     memcpy(f->background, color, sizeof color);
 }
 
-static void leave_out_validation(sf_fitter *f) {
+/* How many of them are trained on; they come first. */
+static size_t without_validation(const sf_fitter *f, uint32_t *ids, size_t count) {
     size_t kept = 0;
-    for (size_t i = 0; i < f->order_count; i++)
-        if (!sf_validates(f, f->order[i])) f->order[kept++] = f->order[i];
-    f->order_count = kept;
+    for (size_t i = 0; i < count; i++)
+        if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
+    return kept;
 }
 
 /* Whether something is learned of each view. */
@@ -74,35 +75,18 @@ static void note_views(sf_fitter *f, size_t count) {
     f->views_before = count;
 }
 
-/* The greatest of n ids that are below `below`. */
-static uint32_t greatest(const uint32_t *ids, size_t n, uint32_t below) {
-    uint32_t most = 0;
-    for (size_t i = 0; i < n; i++)
-        if (ids[i] < below && ids[i] > most) most = ids[i];
-    return most;
-}
-
-/* Whether training views came since the pass began. */
-static sf_status views_came(const sf_fitter *f, int *came) {
-    uint32_t *ids;
-    size_t count;
-    sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
-    *came = !status && count &&
-            (!f->order_count || ids[count - 1] > greatest(f->order, f->order_count, UINT32_MAX));
-    if (!status) sf_free(f->ctx, ids);
+/* The views to train on, ascending, and what is known of each. The list is the caller's. */
+static sf_status meet_views(sf_fitter *f, uint32_t **ids, size_t *count) {
+    sf_status status = sf_scene_training_ids(f->scene, ids, count);
+    if (status) return status;
+    note_views(f, *count);
+    status = sf_take_up(f, *ids, *count);
+    *count = without_validation(f, *ids, *count);
+    if (!status && learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, *ids, *count);
+    if (!status && f->options.refine_poses)
+        (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
+    if (status) sf_free(f->ctx, *ids);
     return status;
-}
-
-/* One of the newest views of the pass, drawn at random; NULL: it has gone. */
-static sf_view *recent_view(sf_fitter *f) {
-    uint64_t recent = (uint64_t)f->options.recent;
-    uint64_t among = recent < f->order_count ? recent : f->order_count, drawn = sf_rng_below(&f->rng, among);
-    uint32_t id = UINT32_MAX;
-    for (uint64_t k = 0; k <= drawn; k++) id = greatest(f->order, f->order_count, id);
-    sf_view *view = sf_scene_retain_id(f->scene, id);
-    if (!view || view->split == SF_SPLIT_TRAIN) return view;
-    sf_view_release(view);
-    return NULL;
 }
 
 /* Place k of a pass over n views, so that those one after another are far apart: multiples of the golden
@@ -127,38 +111,73 @@ static sf_status spread_order(sf_fitter *f) {
     return SF_OK;
 }
 
-/* The next training view, each once a pass, those far apart after one another; views that came or went since
- * are taken up with the next pass. With `recent`, every other one is one of the newest, and a pass ends when
- * views come. The reference is the caller's. */
+static sf_status begin_pass(sf_fitter *f) {
+    uint32_t *ids;
+    size_t count;
+    sf_free(f->ctx, f->order);
+    f->order = NULL;
+    f->order_at = f->order_count = 0;
+    sf_status status = meet_views(f, &ids, &count);
+    if (status) return status;
+    f->order = ids, f->order_count = count;
+    sf_leave_out_blurred(f);
+    status = spread_order(f);
+    if (status) f->order_count = 0; /* the pass has not begun */
+    return status;
+}
+
+static uint32_t greatest(const uint32_t *ids, size_t count, uint32_t least) {
+    for (size_t i = 0; i < count; i++)
+        if (ids[i] > least) least = ids[i];
+    return least;
+}
+
+/* The greatest id that the pass knows, if it left the view out or not. */
+static uint32_t newest_known(const sf_fitter *f) {
+    uint32_t newest = greatest(f->order, f->order_count, 0);
+    newest = greatest(f->kept_out, f->kept_out_count, newest);
+    return greatest(f->blurred, f->blurred_count, newest);
+}
+
+/* The pass goes on with these, and then with what it has left. */
+static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
+    size_t left = f->order_count - f->order_at;
+    uint32_t *order = sf_alloc(f->ctx, f->order_count + count, sizeof *order), *at = order + f->order_at;
+    if (!order) return SF_ERR_MEMORY;
+    memcpy(order, f->order, f->order_at * sizeof *order);
+    memcpy(at, ids, count * sizeof *order);
+    memcpy(at + count, f->order + f->order_at, left * sizeof *order);
+    sf_free(f->ctx, f->order);
+    f->order = order, f->order_count += count;
+    return SF_OK;
+}
+
+/* Views that came since the pass began are next. They are not kept waiting for its end; nor does it begin
+ * anew with them, for where they come one after another it would be left to chance which of the others are
+ * ever seen again. */
+static sf_status take_newcomers(sf_fitter *f) {
+    uint32_t *ids, newest = newest_known(f);
+    size_t count, first = 0;
+    sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
+    if (status) return status;
+    int came = count && ids[count - 1] > newest;
+    sf_free(f->ctx, ids);
+    if (!came) return SF_OK;
+    status = meet_views(f, &ids, &count);
+    if (status) return status;
+    while (first < count && ids[first] <= newest) first++;
+    if (first < count) status = insert_views(f, ids + first, count - first);
+    sf_free(f->ctx, ids);
+    return status;
+}
+
+/* The next training view, each once a pass, those far apart after one another; views that came are next, and
+ * those that went are passed over. The reference is the caller's. */
 static sf_status next_view(sf_fitter *f, sf_view **view) {
-    if (f->options.recent) {
-        int came;
-        sf_status status = views_came(f, &came);
-        if (status) return status;
-        if (came) f->order_at = f->order_count;
-        *view = f->order_at < f->order_count && f->step % 2 ? recent_view(f) : NULL;
-        if (*view) return SF_OK;
-    }
-    for (int passes = 0; passes < 2;) {
+    sf_status status = f->order_count ? take_newcomers(f) : SF_OK;
+    for (int passes = 0; passes < 2 && !status;) {
         if (f->order_at == f->order_count) {
-            sf_free(f->ctx, f->order);
-            f->order_at = f->order_count = 0;
-            sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
-            if (!status) note_views(f, f->order_count);
-            if (!status) status = sf_take_up(f, f->order, f->order_count);
-            if (!status) leave_out_validation(f);
-            if (!status && learns_views(f))
-                status = sf_view_states_sync(&f->views, f->scene, f->order, f->order_count);
-            if (!status && f->options.refine_poses)
-                (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
-            if (!status) {
-                sf_leave_out_blurred(f);
-                status = spread_order(f);
-            }
-            if (status) {
-                f->order_count = 0; /* the pass has not begun */
-                return status;
-            }
+            status = begin_pass(f);
             passes++;
             continue;
         }
@@ -166,7 +185,7 @@ static sf_status next_view(sf_fitter *f, sf_view **view) {
         if (*view && (*view)->split == SF_SPLIT_TRAIN) return SF_OK;
         sf_view_release(*view);
     }
-    return sf_fail(f->ctx, SF_ERR_EMPTY, "scene: no training view is left");
+    return status ? status : sf_fail(f->ctx, SF_ERR_EMPTY, "scene: no training view is left");
 }
 
 typedef struct target_job {

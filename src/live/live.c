@@ -36,7 +36,6 @@ sf_live_options sf_live_options_default(void) {
     o.fit.exposure = 1;
     o.fit.refine_start = 0;
     o.fit.lr_pose = 2e-4;
-    o.fit.recent = SF_LIVE_RECENT;
     o.fit.first = SF_FIRST_SWEEP;
     o.fit.init_random = 1000;
     o.fit.pyramid_levels = 1;  /* what comes late has no time to begin coarsely, */

@@ -16,7 +16,7 @@ enum {
     SF_THUMB_WIDTH = 32,
     SF_THUMB_HEIGHT = 24,
     SF_THUMB = SF_THUMB_WIDTH * SF_THUMB_HEIGHT,
-    SF_LIVE_RECENT = 6, /* keyframes: the window that every other step is of */
+    SF_LIVE_RECENT = 6, /* keyframes: the newest, none of which makes room for another */
     SF_LIVE_FIRST = 24,
     SF_LIVE_TIMES = 64,
     SF_LIVE_SURE = 6 /* poses one after another, of a camera that was lost, until it is found */

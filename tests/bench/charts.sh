@@ -25,6 +25,7 @@ rows() {
     cat <<'END'
 full  studio   sim:studio                              1,2,3,4,5 native           standard    --preset standard
 full  studio   sim:studio                              1,2,3,4,5 native           draft       --preset draft
+full  studio   sim:studio                              1         native           high        --preset high
 full  studio   sim:studio                              1         avx2,sse4,scalar draft       --preset draft
 full  studio   sim:studio                              1         native           20 s        --time-limit 20 --max-gaussians 40000
 full  fox      DATA/fox-centred-270                    1,2,3,4,5 native           standard    --preset standard
@@ -35,6 +36,7 @@ full  fox      DATA/fox-centred-270                    1         native         
 full  fox      DATA/fox-centred-270                    1         native           60 s        --time-limit 60 --size cap --max-gaussians 82000
 full  tagboard DATA/rbt-tagboard                       1,2,3,4,5 native           standard    --preset standard
 full  tagboard DATA/rbt-tagboard                       1,2,3     native           draft       --preset draft
+full  tagboard DATA/rbt-tagboard                       1         native           high        --preset high
 quick studio   sim:studio?width=80&height=60&frames=20 1,2       native           60 steps    --steps 60 --max-gaussians 1000
 quick studio   sim:studio?width=80&height=60&frames=20 1         scalar           60 steps    --steps 60 --max-gaussians 1000
 END
