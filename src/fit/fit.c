@@ -142,11 +142,11 @@ static uint32_t newest_known(const sf_fitter *f) {
 /* The pass goes on with these, and then with what it has left. */
 static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
     size_t left = f->order_count - f->order_at;
-    uint32_t *order = sf_alloc(f->ctx, f->order_count + count, sizeof *order), *at = order + f->order_at;
+    uint32_t *order = sf_alloc(f->ctx, f->order_count + count, sizeof *order);
     if (!order) return SF_ERR_MEMORY;
     memcpy(order, f->order, f->order_at * sizeof *order);
-    memcpy(at, ids, count * sizeof *order);
-    memcpy(at + count, f->order + f->order_at, left * sizeof *order);
+    memcpy(order + f->order_at, ids, count * sizeof *order);
+    memcpy(order + f->order_at + count, f->order + f->order_at, left * sizeof *order);
     sf_free(f->ctx, f->order);
     f->order = order, f->order_count += count;
     return SF_OK;
