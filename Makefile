@@ -15,7 +15,7 @@
 # make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
-# make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above; 40 minutes with PARTS=fits, else more
+# make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above; some 45 minutes with PARTS=fits, else more
 # make charts-quick  whether that works: build/charts-quick; seconds
 # make test-outside  other tools' readers and writers of models on our files, and we on theirs; viewers of others draw them; npm fetches all
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer

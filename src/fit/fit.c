@@ -75,17 +75,15 @@ static void note_views(sf_fitter *f, size_t count) {
     f->views_before = count;
 }
 
-/* The views to train on, ascending, and what is known of each. The list is the caller's. */
-static sf_status meet_views(sf_fitter *f, uint32_t **ids, size_t *count) {
-    sf_status status = sf_scene_training_ids(f->scene, ids, count);
-    if (status) return status;
+/* Of all training views, ascending, what is known of each is made ready, and those that are trained on stay.
+ */
+static sf_status meet_views(sf_fitter *f, uint32_t *ids, size_t *count) {
     note_views(f, *count);
-    status = sf_take_up(f, *ids, *count);
-    *count = without_validation(f, *ids, *count);
-    if (!status && learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, *ids, *count);
+    sf_status status = sf_take_up(f, ids, *count);
+    *count = without_validation(f, ids, *count);
+    if (!status && learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, ids, *count);
     if (!status && f->options.refine_poses)
         (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
-    if (status) sf_free(f->ctx, *ids);
     return status;
 }
 
@@ -112,31 +110,16 @@ static sf_status spread_order(sf_fitter *f) {
 }
 
 static sf_status begin_pass(sf_fitter *f) {
-    uint32_t *ids;
-    size_t count;
     sf_free(f->ctx, f->order);
-    f->order = NULL;
     f->order_at = f->order_count = 0;
-    sf_status status = meet_views(f, &ids, &count);
-    if (status) return status;
-    f->order = ids, f->order_count = count;
-    sf_leave_out_blurred(f);
-    status = spread_order(f);
+    sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
+    if (!status) status = meet_views(f, f->order, &f->order_count);
+    if (!status) {
+        sf_leave_out_blurred(f);
+        status = spread_order(f);
+    }
     if (status) f->order_count = 0; /* the pass has not begun */
     return status;
-}
-
-static uint32_t greatest(const uint32_t *ids, size_t count, uint32_t least) {
-    for (size_t i = 0; i < count; i++)
-        if (ids[i] > least) least = ids[i];
-    return least;
-}
-
-/* The greatest id that the pass knows, if it left the view out or not. */
-static uint32_t newest_known(const sf_fitter *f) {
-    uint32_t newest = greatest(f->order, f->order_count, 0);
-    newest = greatest(f->kept_out, f->kept_out_count, newest);
-    return greatest(f->blurred, f->blurred_count, newest);
 }
 
 /* The pass goes on with these, and then with what it has left. */
@@ -156,17 +139,15 @@ static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
  * anew with them, for where they come one after another it would be left to chance which of the others are
  * ever seen again. */
 static sf_status take_newcomers(sf_fitter *f) {
-    uint32_t *ids, newest = newest_known(f);
+    uint32_t *ids, newest = f->newest;
     size_t count, first = 0;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
     if (status) return status;
-    int came = count && ids[count - 1] > newest;
-    sf_free(f->ctx, ids);
-    if (!came) return SF_OK;
-    status = meet_views(f, &ids, &count);
-    if (status) return status;
-    while (first < count && ids[first] <= newest) first++;
-    if (first < count) status = insert_views(f, ids + first, count - first);
+    if (count && ids[count - 1] > newest) {
+        status = meet_views(f, ids, &count);
+        while (first < count && ids[first] <= newest) first++;
+        if (!status && first < count) status = insert_views(f, ids + first, count - first);
+    }
     sf_free(f->ctx, ids);
     return status;
 }

@@ -66,7 +66,7 @@ static size_t fewest(const sf_fitter *f) {
 
 /* A view that is kept out or trained on does not change sides: what comes later is dealt with when it comes.
  */
-sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
+static sf_status deal(sf_fitter *f, const uint32_t *ids, size_t count) {
     const int64_t every = dealt_out(f);
     size_t first = 0;
     if (every < 2 || f->joined) return SF_OK;
@@ -81,8 +81,13 @@ sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
         if (f->taken_up++ % every == every / 2 && count >= fewest(f)) f->kept_out[kept++] = ids[i];
     if (!kept && count >= fewest(f)) f->kept_out[kept++] = ids[first + (count - first) / 2];
     keep_out(f, kept);
-    f->newest = ids[count - 1];
     return SF_OK;
+}
+
+sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
+    sf_status status = deal(f, ids, count);
+    if (!status && count && ids[count - 1] > f->newest) f->newest = ids[count - 1];
+    return status;
 }
 
 /* Sum of the weighted squares of what is drawn against the view, and of the weights. */

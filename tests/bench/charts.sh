@@ -20,7 +20,7 @@ mkdir -p "$dir"
 # A fit a row: which set it belongs to, the scene and its project (DATA: SPLATFIT_DATA), seeds, levels (native: the
 # best one here; those that this machine lacks are left out), what the chart calls it, options.
 #
-# full: the fits take 40 min with the real scenes on two idle cores, moves and sizes come on top; quick: seconds.
+# full: the fits take some 45 min with the real scenes on two idle cores, moves and sizes come on top; quick: seconds.
 rows() {
     cat <<'END'
 full  studio   sim:studio                              1,2,3,4,5 native           standard    --preset standard
