@@ -242,6 +242,26 @@ int app_check_output(const args *a, const char *path) {
     return error ? EXIT_FAILED : 0;
 }
 
+const char *app_output(const args *a, const char *name) {
+    const char *path = args_value(a, name);
+    return path && strcmp(path, "none") ? path : NULL;
+}
+
+int app_check_outputs(const args *a, const char *output, const char *const *names, int n) {
+    for (int i = -1; i < n; i++) {
+        const char *path = i < 0 ? output : app_output(a, names[i]);
+        int error = path ? app_check_output(a, path) : 0;
+        if (error) return error;
+        for (int k = -1; k < i && path; k++) {
+            const char *other = k < 0 ? output : app_output(a, names[k]);
+            if (!other || strcmp(path, other) || !strcmp(path, "/dev/null")) continue;
+            app_say(a, path, "is named for two outputs");
+            return EXIT_USAGE;
+        }
+    }
+    return 0;
+}
+
 size_t app_pose_header(char line[APP_POSE_LINE]) {
     return (size_t)snprintf(line, APP_POSE_LINE, "# time x y z qx qy qz qw, camera to world\n");
 }

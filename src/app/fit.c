@@ -102,7 +102,7 @@ static int read_options(fit_run *r) {
 /* A checkpoint that cannot be written leaves the last one, and is tried again in time; what is wrong is said
  * once until it is mended. */
 static void write_checkpoint(fit_run *r, const sf_fit_progress *p) {
-    const char *path = args_value(r->a, "checkpoint");
+    const char *path = app_output(r->a, "checkpoint");
     if (!path) return;
     sf_status status = sf_fitter_save(r->fitter, path);
     if (status && !r->checkpoint_error) {
@@ -192,11 +192,9 @@ static int is_file(const char *path) {
 
 /* cameras.json beside the model, or where --cameras says; nothing for a model that went down a pipe. */
 static int write_cameras(const fit_run *r) {
-    const char *asked = args_value(r->a, "cameras");
-    if (asked) {
-        if (!strcmp(asked, "none")) return 0;
-        return sf_fitter_save_cameras(r->fitter, asked) ? app_fail(r->a, r->ctx) : 0;
-    }
+    const char *asked = app_output(r->a, "cameras");
+    if (asked) return sf_fitter_save_cameras(r->fitter, asked) ? app_fail(r->a, r->ctx) : 0;
+    if (args_value(r->a, "cameras")) return 0;
     if (!is_file(r->output)) return 0;
     char *folder = app_folder(r->output), *path = folder ? malloc(strlen(folder) + 16) : NULL;
     int error = 0;
@@ -209,7 +207,7 @@ static int write_cameras(const fit_run *r) {
 
 /* The first held-out view and its render. */
 static int write_comparison(const fit_run *r) {
-    const char *path = args_value(r->a, "compare");
+    const char *path = app_output(r->a, "compare");
     if (!path) return 0;
     sf_view_info view;
     if (watch_first_held_out(r->scene, &view)) return app_fail(r->a, r->ctx);
@@ -269,30 +267,11 @@ static int finish(fit_run *r) {
         error = app_fail(r->a, r->ctx);
     if (!error) print_result(r, &e);
     if (!error) error = write_comparison(r);
-    const char *log = args_value(r->a, "log");
+    const char *log = app_output(r->a, "log");
     if (!error && log) error = app_write_json(r->a, r->ctx, log, log_json(r, &e));
     json_decref(e.list);
     if (!error && r->stopped) error = 128 + r->stopped;
     return error;
-}
-
-/* Each output can be written, and none is named twice. */
-static int check_outputs(const fit_run *r) {
-    static const char *const names[] = {"output", "log", "compare", "cameras", "checkpoint"};
-    enum { OUTPUTS = sizeof names / sizeof *names };
-    const char *paths[OUTPUTS];
-    for (int i = 0; i < OUTPUTS; i++) {
-        paths[i] = i ? args_value(r->a, names[i]) : r->output;
-        if (!paths[i] || (i && !strcmp(paths[i], "none"))) paths[i] = NULL;
-        for (int k = 0; k < i && paths[i]; k++)
-            if (paths[k] && !strcmp(paths[i], paths[k]) && strcmp(paths[i], "/dev/null")) {
-                app_say(r->a, paths[i], "is named for two outputs");
-                return EXIT_USAGE;
-            }
-        int error = paths[i] ? app_check_output(r->a, paths[i]) : 0;
-        if (error) return error;
-    }
-    return 0;
 }
 
 /* The time limit is the program's: what reading the pictures took is gone. */
@@ -325,10 +304,11 @@ static int lowered(const fit_run *r) {
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");
     sf_model *from = NULL;
+    static const char *const outputs[] = {"log", "compare", "cameras", "checkpoint"};
     int error = app_context(r->a, &r->ctx);
     if (!error) error = read_options(r);
     if (!error) error = progress_start(&r->line, r->a, r->out);
-    if (!error) error = check_outputs(r);
+    if (!error) error = app_check_outputs(r->a, r->output, outputs, sizeof outputs / sizeof *outputs);
     if (!error && from_path && sf_model_load(r->ctx, from_path, &from)) error = app_fail(r->a, r->ctx);
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");

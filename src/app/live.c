@@ -36,7 +36,7 @@ static const arg_option own_options[] = {
     {"save-every", 0, "S", "seconds between two writings of the model; 0: at the end alone (60)"},
     {"trajectory", 0, "FILE",
      "write the camera's path: time x y z qx qy qz qw a line, camera to world (TUM)"},
-    {"cameras", 0, "FILE", "cameras.json of the keyframes, as refined, at the end"},
+    {"cameras", 0, "FILE", "cameras.json of the keyframes, as refined, at the end; none for none"},
     {"listen", 0, "ADDRESS:PORT",
      "serve a page with pictures, figures and the model there; none for none (127.0.0.1:8090 where that is "
      "free)"},
@@ -202,10 +202,8 @@ static int prepare(live_run *r) {
     if (!error) error = progress_start(&r->line, r->a, stdout);
     if (!error && !app_names_model(r->output))
         error = usage("--output", r->output, "does not end in .ply, .spz or .splat");
-    const char *const outputs[] = {r->output, args_value(r->a, "trajectory"), args_value(r->a, "cameras"),
-                                   args_value(r->a, "log")};
-    for (int i = 0; i < 4 && !error; i++)
-        if (outputs[i]) error = app_check_output(r->a, outputs[i]);
+    static const char *const outputs[] = {"trajectory", "cameras", "log"};
+    if (!error) error = app_check_outputs(r->a, r->output, outputs, sizeof outputs / sizeof *outputs);
     if (!error) error = read_poses(r);
     if (!error) error = open_source(r);
     if (!error) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);
@@ -316,7 +314,7 @@ static void save_now_and_then(live_run *r, const sf_live_progress *p) {
 }
 
 static int write_trajectory(const live_run *r) {
-    const char *path = args_value(r->a, "trajectory");
+    const char *path = app_output(r->a, "trajectory");
     if (!path) return 0;
     size_t room = APP_POSE_LINE * (r->step_count + 1), n = 0;
     char *text = malloc(room);
@@ -386,7 +384,7 @@ static int finish(live_run *r) {
     page_close(&r->page);
     sf_live_progress p;
     sf_live_get_progress(r->live, &p);
-    const char *cameras = args_value(r->a, "cameras"), *log = args_value(r->a, "log");
+    const char *cameras = app_output(r->a, "cameras"), *log = app_output(r->a, "log");
     int error = 0;
     if (p.has_fit)
         error = save_model(r);

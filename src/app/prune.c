@@ -82,17 +82,11 @@ static int read_options(prune_run *r) {
 }
 
 static int check_outputs(const prune_run *r) {
-    const char *output = args_value(r->a, "output"), *log = args_value(r->a, "log");
-    if (!output) {
-        app_say(r->a, "-o FILE", "is needed: the model to write");
-        return EXIT_USAGE;
-    }
-    if (log && !strcmp(log, output) && strcmp(log, "/dev/null") != 0) {
-        app_say(r->a, log, "is named for two outputs");
-        return EXIT_USAGE;
-    }
-    int error = app_check_output(r->a, output);
-    return !error && log ? app_check_output(r->a, log) : error;
+    static const char *const others[] = {"log"};
+    const char *output = args_value(r->a, "output");
+    if (output) return app_check_outputs(r->a, output, others, 1);
+    app_say(r->a, "-o FILE", "is needed: the model to write");
+    return EXIT_USAGE;
 }
 
 static int look(prune_run *r, const sf_model *model, const char *path, figures *f) {
@@ -140,7 +134,7 @@ static void log_figures(json_t *result, const figures *f) {
 
 /* As that of a fit, of which charts take it for the end. */
 static int write_log(prune_run *r) {
-    const char *path = args_value(r->a, "log");
+    const char *path = app_output(r->a, "log");
     const sf_prune_options *o = &r->options;
     if (!path) return 0;
     json_t *before = json_object(), *result = json_object();
