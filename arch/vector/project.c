@@ -558,11 +558,27 @@ static void clear_bands(const sf_project_bwd_args *b, size_t to, int band) {
                    (size_t)(3 * (2 * band + 1)) * sizeof(lanes));
 }
 
+/* Of a block that is not seen. */
+static void clear_all(const sf_project_bwd_args *b, size_t at, size_t to) {
+    static const struct {
+        int field, components;
+    } shape[] = {{SF_FIELD_mean, 3}, {SF_FIELD_log_scale, 3}, {SF_FIELD_quat, 4}, {SF_FIELD_logit_opacity, 1}};
+    for (size_t k = 0; k < sizeof shape / sizeof *shape; k++)
+        memset(gradient(&b->grads, shape[k].field, shape[k].components, 0, to), 0,
+               (size_t)shape[k].components * sizeof(lanes));
+    clear_bands(b, to, 0);
+    memset(b->screen + at, 0, sizeof(lanes));
+}
+
 VEC void project_bwd(const sf_project_bwd_args *b, size_t first, size_t end, int degree) {
     for (size_t blk = first; blk < end; blk++) {
         size_t at = blk * SF_LANES, to = (blk - first) * SF_LANES;
         arrival r;
         arrive(b, at, &r);
+        if (!r.seen) {
+            clear_all(b, at, to);
+            continue;
+        }
         for (int part = 0; part < SF_LANES; part += VD) {
             vd direction[3];
             vdm seen = vdm_of(r.seen >> part & ((1u << VD) - 1));

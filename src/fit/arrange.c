@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "../scene/curve.h"
+
 static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
 
 /* Of a band's arrays. The model comes last, or says first that there is less: no other has less room than it
@@ -77,5 +79,24 @@ sf_status sf_arrange(sf_fitter *f, const sf_place *places, size_t n, uint32_t *w
     }
     sf_order_free(f->ctx, &order);
     if (!status) trim(f);
+    return status;
+}
+
+sf_status sf_fitter_sort(sf_fitter *f) {
+    const sf_model *m = f->model;
+    size_t n = m->count;
+    if (n < 2) return SF_OK;
+    uint32_t *order = NULL;
+    float *xyz = sf_alloc(f->ctx, 3 * n, sizeof *xyz);
+    for (size_t i = 0; xyz && i < n; i++)
+        for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = *sf_value(&m->params, SF_FIELD_mean, i, k);
+    sf_status status = xyz ? sf_curve_order(f->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
+    sf_free(f->ctx, xyz);
+    sf_place *places = status ? NULL : sf_alloc(f->ctx, n, sizeof *places);
+    for (size_t i = 0; places && i < n; i++)
+        places[i] = (sf_place){order[i], (uint8_t)sf_degree_of(m, order[i])};
+    status = places ? sf_arrange(f, places, n, NULL) : SF_ERR_MEMORY;
+    sf_free(f->ctx, places);
+    sf_free(f->ctx, order);
     return status;
 }

@@ -369,6 +369,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     }
     size_t most = status ? 0 : sf_planned_count(f, 1);
     if (!status) status = sf_fitter_start_room(f, most);
+    if (!status) status = sf_fitter_sort(f);
     if (status) sf_fitter_destroy(out);
     return status;
 }

@@ -234,6 +234,9 @@ sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
  * its degree are dropped, new ones start at 0 with moments of 0. where[k] (may be NULL): the index that
  * places[k] got. Makes room, and lets go what is not needed any more. On failure nothing has changed. */
 sf_status sf_arrange(sf_fitter *fitter, const sf_place *places, size_t n, uint32_t *where);
+/* Those of a degree go along a curve through space: what one view does not see fills whole blocks, which a
+ * step passes over, and what a tile draws and adds up lies together. On failure nothing has changed. */
+sf_status sf_fitter_sort(sf_fitter *fitter);
 
 /* trial.c */
 /* Ends the trial, all as before. */

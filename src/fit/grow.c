@@ -254,7 +254,10 @@ void sf_grow_and_prune(sf_fitter *f, double fraction) {
     sf_status status = charging ? charge(f, fraction) : SF_OK;
     int growing = !charging || (sf_growth_due(f, fraction) && !f->grown_out);
     /* those on trial stay where they are */
-    if (growing && !status && !f->trials.count) status = grow_by_plan(f, fraction);
+    if (growing && !status && !f->trials.count) {
+        status = grow_by_plan(f, fraction);
+        if (!status) (void)sf_fitter_sort(f); /* without the memory for it steps are slower */
+    }
     if (status && !f->growth_ended) end_growth(f);
     memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
     memset(f->screen_seen, 0, f->model->count * sizeof *f->screen_seen);

@@ -64,12 +64,14 @@ static uint64_t along(uint32_t axes[3]) {
 
 static void find_places(const float *xyz, size_t n, const uint8_t *classes, place *places) {
     cube c = bound(xyz, n);
-    double scale = c.side > 0 ? ((1 << AXIS_BITS) - 1) / c.side : 0;
+    const double most = (1 << AXIS_BITS) - 1;
+    double scale = c.side > 0 ? most / c.side : 0;
     for (size_t i = 0; i < n; i++) {
         places[i] = (place){.index = (uint32_t)i};
         if (classes) places[i].code = (uint64_t)(CLASSES - 1 - classes[i]) << CLASS_AT;
         uint32_t axes[3];
-        for (size_t k = 0; k < 3; k++) axes[k] = (uint32_t)(scale * ((double)xyz[3 * i + k] - c.least[k]));
+        for (size_t k = 0; k < 3; k++) /* fmax: one that is not finite goes to the front */
+            axes[k] = (uint32_t)fmin(fmax(scale * ((double)xyz[3 * i + k] - c.least[k]), 0), most);
         places[i].code |= along(axes);
     }
 }
