@@ -1,4 +1,4 @@
-/* adam.c - one step of Adam (Kingma and Ba 2015, algorithm 1), in plain C. */
+/* adam.c - one step of Adam (Kingma and Ba 2015, algorithm 1), and of RMSProp, in plain C. */
 #include "scalar.h"
 
 #include <math.h>
@@ -28,5 +28,19 @@ void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, 
         uint32_t noise = sf_noise(number + (uint32_t)i);
         uint32_t high = sf_bits_of(m) + (noise >> 16), low = sf_bits_of(v) + (noise >> 17);
         moments[i] = (high & 0xffff0000u) | low >> 15;
+    }
+}
+
+void sf_rmsprop_scalar(float *p, const float *g, float *v, size_t n, const sf_adam *step) {
+    for (size_t i = 0; i < n; i++) {
+        size_t red = sf_at(i, 3, 0), green = sf_at(i, 3, 1), blue = sf_at(i, 3, 2);
+        /* 1. the second moment, of all channels */
+        float square = (g[red] * g[red] + g[green] * g[green] + g[blue] * g[blue]) * (1.0f / 3);
+        if (square > 0) v[i] = step->beta2 * v[i] + (1.0f - step->beta2) * square;
+        /* 2. the step */
+        float rate = step->rate / (sqrtf(v[i] * step->v_scale) + step->epsilon);
+        p[red] -= rate * g[red];
+        p[green] -= rate * g[green];
+        p[blue] -= rate * g[blue];
     }
 }

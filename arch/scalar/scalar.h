@@ -17,6 +17,7 @@ void sf_loss_scalar(const sf_loss_args *args);
 void sf_adam_scalar(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
 void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
                          uint32_t number);
+void sf_rmsprop_scalar(float *p, const float *g, float *v, size_t n, const sf_adam *step);
 void sf_unpack_scalar(const uint8_t *src, const uint8_t *weight, size_t src_stride, int factor, float *dst,
                       int width);
 

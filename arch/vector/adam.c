@@ -1,4 +1,4 @@
-/* adam.c - one step of Adam (Kingma and Ba 2015, algorithm 1), in vectors of parameters. */
+/* adam.c - one step of Adam (Kingma and Ba 2015, algorithm 1), and of RMSProp, in vectors of parameters. */
 #include "kernels.h"
 
 #include "vec.h"
@@ -44,5 +44,24 @@ void SF_AT_LEVEL(sf_adam_half)(float *p, const float *g, uint32_t *moments, size
         vu above = vu_and(vu_add(vf_bits(m), vu_right(noise, 16)), high);
         vu below = vu_right(vu_add(vf_bits(v), vu_right(noise, 17)), 15);
         vu_store(moments + i, vu_or(above, below));
+    }
+}
+
+void SF_AT_LEVEL(sf_rmsprop)(float *p, const float *g, float *v, size_t n, const sf_adam *step) {
+    vf beta2 = vf_set(step->beta2), rest2 = vf_set(1.0f - step->beta2), third = vf_set(1.0f / 3);
+    vf rate = vf_set(step->rate), v_scale = vf_set(step->v_scale), epsilon = vf_set(step->epsilon);
+    for (size_t i = 0; i < n; i += VW) {
+        size_t red = sf_at(i, 3, 0), green = red + SF_LANES, blue = green + SF_LANES;
+        vf r = vf_load(g + red), gr = vf_load(g + green), b = vf_load(g + blue), before = vf_load(v + i);
+        /* 1. the second moment, of all channels */
+        vf square = vf_mul(vf_fma(b, b, vf_fma(gr, gr, vf_mul(r, r))), third);
+        vf second = vf_fma(beta2, before, vf_mul(rest2, square));
+        second = vf_select(vf_le(square, vf_set(0)), before, second);
+        vf_store(v + i, second);
+        /* 2. the step */
+        vf along = vf_div(rate, vf_add(vf_sqrt(vf_mul(second, v_scale)), epsilon));
+        vf_store(p + red, vf_fnma(along, r, vf_load(p + red)));
+        vf_store(p + green, vf_fnma(along, gr, vf_load(p + green)));
+        vf_store(p + blue, vf_fnma(along, b, vf_load(p + blue)));
     }
 }

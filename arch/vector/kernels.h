@@ -20,7 +20,8 @@
     void sf_project_bwd_##level(const sf_project_bwd_args *args, size_t first, size_t end);                  \
     void sf_adam_##level(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);       \
     void sf_adam_half_##level(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,    \
-                              uint32_t number);
+                              uint32_t number);                                                              \
+    void sf_rmsprop_##level(float *p, const float *g, float *v, size_t n, const sf_adam *step);
 
 SF_VECTOR_KERNELS(sse4)
 SF_VECTOR_KERNELS(avx2)

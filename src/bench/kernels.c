@@ -127,6 +127,12 @@ static void adam_half_over(bench_lab *lab, size_t n) {
     lab->level->kernels.adam_half(lab->adam[0], lab->adam[1], lab->adam_words, n, &step, BENCH_SEED);
 }
 
+static void rmsprop_over(bench_lab *lab, size_t n) {
+    static const sf_adam step = {.beta2 = 0.999f, .v_scale = 1, .epsilon = 1e-15f};
+    n = n / 3 / SF_LANES * SF_LANES;
+    lab->level->kernels.rmsprop(lab->adam[0], lab->adam[1], lab->adam[3], n, &step);
+}
+
 static void run_adam(void *lab_pointer, size_t task, int thread) {
     (void)task, (void)thread;
     bench_lab *lab = lab_pointer;
@@ -149,6 +155,18 @@ static void run_adam_half_far(void *lab_pointer, size_t task, int thread) {
     (void)task, (void)thread;
     bench_lab *lab = lab_pointer;
     adam_half_over(lab, lab->far_count);
+}
+
+static void run_rmsprop(void *lab_pointer, size_t task, int thread) {
+    (void)task, (void)thread;
+    bench_lab *lab = lab_pointer;
+    for (int i = 0; i < ADAM_REPEATS; i++) rmsprop_over(lab, lab->near_count);
+}
+
+static void run_rmsprop_far(void *lab_pointer, size_t task, int thread) {
+    (void)task, (void)thread;
+    bench_lab *lab = lab_pointer;
+    rmsprop_over(lab, lab->far_count);
 }
 
 /* The others through their stages, which hand each tile, band and block to the kernel. */
@@ -214,6 +232,8 @@ static const struct {
     {"adam, in memory", SF_KERNEL_adam, UNIT_FAR, run_adam_far, NULL, 0, 5},
     {"adam_half, in cache", SF_KERNEL_adam_half, UNIT_NEAR, run_adam_half, NULL, 0, 1},
     {"adam_half, in memory", SF_KERNEL_adam_half, UNIT_FAR, run_adam_half_far, NULL, 0, 5},
+    {"rmsprop, in cache", SF_KERNEL_rmsprop, UNIT_NEAR, run_rmsprop, NULL, 0, 1},
+    {"rmsprop, in memory", SF_KERNEL_rmsprop, UNIT_FAR, run_rmsprop_far, NULL, 0, 5},
     {"convert, a whole frame", SF_KERNEL_convert, UNIT_WHOLE_PIXEL, run_convert_far, NULL, 0, 1},
     FORMATS(CONVERT_ITEM)};
 enum { ITEMS = sizeof items / sizeof *items, PAIRS_ALONE = ITEMS };
@@ -314,6 +334,7 @@ static double bytes_of(const bench_lab *lab, int item, double units) {
     double slots = lab->ws.slot[lab->ws.count] / (double)lab->ws.count;
     if (items[item].direct == run_adam_far) return units * 28;      /* p, m, v in and out, g in */
     if (items[item].direct == run_adam_half_far) return units * 20; /* p and the words in and out, g in */
+    if (items[item].direct == run_rmsprop_far) return units * (12 + 8.0 / 3); /* p in and out, g in, a third v */
     switch (items[item].kernel) {
     case SF_KERNEL_project: /* parameters in, records out */
         return units * (parameters + record);

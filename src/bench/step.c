@@ -10,19 +10,6 @@
 const char *const bench_stage_names[STAGES] = {"project", "bin",       "blend",  "target",
                                                "loss",    "blend_bwd", "update", "total"};
 
-sf_status bench_moments_create(sf_context *ctx, const sf_model *model, bench_moments *moments) {
-    *moments = (bench_moments){0};
-    sf_status status = sf_params_create(ctx, model->banded, model->sh_degree, &moments->m);
-    if (!status) status = sf_params_create(ctx, model->banded, model->sh_degree, &moments->v);
-    if (status) bench_moments_destroy(ctx, moments);
-    return status;
-}
-
-void bench_moments_destroy(sf_context *ctx, bench_moments *moments) {
-    sf_params_destroy(ctx, &moments->m);
-    sf_params_destroy(ctx, &moments->v);
-}
-
 typedef struct target_job {
     sf_workspace *ws;
     const bench_view *view;
@@ -56,7 +43,7 @@ static double load_target(sf_workspace *ws, const bench_view *view) {
 typedef struct update_job {
     const sf_workspace *ws;
     const sf_model *model;
-    const bench_moments *moments;
+    const sf_moments *moments;
 } update_job;
 
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
@@ -65,9 +52,8 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!grads->field[field]) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
-        job->ws->ctx->kernels->adam(job->model->params.field[field] + at, grads->field[field],
-                                    job->moments->m.field[field] + at, job->moments->v.field[field] + at,
-                                    (end - first) * block, &step);
+        sf_moments_step(job->moments, job->ws->ctx->kernels, field, at, (end - first) * block,
+                        job->model->params.field[field] + at, grads->field[field], &step, 0);
     }
 }
 
@@ -78,7 +64,7 @@ static void end_stage(const sf_workspace *ws, double *mark, double *seconds) {
     *mark = now;
 }
 
-sf_status bench_step(sf_workspace *ws, const sf_model *model, const bench_moments *moments,
+sf_status bench_step(sf_workspace *ws, const sf_model *model, const sf_moments *moments,
                      const bench_view *view, double seconds[STAGES]) {
     static const float background[3] = {0.5f, 0.5f, 0.5f};
     sf_loss_value loss;
@@ -132,8 +118,9 @@ double bench_stage_floor(const bench_step_times *step, int stage, double flops, 
         return pixels * 3 * BENCH_LOSS_OPERATIONS / flops;
     case STAGE_BLEND_BWD:
         return step->evaluated * BENCH_BLEND_BWD_OPERATIONS / flops;
-    case STAGE_UPDATE: /* parameters and two moments in and out, records and sums in */
-        return (n * (24 * parameters + record) + step->entries * 4 * SF_SUMS) / bytes;
+    case STAGE_UPDATE: /* parameters and moments in and out, records and sums in */
+        parameters += sf_moment_values(SF_MOMENTS_FLOAT, step->sh_degree);
+        return (n * (8 * parameters + record) + step->entries * 4 * SF_SUMS) / bytes;
     default:
         return 0;
     }

@@ -2,6 +2,7 @@
 #ifndef BENCH_STEPS_H
 #define BENCH_STEPS_H
 
+#include "../fit/moments.h"
 #include "scene.h"
 
 enum {
@@ -11,7 +12,7 @@ enum {
     STAGE_TARGET,
     STAGE_LOSS,
     STAGE_BLEND_BWD,
-    STAGE_UPDATE, /* project_bwd and Adam */
+    STAGE_UPDATE, /* project_bwd and the optimiser */
     STAGE_TOTAL,
     STAGES
 };
@@ -32,14 +33,6 @@ typedef struct bench_step_times {
     int sh_degree;
 } bench_step_times;
 
-/* Adam's moments, beside the model's parameters. One set serves all runners of a model. */
-typedef struct bench_moments {
-    sf_params m, v;
-} bench_moments;
-
-sf_status bench_moments_create(sf_context *ctx, const sf_model *model, bench_moments *moments);
-void bench_moments_destroy(sf_context *ctx, bench_moments *moments);
-
 /* What a step compares with. */
 typedef struct bench_view {
     sf_camera camera;
@@ -49,7 +42,7 @@ typedef struct bench_view {
 } bench_view;
 
 /* One step with a learning rate of 0, so that every step does the same work. seconds: of each stage. */
-sf_status bench_step(sf_workspace *ws, const sf_model *model, const bench_moments *moments,
+sf_status bench_step(sf_workspace *ws, const sf_model *model, const sf_moments *moments,
                      const bench_view *view, double seconds[STAGES]);
 
 /* Least seconds that the stage's arithmetic or its way to memory takes with `roof` figures: operations a

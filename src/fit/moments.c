@@ -1,18 +1,32 @@
-/* moments.c - Adam's two moments of every parameter, as floats or in 16 bits each. */
+/* moments.c - what the optimiser remembers of each parameter. */
 #include "moments.h"
 
 #include <string.h>
 
+enum { FIRST, SECOND }; /* parts; words with both are where the first is */
+
 static const char *const part_names[][SF_MOMENT_PARTS] = {
-    [SF_MOMENTS_FLOAT] = {"m", "v"}, [SF_MOMENTS_HALF] = {"mv", NULL}};
+    [SF_MOMENTS_FLOAT] = {"m", "v"}, [SF_MOMENTS_HALF] = {"mv", "v"}};
 
 const char *sf_moment_part(int format, int part) { return part_names[format][part]; }
 
-size_t sf_moment_bytes(int format) {
-    size_t bytes = 0;
-    for (int part = 0; part < SF_MOMENT_PARTS; part++)
-        if (sf_moment_part(format, part)) bytes += SF_MOMENT_VALUE;
-    return bytes;
+int sf_moment_components(int format, int part, int field) {
+    int n = sf_field_components(field);
+    if (!sf_has_momentum(field)) return part == SECOND ? n / 3 : 0; /* of three channels */
+    return part == FIRST || format == SF_MOMENTS_FLOAT ? n : 0;
+}
+
+int sf_moment_values(int format, int sh_degree) {
+    int values = 0;
+    for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, sh_degree); field++)
+        for (int part = 0; part < SF_MOMENT_PARTS; part++)
+            values += sf_moment_components(format, part, field);
+    return values;
+}
+
+/* The same of the arrays that there are for a model. */
+static int components_of(const sf_moments *moments, int part, int field, const sf_model *model) {
+    return sf_field_stored(field, model->sh_degree) ? sf_moment_components(moments->format, part, field) : 0;
 }
 
 sf_status sf_moments_create(const sf_model *model, int format, sf_moments *moments) {
@@ -32,18 +46,14 @@ void sf_moments_destroy(sf_context *ctx, sf_moments *moments) {
     memset(moments->part, 0, sizeof moments->part);
 }
 
-/* Whether there is such an array. */
-static int is_kept(const sf_moments *moments, int part, int field, const sf_model *model) {
-    return sf_moment_part(moments->format, part) && sf_field_stored(field, model->sh_degree);
-}
-
 sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int band, size_t room) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             void **array = &moments->part[part][field];
-            if (sf_field_band(field) != band || !is_kept(moments, part, field, model)) continue;
-            sf_status status =
-                sf_field_resize(model->ctx, field, array, *array ? model->banded[band] : 0, room);
+            int n = components_of(moments, part, field, model);
+            if (sf_field_band(field) != band || !n) continue;
+            size_t used = *array ? model->banded[band] : 0;
+            sf_status status = sf_blocked_resize(model->ctx, n, array, used, room);
             if (status) return status;
         }
     return SF_OK;
@@ -51,10 +61,10 @@ sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int ba
 
 void sf_moments_arrange(const sf_moments *moments, const sf_model *model, const sf_order *order) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
-        for (int field = 0; field < SF_FIELD_COUNT; field++)
-            if (is_kept(moments, part, field, model))
-                sf_field_arrange(field, moments->part[part][field], model->banded[sf_field_band(field)],
-                                 order);
+        for (int field = 0; field < SF_FIELD_COUNT; field++) {
+            int n = components_of(moments, part, field, model), band = sf_field_band(field);
+            if (n) sf_blocked_arrange(n, band, moments->part[part][field], model->banded[band], order);
+        }
 }
 
 /* The part of its squares that a field of a newcomer keeps. Its share of a picture is smaller than what it
@@ -64,46 +74,52 @@ static float part_kept(int field) {
     return field == SF_FIELD_mean || field == SF_FIELD_log_scale || field == SF_FIELD_quat ? 0.1f : 1;
 }
 
-static void restart(const sf_moments *moments, int field, size_t at) {
-    if (moments->format == SF_MOMENTS_HALF) {
-        uint32_t *word = (uint32_t *)moments->part[0][field] + at;
-        *word = sf_bits_of(part_kept(field) * sf_float_of((*word & 0xffffu) << 15)) >> 15;
-    } else {
-        ((float *)moments->part[0][field])[at] = 0;
-        ((float *)moments->part[1][field])[at] *= part_kept(field);
+static void restart(const sf_moments *moments, int field, size_t i) {
+    for (int c = 0; c < sf_moment_components(moments->format, FIRST, field); c++) {
+        char *value = (char *)moments->part[FIRST][field] +
+                      SF_MOMENT_VALUE * sf_at(i, sf_field_components(field), c);
+        uint32_t word;
+        memcpy(&word, value, sizeof word);
+        if (moments->format == SF_MOMENTS_HALF)
+            word = sf_bits_of(part_kept(field) * sf_float_of((word & 0xffffu) << 15)) >> 15;
+        else
+            word = 0;
+        memcpy(value, &word, sizeof word);
     }
+    int n = sf_moment_components(moments->format, SECOND, field);
+    for (int c = 0; c < n; c++) ((float *)moments->part[SECOND][field])[sf_at(i, n, c)] *= part_kept(field);
 }
 
 void sf_moments_restart(const sf_moments *moments, const sf_model *model, size_t i) {
-    for (int field = 0; field < SF_FIELD_COUNT; field++) {
-        int n = sf_field_components(field);
-        for (int c = 0; i < model->banded[sf_field_band(field)] && c < n; c++)
-            restart(moments, field, sf_at(i, n, c));
-    }
+    for (int field = 0; field < SF_FIELD_COUNT; field++)
+        if (i < model->banded[sf_field_band(field)]) restart(moments, field, i);
 }
 
 void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
-            int n = sf_field_components(field);
+            int n = components_of(moments, part, field, model);
             char *array = moments->part[part][field];
-            for (int c = 0; array && i < model->banded[sf_field_band(field)] && c < n; c++)
+            for (int c = 0; i < model->banded[sf_field_band(field)] && c < n; c++)
                 memset(array + SF_MOMENT_VALUE * sf_at(i, n, c), 0, SF_MOMENT_VALUE);
         }
 }
 
 void sf_moments_forget_all(const sf_moments *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
-        for (int field = 0; field < SF_FIELD_COUNT; field++)
-            if (is_kept(moments, part, field, model))
-                memset(moments->part[part][field], 0,
-                       SF_MOMENT_VALUE * sf_field_values(field, model->capacity[sf_field_band(field)]));
+        for (int field = 0; field < SF_FIELD_COUNT; field++) {
+            size_t n = (size_t)components_of(moments, part, field, model);
+            if (n) memset(moments->part[part][field], 0,
+                       SF_MOMENT_VALUE * n * model->capacity[sf_field_band(field)]);
+        }
 }
 
 void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
                      float *p, const float *g, const sf_adam *step, uint32_t key) {
-    void *first = moments->part[0][field], *second = moments->part[1][field];
-    if (moments->format == SF_MOMENTS_HALF)
+    void *first = moments->part[FIRST][field], *second = moments->part[SECOND][field];
+    if (!sf_has_momentum(field))
+        kernels->rmsprop(p, g, (float *)second + at / 3, n / 3, step);
+    else if (moments->format == SF_MOMENTS_HALF)
         kernels->adam_half(p, g, (uint32_t *)first + at, n, step, key + (uint32_t)at);
     else
         kernels->adam(p, g, (float *)first + at, (float *)second + at, n, step);

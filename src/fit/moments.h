@@ -1,4 +1,9 @@
-/* moments.h - Adam's two moments of every parameter, as floats or in 16 bits each. */
+/* moments.h - what the optimiser remembers of each parameter.
+ *
+ * Adam's two moments, as floats or in 16 bits each. SH from degree 1 on have no first one, and one second one
+ * for the three channels of a coefficient: three quarters of the parameters are there, and their momentum,
+ * and a scale of its own for each channel, were measured to be worth nothing (README.md).
+ */
 #ifndef SF_FIT_MOMENTS_H
 #define SF_FIT_MOMENTS_H
 
@@ -8,17 +13,21 @@
 
 enum { SF_MOMENT_PARTS = 2, SF_MOMENT_VALUE = 4 /* bytes */ };
 
-/* The parts' arrays are blocked as those of the fields, a value of 4 bytes a parameter: m and v as floats, or
- * words with both (src/kernels/kernels.h), which are one part alone. NULL for what is not stored. */
+/* The parts' arrays are blocked as those of the fields, in values of 4 bytes: m and v as floats, or words with
+ * both (src/kernels/kernels.h) in the first part and floats in the second, which only the higher SH have.
+ * NULL for what is not stored. */
 typedef struct sf_moments {
     int format; /* sf_moment_format */
     void *part[SF_MOMENT_PARTS][SF_FIELD_COUNT];
 } sf_moments;
 
-/* Name of a part; NULL: the format has no such part. */
 const char *sf_moment_part(int format, int part);
-/* Bytes that both moments of a parameter take. */
-size_t sf_moment_bytes(int format);
+/* Values of a field's part, of a Gaussian; 0: there is no such part. */
+int sf_moment_components(int format, int part, int field);
+/* Values of all parts of all fields, of a Gaussian with all bands up to sh_degree. */
+int sf_moment_values(int format, int sh_degree);
+/* Whether steps go on in the direction of those before: those of the higher SH do not. */
+static inline int sf_has_momentum(int field) { return field <= SF_FIELD_sh0; }
 
 /* Zeros, with room for as many as the model has room for. On failure none is left. */
 sf_status sf_moments_create(const sf_model *model, int format, sf_moments *moments);
@@ -35,8 +44,8 @@ void sf_moments_restart(const sf_moments *moments, const sf_model *model, size_t
 void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i);
 void sf_moments_forget_all(const sf_moments *moments, const sf_model *model);
 
-/* One step of Adam for parameters at .. at+n-1 of an array of a field, p and g their first; both are
- * multiples of SF_LANES. key: of the random rounding, another one each step and field. */
+/* One step for parameters at .. at+n-1 of an array of a field, p and g their first, of whole blocks of the
+ * field. key: of the random rounding, another one each step and field. */
 void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
                      float *p, const float *g, const sf_adam *step, uint32_t key);
 

@@ -25,10 +25,11 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 #define GROW_EVERY      100
 #define GROW_EVERY_MOST 0.125
 
-/* Few steps have to be large: rates rise with the root of what is missing to so many. A model gone on from
+/* Few steps have to be large: rates rise with this power of what is missing to so many. A model gone on from
  * has its shapes and colours already. */
 #define STEADY_STEPS 3300.0
-#define HASTE_MOST   4
+#define HASTE_POWER  0.75
+#define HASTE_MOST   6
 
 /* Squares learn faster what is far off, the absolute value makes small differences smaller: Huber's delta
  * falls with the steps that there are. */
@@ -89,7 +90,7 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     double missing = f->gone_on ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
     if (!(o->lr_haste > 0))
-        o->lr_haste = f->gone_on ? 1 : fmin(fmax(sqrt(STEADY_STEPS / planned), 1), HASTE_MOST);
+        o->lr_haste = f->gone_on ? 1 : fmin(fmax(pow(STEADY_STEPS / planned, HASTE_POWER), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
 }
 

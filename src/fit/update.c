@@ -2,6 +2,7 @@
 #include "fitter.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "adam.h"
 #include "grow.h"
@@ -60,10 +61,13 @@ static void regularise(const update_job *job, size_t first, size_t end) {
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     const update_job *job = job_pointer;
     sf_fitter *f = job->fitter;
+    size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
+    int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         /* neither what these blocks lack nor a band that is not in use yet has a gradient */
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
+        if (!seen && !sf_has_momentum(field)) continue; /* nothing would change */
         sf_moments_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
                         f->model->params.field[field] + at, grads->field[field], &job->step[field],
                         job->key[field]);
@@ -73,8 +77,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (size_t block = first; block < end; block++)
         limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);
     if (job->noise > 0) sf_disturb(f, job->noise, first, end);
-    size_t last = end * SF_LANES;
-    gather_statistics(f, first * SF_LANES, last < f->model->count ? last : f->model->count);
+    gather_statistics(f, first * SF_LANES, last);
 }
 
 /* What a field's moments are rounded by in this step: by the seed, the step and the field alone, so that
@@ -101,8 +104,9 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
             o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean) / (f->extent * f->extent);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         job.key[field] = rounding_key(f, field);
+        double start = sf_has_momentum(field) ? 1 - pow(o->adam_beta1, t) : 1;
         job.step[field] = (sf_adam){
-            .rate = (float)(sf_scheduled_rate(f, fraction, field) / (1 - pow(o->adam_beta1, t))),
+            .rate = (float)(sf_scheduled_rate(f, fraction, field) / start),
             .beta1 = (float)o->adam_beta1,
             .beta2 = (float)o->adam_beta2,
             .v_scale = (float)(1 / (1 - pow(o->adam_beta2, t))),

@@ -249,7 +249,8 @@ typedef struct sf_convert_args {
     X(blend_worth)                                                                                           \
     X(project_bwd)                                                                                           \
     X(adam)                                                                                                  \
-    X(adam_half)
+    X(adam_half)                                                                                             \
+    X(rmsprop)
 
 #define SF_KERNEL_ENUM(name) SF_KERNEL_##name,
 enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
@@ -306,6 +307,12 @@ typedef struct sf_kernels {
      * bits, v after noise >> 17 is. Gradients are finite. */
     void (*adam_half)(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
                       uint32_t number);
+
+    /* One step of RMSProp (Tieleman and Hinton 2012, with Adam's correction of the start) on n coefficients of
+     * three channels each, n a multiple of SF_LANES: those of coefficient i are p[sf_at(i, 3, channel)], and
+     * its one v[i] follows the mean square of their gradients. Where that is 0 v stays: what is not seen
+     * learns nothing, and forgets nothing. step: beta1 is not used. */
+    void (*rmsprop)(float *p, const float *g, float *v, size_t n, const sf_adam *step);
 } sf_kernels;
 
 /* Enters the kernel `name` of a level into a table. */

@@ -40,13 +40,14 @@ static void changed_blocks(const sf_order *order, int band, size_t *first, size_
     *end = sf_blocks(count);
 }
 
-static size_t block_bytes(int field) { return (size_t)sf_field_components(field) * SF_LANES * VALUE; }
+static size_t block_bytes(int components) { return (size_t)components * SF_LANES * VALUE; }
 
 sf_status sf_order_prepare(sf_context *ctx, sf_order *order) {
     size_t first, end, most = MOST_PLAIN * order->banded[0];
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         changed_blocks(order, sf_field_band(field), &first, &end);
-        if ((end - first) * block_bytes(field) > most) most = (end - first) * block_bytes(field);
+        size_t bytes = (end - first) * block_bytes(sf_field_components(field));
+        if (bytes > most) most = bytes;
     }
     order->scratch = sf_alloc(ctx, most, 1);
     return order->scratch ? SF_OK : SF_ERR_MEMORY;
@@ -58,11 +59,11 @@ void sf_order_free(sf_context *ctx, sf_order *order) {
     *order = (sf_order){0};
 }
 
-/* Block b of a field to where it is built; lanes for which there is nothing are 0. */
-static void gather_block(int field, const char *array, size_t had, const sf_order *order, size_t b,
-                         char *block) {
-    size_t n = (size_t)sf_field_components(field), end = order->banded[sf_field_band(field)];
-    memset(block, 0, block_bytes(field));
+/* Block b to where it is built; lanes for which there is nothing are 0. */
+static void gather_block(int components, const char *array, size_t had, const sf_order *order, size_t end,
+                         size_t b, char *block) {
+    size_t n = (size_t)components;
+    memset(block, 0, block_bytes(components));
     for (size_t lane = 0; lane < SF_LANES && b * SF_LANES + lane < end; lane++) {
         size_t from = order->from[b * SF_LANES + lane];
         if (from >= had) continue;
@@ -72,12 +73,12 @@ static void gather_block(int field, const char *array, size_t had, const sf_orde
     }
 }
 
-void sf_field_arrange(int field, void *array, size_t had, const sf_order *order) {
-    size_t first, end, block = block_bytes(field);
+void sf_blocked_arrange(int components, int band, void *array, size_t had, const sf_order *order) {
+    size_t first, end, block = block_bytes(components);
     char *values = array, *scratch = order->scratch;
-    changed_blocks(order, sf_field_band(field), &first, &end);
+    changed_blocks(order, band, &first, &end);
     for (size_t b = first; b < end; b++)
-        gather_block(field, values, had, order, b, scratch + (b - first) * block);
+        gather_block(components, values, had, order, order->banded[band], b, scratch + (b - first) * block);
     if (end > first) memcpy(values + first * block, scratch, (end - first) * block);
     if (end * SF_LANES < had) memset(values + end * block, 0, (sf_blocks(had) - end) * block);
 }

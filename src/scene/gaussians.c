@@ -11,15 +11,15 @@ int sf_field_components(int field) { return field_components[field]; }
 
 int sf_field_stored(int field, int sh_degree) { return field <= SF_FIELD_sh0 + sh_degree; }
 
-sf_status sf_field_resize(sf_context *ctx, int field, void *array_pointer, size_t used, size_t room) {
-    size_t block = (size_t)field_components[field] * SF_LANES * sizeof(float);
+sf_status sf_blocked_resize(sf_context *ctx, int components, void *array_pointer, size_t used, size_t room) {
+    size_t block = (size_t)components * SF_LANES * sizeof(float);
     return sf_resize(ctx, array_pointer, sf_blocks(used), sf_blocks(room), block);
 }
 
 sf_status sf_params_create(sf_context *ctx, const size_t room[SF_BANDS], int sh_degree, sf_params *params) {
     memset(params, 0, sizeof *params);
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, sh_degree); f++)
-        if (sf_field_resize(ctx, f, &params->field[f], 0, room[sf_field_band(f)])) {
+        if (sf_blocked_resize(ctx, field_components[f], &params->field[f], 0, room[sf_field_band(f)])) {
             sf_params_destroy(ctx, params);
             return SF_ERR_MEMORY;
         }
@@ -71,7 +71,7 @@ sf_status sf_model_set_room(sf_model *model, int band, size_t room) {
     if (model->capacity[band] > whole) model->capacity[band] = whole;
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
         if (sf_field_band(f) != band) continue;
-        sf_status status = sf_field_resize(model->ctx, f, &p->field[f], used, room);
+        sf_status status = sf_blocked_resize(model->ctx, field_components[f], &p->field[f], used, room);
         if (status) return status;
         set_neutral(p, f, used, whole);
     }
@@ -139,7 +139,7 @@ void sf_model_arrange(sf_model *model, const sf_order *order) {
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
         size_t had = model->banded[sf_field_band(f)], now = order->banded[sf_field_band(f)];
         size_t end = sf_blocks(had > now ? had : now) * SF_LANES;
-        sf_field_arrange(f, model->params.field[f], had, order);
+        sf_blocked_arrange(field_components[f], sf_field_band(f), model->params.field[f], had, order);
         set_neutral(&model->params, f, now, end);
     }
     memcpy(model->banded, order->banded, sizeof model->banded);

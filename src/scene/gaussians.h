@@ -52,9 +52,9 @@ static inline size_t sf_field_values(int field, size_t count) {
 sf_status sf_params_create(sf_context *ctx, const size_t room[SF_BANDS], int sh_degree, sf_params *params);
 void sf_params_destroy(sf_context *ctx, sf_params *params);
 
-/* A new array of a field, of values of 4 bytes: room for `room` Gaussians, the first `used` as they were, the
- * others 0. On failure the old one stays. */
-sf_status sf_field_resize(sf_context *ctx, int field, void *array_pointer, size_t used, size_t room);
+/* A new blocked array of values of 4 bytes, so many components a Gaussian: room for `room` Gaussians, the
+ * first `used` as they were, the others 0. On failure the old one stays. */
+sf_status sf_blocked_resize(sf_context *ctx, int components, void *array_pointer, size_t used, size_t room);
 
 /* A model of neutral Gaussians, banded[b] of them with band b, with room for `capacity` >= banded[0]; of the
  * bands that not all have, for those that have them. */
@@ -106,9 +106,10 @@ sf_status sf_order_create(sf_context *ctx, const sf_place *places, size_t n, uin
 sf_status sf_order_prepare(sf_context *ctx, sf_order *order);
 void sf_order_free(sf_context *ctx, sf_order *order);
 
-/* Rearranges the array of a field, of values of 4 bytes, in which `had` Gaussians were; it has room for
- * those that there will be. Who had no value gets 0. */
-void sf_field_arrange(int field, void *array, size_t had, const sf_order *order);
+/* Rearranges a blocked array of values of 4 bytes that goes with a band, of at most as many components as a
+ * field of it, in which `had` Gaussians were; it has room for those that there will be. Who had no value gets
+ * 0. */
+void sf_blocked_arrange(int components, int band, void *array, size_t had, const sf_order *order);
 /* Rearranges a whole model, which has room; and an array of `count` values of at most 16 bytes beside it. */
 void sf_model_arrange(sf_model *model, const sf_order *order);
 void sf_values_arrange(void *values, size_t size, size_t count, const sf_order *order);

@@ -1,4 +1,5 @@
-/* test_adam.c - a step of Adam, with either form of its moments, at every level against float64. */
+/* test_adam.c - a step of Adam, with either form of its moments, and of RMSProp, at every level against
+ * float64. */
 #include "check.h"
 
 #include <string.h>
@@ -171,8 +172,75 @@ static void adam_half_agrees_with_float64(void **state) {
     check_kernels(&kernel, 1, 2 * LENGTHS * STEPS, adam_half_case);
 }
 
+/* ---- rmsprop: one second moment for three channels, no first one ---------------------------------------- */
+
+static void call_rmsprop(const sf_kernels *kernels, void *args) {
+    parameters *a = args;
+    kernels->rmsprop(a->p, a->g, a->v, a->n, a->step);
+}
+
+static void compare_rmsprop(check *c, const parameters *a, const parameters *before, size_t i) {
+    bounded beta2 = b_of((double)a->step->beta2), rate = b_of((double)a->step->rate), sum = b_of(0);
+    double exact = 0;
+    for (int ch = 0; ch < 3; ch++) {
+        double g = (double)before->g[sf_at(i, 3, ch)];
+        sum = b_add(sum, b_square(b_of(g)));
+        exact += g * g;
+    }
+    bounded square = b_scale((double)(1.0f / 3), sum), old = b_of((double)before->v[i]);
+    bounded v = b_fma(beta2, old, b_mul(b_sub(b_of(1), beta2), square));
+    if (exact == 0) {
+        check_that(c, a->v[i] == before->v[i], "v stays", i);
+        v = old;
+    } else if (exact < 1e-36) { /* the square of a float may be 0 */
+        v = b_of((double)a->v[i]);
+    }
+    check_near(c, "v", i, (double)a->v[i], v);
+    bounded root = b_sqrt(b_scale((double)a->step->v_scale, v));
+    bounded along = b_div(rate, b_add(root, b_of((double)a->step->epsilon)));
+    for (int ch = 0; ch < 3; ch++) {
+        size_t k = sf_at(i, 3, ch);
+        bounded step = b_mul(along, b_of((double)before->g[k]));
+        check_near(c, "p", k, (double)a->p[k], b_sub(b_of((double)before->p[k]), step));
+    }
+}
+
+static void rmsprop_case(check *c) {
+    size_t n = lengths[c->seed / 2 % LENGTHS];
+    parameters a = {.p = check_floats_out(c, "p", 3 * n),
+                    .g = check_floats_in(c, "g", 3 * n),
+                    .v = check_floats_out(c, "v", n),
+                    .n = n,
+                    .step = &steps[c->seed / 2 / LENGTHS % STEPS]};
+    parameters before = a;
+    before.p = check_floats_in(c, "p before", 3 * n);
+    before.v = check_floats_in(c, "v before", n);
+    for (size_t i = 0; i < n; i++) {
+        int unseen = check_pick(c, 5) == 0;
+        before.v[i] = fabsf(any(c));
+        for (int ch = 0; ch < 3; ch++) {
+            before.p[sf_at(i, 3, ch)] = any(c);
+            a.g[sf_at(i, 3, ch)] = unseen ? 0 : any(c);
+        }
+    }
+    for (size_t l = 0; l < c->level_count; l++) {
+        check_at(c, l);
+        memcpy(a.p, before.p, 3 * n * sizeof *a.p);
+        memcpy(a.v, before.v, n * sizeof *a.v);
+        if (!check_call(c, 0, call_rmsprop, &a)) continue;
+        for (size_t i = 0; i < n; i++) compare_rmsprop(c, &a, &before, i);
+    }
+}
+
+static void rmsprop_agrees_with_float64(void **state) {
+    (void)state;
+    static const check_kernel kernel = {"rmsprop", SF_KERNEL_rmsprop};
+    check_kernels(&kernel, 1, 2 * LENGTHS * STEPS, rmsprop_case);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(adam_agrees_with_float64),
+                                       cmocka_unit_test(rmsprop_agrees_with_float64),
                                        cmocka_unit_test(adam_half_agrees_with_float64)};
     return cmocka_run_group_tests_name("check adam", tests, NULL, NULL);
 }

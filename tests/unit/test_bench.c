@@ -100,10 +100,10 @@ static void test_float64_agrees_with_the_kernels(void **state) {
 static void test_steps_change_nothing(void **state) {
     (void)state;
     setup s;
-    bench_moments moments;
+    sf_moments moments;
     open_setup(&s, 2000, 120, 68);
     const sf_model *model = s.scene.model;
-    assert_ok(s.ctx, bench_moments_create(s.ctx, model, &moments));
+    assert_ok(s.ctx, sf_moments_create(model, SF_MOMENTS_FLOAT, &moments));
     bench_view view = {.camera = s.scene.camera, .near_plane = BENCH_NEAR, .rgb = s.scene.picture};
     size_t bytes = model->count * 3 * sizeof(float);
     float *before = malloc(bytes);
@@ -116,7 +116,7 @@ static void test_steps_change_nothing(void **state) {
     }
     assert_memory_equal(before, model->params.field[SF_FIELD_mean], bytes);
     free(before);
-    bench_moments_destroy(s.ctx, &moments);
+    sf_moments_destroy(s.ctx, &moments);
     close_setup(&s);
 }
 
@@ -241,6 +241,8 @@ static void test_kernels_alone_have_their_figures(void **state) {
         "adam, in memory",
         "adam_half, in cache",
         "adam_half, in memory",
+        "rmsprop, in cache",
+        "rmsprop, in memory",
         "convert, YUYV",
         "convert, 444P",
         "convert, GREY",

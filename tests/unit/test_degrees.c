@@ -397,14 +397,16 @@ typedef struct belongings {
 static void gather(const sf_fitter *f, size_t i, belongings *b) {
     memset(b, 0, sizeof *b);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
-        int n = sf_field_components(field);
         if (i >= f->model->banded[sf_field_band(field)]) continue;
-        for (int c = 0; c < n; c++)
-            for (int part = 0; part <= SF_MOMENT_PARTS; part++) {
-                const void *array =
-                    part ? f->moments.part[part - 1][field] : (const void *)f->model->params.field[field];
-                if (array) memcpy(&b->values[part][field][c], (const char *)array + 4 * sf_at(i, n, c), 4);
-            }
+        for (int part = 0; part <= SF_MOMENT_PARTS; part++) {
+            const void *array =
+                part ? f->moments.part[part - 1][field] : (const void *)f->model->params.field[field];
+            int n = part ? sf_moment_components(f->moments.format, part - 1, field)
+                         : sf_field_components(field);
+            assert_true(!array == !n);
+            for (int c = 0; c < n; c++)
+                memcpy(&b->values[part][field][c], (const char *)array + 4 * sf_at(i, n, c), 4);
+        }
     }
     b->screen_sum = f->screen_sum[i];
     b->screen_seen = f->screen_seen[i];
@@ -438,10 +440,13 @@ static void assert_neutral_behind(const sf_fitter *f) {
                                 : field == SF_FIELD_logit_opacity ? -20
                                                                   : 0;
                 assert_true(m->params.field[field][sf_at(i, n, c)] == neutral);
-                for (int part = 0; part < SF_MOMENT_PARTS; part++)
-                    if (f->moments.part[part][field])
-                        assert_true(((const uint32_t *)f->moments.part[part][field])[sf_at(i, n, c)] == 0);
             }
+        for (int part = 0; part < SF_MOMENT_PARTS; part++) {
+            const uint32_t *words = f->moments.part[part][field];
+            int parts = sf_moment_components(f->moments.format, part, field);
+            for (size_t i = m->banded[band]; i < m->capacity[band]; i++)
+                for (int c = 0; c < parts; c++) assert_true(words[sf_at(i, parts, c)] == 0);
+        }
     }
 }
 
@@ -519,6 +524,18 @@ static void mix(sf_context *ctx, sf_fitter *f) {
     free(places);
 }
 
+/* Bytes of a fit's model and its moments, which are floats. */
+static size_t fitted_bytes(const size_t room[SF_BANDS]) {
+    size_t bytes = 0;
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        int values = sf_field_components(field);
+        for (int part = 0; part < SF_MOMENT_PARTS; part++)
+            values += sf_moment_components(SF_MOMENTS_FLOAT, part, field);
+        bytes += room[sf_field_band(field)] * (size_t)values * sizeof(float);
+    }
+    return bytes;
+}
+
 /* Model and moments take what the Gaussians have, and an arranging one array more. */
 static void test_memory_of_fit(void **state) {
     (void)state;
@@ -529,20 +546,20 @@ static void test_memory_of_fit(void **state) {
     sf_fitter *f = fitter_of(ctx, scene, SF_MOMENTS_FLOAT);
     size_t n = f->model->count, whole[SF_BANDS], others, before;
     for (int band = 0; band < SF_BANDS; band++) whole[band] = f->model->capacity[band];
-    others = m.live - bytes_of(whole, 3 * sizeof(float));
+    others = m.live - fitted_bytes(whole);
     m.peak = before = m.live;
     mix(ctx, f);
     assert_in_range(m.peak - before, 0, (21 + 6) * sizeof(float) * sf_blocks(n) * SF_LANES);
     assert_true(f->model->capacity[0] == whole[0]);
     for (int band = 1; band < SF_BANDS; band++)
         assert_true(f->model->capacity[band] <= 2 * f->model->banded[band] + 2 * SF_LANES);
-    assert_about(m.live, others + bytes_of(f->model->capacity, 3 * sizeof(float)));
+    assert_about(m.live, others + fitted_bytes(f->model->capacity));
     sf_place *places = mixed_places(f);
     for (size_t i = 0; i < n; i++) places[i].degree = 0;
     assert_ok(ctx, sf_arrange(f, places, n, NULL));
     free(places);
     const size_t none[SF_BANDS] = {whole[0], 0, 0, 0};
-    assert_about(m.live, others + bytes_of(none, 3 * sizeof(float)));
+    assert_about(m.live, others + fitted_bytes(none));
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);

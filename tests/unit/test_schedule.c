@@ -86,7 +86,7 @@ static void test_brief_runs_make_large_steps(void **state) {
         plans[i] = planned(options);
     }
     sf_fit_options brief = plans[0], usual = plans[1], lengthy = plans[2];
-    assert_true(brief.lr_haste == 4 && fabs(usual.lr_haste - 2) < 1e-9 && lengthy.lr_haste == 1);
+    assert_true(brief.lr_haste == 6 && fabs(usual.lr_haste - sqrt(8)) < 1e-9 && lengthy.lr_haste == 1);
     assert_true(brief.huber_delta == 0.4 && fabs(usual.huber_delta - 100.0 / 825 * 0.75) < 1e-9);
     assert_true(lengthy.huber_delta == 0); /* L1 */
     assert_int_equal(brief.grow_every, 12);
@@ -94,9 +94,9 @@ static void test_brief_runs_make_large_steps(void **state) {
     assert_int_equal(lengthy.grow_every, 100);
     sf_fit_options options = short_fit(825);
     sf_fitter *f = start(&options);
-    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_log_scale) - 2 * options.lr_scale) < 1e-9);
-    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh1) - 2 * options.lr_sh_rest) < 1e-9);
-    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_logit_opacity) - sqrt(2) * options.lr_opacity) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_log_scale) - sqrt(8) * options.lr_scale) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh1) - sqrt(8) * options.lr_sh_rest) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_logit_opacity) - pow(8, 0.25) * options.lr_opacity) < 1e-9);
     assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh0) - options.lr_sh0) < 1e-12);
     sf_fitter *on;
     assert_ok(ctx, sf_fitter_create(ctx, scene, f->model, &options, &on));
