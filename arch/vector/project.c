@@ -562,7 +562,8 @@ static void clear_bands(const sf_project_bwd_args *b, size_t to, int band) {
 static void clear_all(const sf_project_bwd_args *b, size_t at, size_t to) {
     static const struct {
         int field, components;
-    } shape[] = {{SF_FIELD_mean, 3}, {SF_FIELD_log_scale, 3}, {SF_FIELD_quat, 4}, {SF_FIELD_logit_opacity, 1}};
+    } shape[] = {
+        {SF_FIELD_mean, 3}, {SF_FIELD_log_scale, 3}, {SF_FIELD_quat, 4}, {SF_FIELD_logit_opacity, 1}};
     for (size_t k = 0; k < sizeof shape / sizeof *shape; k++)
         memset(gradient(&b->grads, shape[k].field, shape[k].components, 0, to), 0,
                (size_t)shape[k].components * sizeof(lanes));

@@ -119,10 +119,11 @@ typedef enum sf_moment_format {
     REAL(lr_focal, 0.003, 0, 1, "", "that of focal lengths (their logarithms)")                              \
     REAL(lr_exposure_final, 0.02, 1e-9, 1, "", "rates of gains and biases at the end, as a fraction")        \
     REAL(lr_camera_final, 0.05, 1e-9, 1, "", "those of poses and focal lengths at the end")                  \
-    REAL(adam_beta1, 0.8, 0, 0.9999, "", "decay of Adam's first moment; higher SH have none")                                     \
+    REAL(adam_beta1, 0.8, 0, 0.9999, "", "decay of Adam's first moment; higher SH have none")                \
     REAL(adam_beta2, 0.99, 0, 0.999999, "", "decay of Adam's second moment")                                 \
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
-    ENUM(moments, 0, "float|half", "Adam's moments take 8 bytes a parameter, or 4, rounded at random; higher SH have none")       \
+    ENUM(moments, 0, "float|half",                                                                           \
+         "Adam's moments take 8 bytes a parameter, or 4, rounded at random; higher SH have none")            \
     ENUM(first, 0, "auto|points|sweep|random",                                                               \
          "first Gaussians: the scene's points, found by matching its views, or at random")                   \
     REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the first Gaussians")                               \

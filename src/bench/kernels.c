@@ -334,7 +334,8 @@ static double bytes_of(const bench_lab *lab, int item, double units) {
     double slots = lab->ws.slot[lab->ws.count] / (double)lab->ws.count;
     if (items[item].direct == run_adam_far) return units * 28;      /* p, m, v in and out, g in */
     if (items[item].direct == run_adam_half_far) return units * 20; /* p and the words in and out, g in */
-    if (items[item].direct == run_rmsprop_far) return units * (12 + 8.0 / 3); /* p in and out, g in, a third v */
+    if (items[item].direct == run_rmsprop_far)
+        return units * (12 + 8.0 / 3); /* p in and out, g in, a third v */
     switch (items[item].kernel) {
     case SF_KERNEL_project: /* parameters in, records out */
         return units * (parameters + record);

@@ -5,6 +5,9 @@
 
 #include "../scene/curve.h"
 
+/* Fewer Gaussians lie in the caches in any order, and keep theirs. */
+enum { LEAST_SORTED = 1024 };
+
 static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
 
 /* Of a band's arrays. The model comes last, or says first that there is less: no other has less room than it
@@ -85,7 +88,7 @@ sf_status sf_arrange(sf_fitter *f, const sf_place *places, size_t n, uint32_t *w
 sf_status sf_fitter_sort(sf_fitter *f) {
     const sf_model *m = f->model;
     size_t n = m->count;
-    if (n < 2) return SF_OK;
+    if (n < LEAST_SORTED) return SF_OK;
     uint32_t *order = NULL;
     float *xyz = sf_alloc(f->ctx, 3 * n, sizeof *xyz);
     for (size_t i = 0; xyz && i < n; i++)

@@ -84,8 +84,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double models = 2 * values; /* itself, the one to go back to */
     models += SF_MOMENT_VALUE * sf_moment_values((int)f->options.moments, sh_degree);
     double growing = GROWING + (f->options.size == SF_SIZE_AUTO ? CHARGING : 0);
-    return (bill_rates){.gaussians =
-                            models + sizeof *f->screen_sum + sizeof *f->screen_seen + growing,
+    return (bill_rates){.gaussians = models + sizeof *f->screen_sum + sizeof *f->screen_seen + growing,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),

@@ -76,8 +76,8 @@ static float part_kept(int field) {
 
 static void restart(const sf_moments *moments, int field, size_t i) {
     for (int c = 0; c < sf_moment_components(moments->format, FIRST, field); c++) {
-        char *value = (char *)moments->part[FIRST][field] +
-                      SF_MOMENT_VALUE * sf_at(i, sf_field_components(field), c);
+        char *value =
+            (char *)moments->part[FIRST][field] + SF_MOMENT_VALUE * sf_at(i, sf_field_components(field), c);
         uint32_t word;
         memcpy(&word, value, sizeof word);
         if (moments->format == SF_MOMENTS_HALF)
@@ -109,7 +109,8 @@ void sf_moments_forget_all(const sf_moments *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             size_t n = (size_t)components_of(moments, part, field, model);
-            if (n) memset(moments->part[part][field], 0,
+            if (n)
+                memset(moments->part[part][field], 0,
                        SF_MOMENT_VALUE * n * model->capacity[sf_field_band(field)]);
         }
 }

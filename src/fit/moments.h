@@ -13,9 +13,9 @@
 
 enum { SF_MOMENT_PARTS = 2, SF_MOMENT_VALUE = 4 /* bytes */ };
 
-/* The parts' arrays are blocked as those of the fields, in values of 4 bytes: m and v as floats, or words with
- * both (src/kernels/kernels.h) in the first part and floats in the second, which only the higher SH have.
- * NULL for what is not stored. */
+/* The parts' arrays are blocked as those of the fields, in values of 4 bytes: m and v as floats, or words
+ * with both (src/kernels/kernels.h) in the first part and floats in the second, which only the higher SH
+ * have. NULL for what is not stored. */
 typedef struct sf_moments {
     int format; /* sf_moment_format */
     void *part[SF_MOMENT_PARTS][SF_FIELD_COUNT];

@@ -308,9 +308,9 @@ typedef struct sf_kernels {
     void (*adam_half)(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,
                       uint32_t number);
 
-    /* One step of RMSProp (Tieleman and Hinton 2012, with Adam's correction of the start) on n coefficients of
-     * three channels each, n a multiple of SF_LANES: those of coefficient i are p[sf_at(i, 3, channel)], and
-     * its one v[i] follows the mean square of their gradients. Where that is 0 v stays: what is not seen
+    /* One step of RMSProp (Tieleman and Hinton 2012, with Adam's correction of the start) on n coefficients
+     * of three channels each, n a multiple of SF_LANES: those of coefficient i are p[sf_at(i, 3, channel)],
+     * and its one v[i] follows the mean square of their gradients. Where that is 0 v stays: what is not seen
      * learns nothing, and forgets nothing. step: beta1 is not used. */
     void (*rmsprop)(float *p, const float *g, float *v, size_t n, const sf_adam *step);
 } sf_kernels;

@@ -172,7 +172,8 @@ static void adam_half_agrees_with_float64(void **state) {
     check_kernels(&kernel, 1, 2 * LENGTHS * STEPS, adam_half_case);
 }
 
-/* ---- rmsprop: one second moment for three channels, no first one ---------------------------------------- */
+/* ---- rmsprop: one second moment for three channels, no first one ----------------------------------------
+ */
 
 static void call_rmsprop(const sf_kernels *kernels, void *args) {
     parameters *a = args;

@@ -401,8 +401,8 @@ static void gather(const sf_fitter *f, size_t i, belongings *b) {
         for (int part = 0; part <= SF_MOMENT_PARTS; part++) {
             const void *array =
                 part ? f->moments.part[part - 1][field] : (const void *)f->model->params.field[field];
-            int n = part ? sf_moment_components(f->moments.format, part - 1, field)
-                         : sf_field_components(field);
+            int n =
+                part ? sf_moment_components(f->moments.format, part - 1, field) : sf_field_components(field);
             assert_true(!array == !n);
             for (int c = 0; c < n; c++)
                 memcpy(&b->values[part][field][c], (const char *)array + 4 * sf_at(i, n, c), 4);
@@ -522,6 +522,60 @@ static void mix(sf_context *ctx, sf_fitter *f) {
     sf_place *places = mixed_places(f);
     assert_ok(ctx, sf_arrange(f, places, f->model->count, NULL));
     free(places);
+}
+
+static double way_between(const belongings *all, size_t n) {
+    double way = 0;
+    for (size_t i = 1; i < n; i++) {
+        double square = 0;
+        for (int k = 0; k < 3; k++) {
+            double step = (double)(sf_float_of(all[i].values[0][SF_FIELD_mean][k]) -
+                                   sf_float_of(all[i - 1].values[0][SF_FIELD_mean][k]));
+            square += step * step;
+        }
+        way += sqrt(square);
+    }
+    return way;
+}
+
+static int by_bytes(const void *a, const void *b) { return memcmp(a, b, sizeof(belongings)); }
+
+/* Sorting moves whole Gaussians, so that those of a degree lie beside one another; few stay where they are.
+ */
+static void check_sorting(size_t n, int sorts) {
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    assert_ok(ctx, sf_scene_load(ctx, SCENE, NULL, &scene));
+    sf_fitter *f = fitter_of(ctx, scene, SF_MOMENTS_FLOAT);
+    sf_place *places = calloc(n, sizeof *places);
+    assert_non_null(places);
+    for (size_t k = 0; k < n; k++)
+        places[k] = (sf_place){(uint32_t)(k * 7919 % f->model->count), (uint8_t)(k % 4)};
+    assert_ok(ctx, sf_arrange(f, places, n, NULL));
+    belongings *before = gather_all(f);
+    assert_ok(ctx, sf_fitter_sort(f));
+    belongings *after = gather_all(f);
+    assert_int_equal(f->model->count, n);
+    assert_neutral_behind(f);
+    if (sorts)
+        assert_true(way_between(after, n) < 0.5 * way_between(before, n));
+    else
+        assert_memory_equal(after, before, n * sizeof *before);
+    qsort(before, n, sizeof *before, by_bytes);
+    qsort(after, n, sizeof *after, by_bytes);
+    assert_memory_equal(after, before, n * sizeof *before);
+    free(places);
+    free(before);
+    free(after);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
+static void test_sort(void **state) {
+    (void)state;
+    check_sorting(1500, 1);
+    check_sorting(500, 0);
 }
 
 /* Bytes of a fit's model and its moments, which are floats. */
@@ -651,15 +705,11 @@ static void test_growth(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_as_if_padded),
-        cmocka_unit_test(test_pack),
-        cmocka_unit_test(test_set_into_packed),
-        cmocka_unit_test(test_file),
-        cmocka_unit_test(test_memory_of_packed),
-        cmocka_unit_test(test_pack_without_memory),
-        cmocka_unit_test(test_arrange),
-        cmocka_unit_test(test_memory_of_fit),
-        cmocka_unit_test(test_arrange_without_memory),
+        cmocka_unit_test(test_as_if_padded),     cmocka_unit_test(test_pack),
+        cmocka_unit_test(test_set_into_packed),  cmocka_unit_test(test_file),
+        cmocka_unit_test(test_memory_of_packed), cmocka_unit_test(test_pack_without_memory),
+        cmocka_unit_test(test_arrange),          cmocka_unit_test(test_sort),
+        cmocka_unit_test(test_memory_of_fit),    cmocka_unit_test(test_arrange_without_memory),
         cmocka_unit_test(test_growth),
     };
     return cmocka_run_group_tests_name("degrees", tests, NULL, NULL);

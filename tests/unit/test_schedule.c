@@ -96,7 +96,8 @@ static void test_brief_runs_make_large_steps(void **state) {
     sf_fitter *f = start(&options);
     assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_log_scale) - sqrt(8) * options.lr_scale) < 1e-9);
     assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh1) - sqrt(8) * options.lr_sh_rest) < 1e-9);
-    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_logit_opacity) - pow(8, 0.25) * options.lr_opacity) < 1e-9);
+    assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_logit_opacity) - pow(8, 0.25) * options.lr_opacity) <
+                1e-9);
     assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh0) - options.lr_sh0) < 1e-12);
     sf_fitter *on;
     assert_ok(ctx, sf_fitter_create(ctx, scene, f->model, &options, &on));
