@@ -218,6 +218,7 @@ static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     sf_status status = sf_charge(f, fraction, &w, degrees);
     for (size_t i = 0; i < had && !status; i++)
         if (!(f->screen_sum[i] < 0)) f->screen_sum[i] = (double)w.effect[i];
+    if (!status) status = sf_mark_veils(f);
     if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
     if (floats - sf_model_floats(f->model) > floats / SF_NOTABLE) sf_forget_best(f);
@@ -239,9 +240,9 @@ static sf_status charge(sf_fitter *f, double fraction) {
 
 static sf_status grow_by_plan(sf_fitter *f, double fraction) {
     int kind = f->options.growth;
-    if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
+    if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (sf_is_priced(f) && !f->grown_out && !f->growth_ended && sf_consider_growth(f, fraction))
         end_growth(f);
     sf_status status = prune(f, NULL);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "fit/fitter.h"
+#include "fit/grow.h"
 
 enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -479,6 +480,34 @@ static void test_growth_is_not_seen(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* What a training camera is inside of is scored to go: in two standard deviations along its own axes; what
+ * only comes near one stays, also where its longest axis would reach. The first camera is at (-4, 0, 0). */
+static void test_veils_go(void **state) {
+    (void)state;
+    static const ball balls[] = {{{0, 0, 0}, 0.3f, 0.9f, 0.4f},    {{-3, 0, 0}, 0.6f, 0.05f, 0.9f},
+                                 {{-3, 0, 0}, 0.45f, 0.05f, 0.9f}, {{-3, 0, 0}, 0.3f, 0.05f, 0.9f},
+                                 {{-3, 0, 0}, 0.3f, 0.05f, 0.9f},  {{-3, 0, 0}, 0.3f, 0.05f, 0.9f},
+                                 {{-3, 0, 0}, 0.3f, 0.05f, 0.9f},  {{-4, 0, 0.01f}, 0.02f, 0.9f, 0.9f}};
+    enum { BALLS = sizeof balls / sizeof *balls };
+    /* longest axes of balls 3 to 6, of which the last two are turned from x to y and back */
+    static const int longest[] = {1, 0, 1, 0};
+    static const int goes[BALLS] = {0, 1, 0, 0, 1, 1, 0, 0}; /* the last is too near to be drawn */
+    sf_context *ctx = test_context();
+    sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
+    options.max_gaussians = BALLS;
+    sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
+    sf_fitter *f = fitter_of(ctx, scene, balls, BALLS, &options);
+    for (size_t k = 0; k < 4; k++) {
+        *sf_value(&f->model->params, SF_FIELD_log_scale, 3 + k, longest[k]) = logf(0.9f);
+        if (k >= 2) *sf_value(&f->model->params, SF_FIELD_quat, 3 + k, 3) = 1; /* a quarter about z */
+    }
+    assert_ok(ctx, sf_mark_veils(f));
+    for (size_t i = 0; i < BALLS; i++) assert_int_equal(f->screen_sum[i] < 0, goes[i]);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 /* Adam's moments of a value. */
 typedef struct moment {
     float m, v;
@@ -502,11 +531,12 @@ static void check_newcomers(int format) {
     assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=64&height=48&frames=9", NULL, &scene));
     sf_fit_options options = sf_fit_options_default();
     options.steps = 40, options.grow_every = 1000, options.sh_degree = 0;
-    options.max_gaussians = MOST, options.grow_most = 1e6, options.grow_rate = 0.3;
-    options.first = SF_FIRST_RANDOM, options.init_random = 700;
+    options.max_gaussians = 700, options.grow_most = 1e6, options.grow_rate = 0.3;
+    options.max_scale = 0.015; /* none is a veil */
     options.moments = format;
     sf_fitter *f;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+    f->options.max_gaussians = MOST;
     for (int step = 0; step < 10; step++) assert_ok(ctx, sf_fitter_step(f));
     static moment was[MOST][SF_FIELD_COUNT][4];
     size_t count = f->model->count, halves = 0;
@@ -575,6 +605,7 @@ int main(void) {
         cmocka_unit_test(test_no_giants),
         cmocka_unit_test(test_growth_is_not_seen),
         cmocka_unit_test(test_newcomers_do_not_leap),
+        cmocka_unit_test(test_veils_go),
         cmocka_unit_test(test_error_of_several_views),
         cmocka_unit_test(test_masked_error),
         cmocka_unit_test(test_hidden),
