@@ -15,7 +15,7 @@
 #include "../io/sections.h"
 
 static const sf_sections_kind checkpoint_kind = {
-    .magic = "SPLATFIT", .version = 1, .text = "a checkpoint of splatfit"};
+    .magic = "SPLATFIT", .version = 2, .text = "a checkpoint of splatfit"};
 
 /* The options that a run may be gone on with differently. */
 static const char *const free_options[] = {"steps", "time_limit", "memory"};

@@ -534,11 +534,11 @@ static void test_other_versions_and_files(void **state) {
     write_checkpoint(path);
     run r = open_scene(1);
     content c = read_content(path);
-    c.data[8] = 2;
+    c.data[8] = 1;
     store_hash(c.data, 0, 16);
     test_write(other, c.data, c.size);
-    assert_refused(&r, other, SF_ERR_UNSUPPORTED, "version: 2, this program reads 1");
-    c.data[8] = 1;
+    assert_refused(&r, other, SF_ERR_UNSUPPORTED, "version: 1, this program reads 2");
+    c.data[8] = 2;
     store_hash(c.data, 0, 16);
     c.data[24] ^= 1; /* a section of another name */
     store_hash(c.data, 24, 40);
