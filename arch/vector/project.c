@@ -560,14 +560,11 @@ static void clear_bands(const sf_project_bwd_args *b, size_t to, int band) {
 
 /* Of a block that is not seen. */
 static void clear_all(const sf_project_bwd_args *b, size_t at, size_t to) {
-    static const struct {
-        int field, components;
-    } shape[] = {
-        {SF_FIELD_mean, 3}, {SF_FIELD_log_scale, 3}, {SF_FIELD_quat, 4}, {SF_FIELD_logit_opacity, 1}};
-    for (size_t k = 0; k < sizeof shape / sizeof *shape; k++)
-        memset(gradient(&b->grads, shape[k].field, shape[k].components, 0, to), 0,
-               (size_t)shape[k].components * sizeof(lanes));
-    clear_bands(b, to, 0);
+#define CLEAR(name, components)                                                                              \
+    if (b->grads.field[SF_FIELD_##name])                                                                     \
+        memset(gradient(&b->grads, SF_FIELD_##name, components, 0, to), 0, (components) * sizeof(lanes));
+    SF_FIELDS(CLEAR)
+#undef CLEAR
     memset(b->screen + at, 0, sizeof(lanes));
 }
 

@@ -49,8 +49,7 @@ static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
 static void regularise(const update_job *job, size_t first, size_t end) {
     const sf_fitter *f = job->fitter;
     const sf_params *p = &f->model->params;
-    size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
-    for (size_t i = first * SF_LANES; i < last; i++) {
+    for (size_t i = first; i < end; i++) {
         if (f->workspace.state[i] != SF_SEEN) continue;
         float *logit = &p->field[SF_FIELD_logit_opacity][i];
         *logit -= job->fade * sf_opacity(*logit);
@@ -72,7 +71,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
                         f->model->params.field[field] + at, grads->field[field], &job->step[field],
                         job->key[field]);
     }
-    if (job->fade > 0 || job->shrink > 0) regularise(job, first, end);
+    if (job->fade > 0 || job->shrink > 0) regularise(job, first * SF_LANES, last);
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
         limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);

@@ -2,7 +2,7 @@
  *
  * Pictures differ in how bright they came out, and a faint Gaussian around the place that one was taken from
  * makes that picture brighter, and hardly any other. From beside it, where nobody looked, it hides the scene.
- * So no Gaussian may have a camera inside: neither things nor the air between is such.
+ * So no Gaussian that is charged for may have a camera inside: neither things nor the air between is such.
  */
 #include "grow.h"
 
