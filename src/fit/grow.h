@@ -22,7 +22,8 @@ float sf_faintest(const sf_fitter *fitter);
 /* Whether Gaussian i is finite, not fainter, and not scored to go. */
 int sf_worth_keeping(const sf_fitter *fitter, size_t i, float faintest);
 
-/* veil.c: scores -1, to go, what a training camera is inside of. On failure nothing is. */
+/* veil.c: scores -1, to go, what a training camera is inside of, and what stands before what one sees. On
+ * failure nothing is. */
 sf_status sf_mark_veils(sf_fitter *fitter);
 
 #endif

@@ -205,10 +205,10 @@ void sf_hold_mean(sf_view_states *views) {
 
 /* 5. How far it went */
 
-double sf_median(double *values, size_t n) {
-    size_t first = 0, last = n ? n - 1 : 0, middle = n / 2;
+double sf_select(double *values, size_t n, size_t rank) {
+    size_t first = 0, last = n ? n - 1 : 0;
     while (first < last) {
-        double pivot = values[middle];
+        double pivot = values[first + (last - first) / 2];
         size_t i = first, j = last;
         for (;;) {
             while (values[i] < pivot) i++;
@@ -218,11 +218,13 @@ double sf_median(double *values, size_t n) {
             values[i++] = values[j];
             values[j--] = kept;
         }
-        if (j < middle || (j == middle && i == middle)) first = j < middle ? j + 1 : middle;
-        if (i > middle || (j == middle && i == middle)) last = i > middle ? i - 1 : middle;
+        if (j < rank || (j == rank && i == rank)) first = j < rank ? j + 1 : rank;
+        if (i > rank || (j == rank && i == rank)) last = i > rank ? i - 1 : rank;
     }
-    return n ? values[middle] : 0;
+    return n ? values[rank] : 0;
 }
+
+double sf_median(double *values, size_t n) { return sf_select(values, n, n / 2); }
 
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal) {
     double *values = views->scratch;
