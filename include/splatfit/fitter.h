@@ -124,6 +124,8 @@ typedef enum sf_moment_format {
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
     ENUM(moments, 0, "float|half",                                                                           \
          "Adam's moments take 8 bytes a parameter, or 4, rounded at random; higher SH have none")            \
+    INT(mean_steps, 0, 0, 100000, "",                                                                        \
+        "what is shown and saved is a mean of about so many steps, but of higher SH; 0: the last step")      \
     ENUM(first, 0, "auto|points|sweep|random",                                                               \
          "first Gaussians: the scene's points, found by matching its views, or at random")                   \
     REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the first Gaussians")                               \
@@ -332,10 +334,10 @@ SF_API void sf_fitter_skip_time(sf_fitter *fitter, double seconds);
 SF_API sf_status sf_fitter_add_points(sf_fitter *fitter, size_t count, const float *xyz, const uint8_t *rgb,
                                       const float *radius, size_t *added);
 
-/* A copy of the model as it is between steps; the caller destroys it. */
+/* A copy of the model as it is between steps, or of its means (mean_steps); the caller destroys it. */
 SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);
 
-/* Renders the present model with the fit's background and near plane; as sf_render. */
+/* Renders what sf_fitter_snapshot would copy, with the fit's background and near plane; as sf_render. */
 SF_API sf_status sf_fitter_render(sf_fitter *fitter, const sf_camera *camera, const sf_image_out *out);
 
 /* The camera of view `id` as the fit has refined it: pose and focal lengths of a training view; of a held-out

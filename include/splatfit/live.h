@@ -149,10 +149,11 @@ typedef struct sf_live_frame {
 /* Tells of the frame that was looked at last. Call it from the thread of sf_live_step. */
 SF_API void sf_live_get_frame(const sf_live *live, sf_live_frame *frame);
 
-/* A copy of the model as it is; the caller destroys it. SF_ERR_EMPTY: there is none yet. */
+/* A copy of the model as sf_fitter_snapshot makes it; the caller destroys it. SF_ERR_EMPTY: there is none
+ * yet. */
 SF_API sf_status sf_live_snapshot(const sf_live *live, sf_model **model);
 
-/* Renders the model as it is; as sf_render. SF_ERR_EMPTY: there is none yet. */
+/* Renders that model; as sf_render. SF_ERR_EMPTY: there is none yet. */
 SF_API sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_out *out);
 
 /* The keyframes that there are, as a scene: pictures, and poses as they were found. It is the object's. */

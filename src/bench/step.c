@@ -105,6 +105,7 @@ int bench_parameters(int sh_degree) {
 double bench_stage_floor(const bench_step_times *step, int stage, double flops, double bytes) {
     double n = (double)step->gaussians, parameters = bench_parameters(step->sh_degree);
     double pixels = (double)step->width * step->height, record = sizeof(sf_splat);
+    const sf_moments floats = sf_moments_of(SF_MOMENTS_FLOAT, 0);
     switch (stage) {
     case STAGE_PROJECT: /* parameters in, records out */
         return n * (4 * parameters + record) / bytes;
@@ -119,7 +120,7 @@ double bench_stage_floor(const bench_step_times *step, int stage, double flops, 
     case STAGE_BLEND_BWD:
         return step->evaluated * BENCH_BLEND_BWD_OPERATIONS / flops;
     case STAGE_UPDATE: /* parameters and moments in and out, records and sums in */
-        parameters += sf_moment_values(SF_MOMENTS_FLOAT, step->sh_degree);
+        parameters += sf_moment_values(&floats, step->sh_degree);
         return (n * (8 * parameters + record) + step->entries * 4 * SF_SUMS) / bytes;
     default:
         return 0;

@@ -91,7 +91,7 @@ static sf_status run_size(sf_context *ctx, const bench_options *options, const s
     sf_moments moments = {0};
     int n = 0, all = s->alone ? 1 : report->machine.threads;
     sf_status status = bench_scene_create(ctx, s->gaussians, s->width, s->height, BENCH_SEED, &scene);
-    if (!status) status = sf_moments_create(scene.model, SF_MOMENTS_FLOAT, &moments);
+    if (!status) status = sf_moments_create(scene.model, SF_MOMENTS_FLOAT, 0, &moments);
     for (int level = s->first; level <= s->last; level++)
         for (int many = 0; many < (all > 1 ? 2 : 1) && !status; many++) {
             bench_step_times *times = &list[*count + n];
@@ -254,7 +254,7 @@ sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_mode
     bench_say(options, "steps of the fitted model");
     sf_status status = take_views(ctx, scene, near_plane, options->quick ? 2 : SIZE_MAX, &v);
     if (status) return status;
-    status = sf_moments_create(model, SF_MOMENTS_FLOAT, &moments);
+    status = sf_moments_create(model, SF_MOMENTS_FLOAT, 0, &moments);
     for (int level = 0; level < report->levels && !status; level++)
         for (int many = 0; many < (all > 1 ? 2 : 1) && !status; many++, n++)
             status = open_runner(ctx, report, level, many ? all : 1, &f->times[n], &runners[n]);

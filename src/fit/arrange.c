@@ -61,7 +61,7 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     sf_status status = SF_OK;
     for (int band = 0; band <= m->sh_degree && !status; band++)
         status = sf_model_set_room(m, band, room_of_band(f, m->banded, band, whole));
-    if (!status) status = sf_moments_create(m, (int)f->options.moments, &f->moments);
+    if (!status) status = sf_moments_create(m, (int)f->options.moments, f->options.mean_steps, &f->moments);
     if (status) return status;
     f->screen_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->screen_sum);
     f->screen_seen = sf_calloc(f->ctx, m->capacity[0], sizeof *f->screen_seen);

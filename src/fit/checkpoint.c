@@ -110,7 +110,7 @@ static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_mo
 }
 
 static size_t moment_size(const sf_moments *moments, int part, const sf_model *model, int field) {
-    size_t n = (size_t)sf_moment_components(moments->format, part, field);
+    size_t n = (size_t)sf_moment_components(moments, part, field);
     return n * SF_LANES * sf_blocks(model->banded[sf_field_band(field)]);
 }
 
@@ -118,9 +118,8 @@ static void put_moments(sf_sections_out *out, const sf_moments *moments, const s
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT; i++)
             if (moments->part[part][i])
-                sf_sections_put(out, name_of(sf_moment_part(moments->format, part), i).text,
-                                moments->part[part][i], moment_size(moments, part, model, i),
-                                SF_MOMENT_VALUE);
+                sf_sections_put(out, name_of(sf_moment_part(moments, part), i).text, moments->part[part][i],
+                                moment_size(moments, part, model, i), SF_MOMENT_VALUE);
 }
 
 static sf_status take_moments(sf_sections_in *in, const sf_moments *moments, const sf_model *model) {
@@ -128,7 +127,7 @@ static sf_status take_moments(sf_sections_in *in, const sf_moments *moments, con
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT && !status; i++)
             if (moments->part[part][i])
-                status = sf_sections_take(in, name_of(sf_moment_part(moments->format, part), i).text,
+                status = sf_sections_take(in, name_of(sf_moment_part(moments, part), i).text,
                                           moments->part[part][i], moment_size(moments, part, model, i),
                                           SF_MOMENT_VALUE);
     return status;

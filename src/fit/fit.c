@@ -379,6 +379,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     if (!f) return;
     sf_model_destroy(&f->model);
     sf_model_destroy(&f->best);
+    sf_shown_free(f);
     sf_moments_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->screen_sum);
     sf_free(f->ctx, f->screen_seen);
@@ -493,8 +494,10 @@ void sf_fitter_skip_time(sf_fitter *f, double seconds) {
 
 sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     sf_status status = sf_model_copy(f->model, f->model->count, model);
-    if (!status) sf_trials_undo(&f->trials, *model);
-    return status;
+    if (status) return status;
+    sf_take_means(f, *model);
+    sf_trials_undo(&f->trials, *model);
+    return SF_OK;
 }
 
 sf_status sf_fitter_get_camera(const sf_fitter *f, uint32_t id, sf_camera *camera) {
@@ -567,7 +570,8 @@ void sf_fitter_render_options(const sf_fitter *f, sf_render_options *options) {
 sf_status sf_fitter_render(sf_fitter *f, const sf_camera *camera, const sf_image_out *out) {
     sf_render_options options;
     sf_fitter_render_options(f, &options);
-    sf_status status = sf_forward(&f->workspace, f->model, camera, &options, out->depth != NULL);
+    const sf_model *model = sf_fitter_shown(f);
+    sf_status status = sf_forward(&f->workspace, model, camera, &options, out->depth != NULL);
     if (!status) sf_copy_out(&f->workspace, out);
     return status;
 }

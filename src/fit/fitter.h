@@ -54,6 +54,7 @@ struct sf_fitter {
 
     sf_model *model;
     sf_moments moments; /* Adam's; these arrays have the model's capacities */
+    sf_model shown;     /* shown.c: with the means of the last steps, where they are kept */
     double *screen_sum; /* sum of the screen gradient's norm since the last growth; while growing by error the
                            score, below 0 for what is to go */
     uint32_t *screen_seen; /* views in which it was seen */
@@ -133,6 +134,13 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
  * *weight_sum: of its pixels. SF_ERR_EMPTY: it is masked altogether. */
 sf_status sf_draw_view(sf_fitter *fitter, const sf_view *view, const sf_view_state *state,
                        double *weight_sum);
+
+/* shown.c: the model as it is to be seen and tracked against, with means in the place of parameters where
+ * they are kept; until the next step, and read alone. Without the memory for it: as the last step left it. */
+const sf_model *sf_fitter_shown(sf_fitter *fitter);
+/* The same done to a copy of the model; and the end of what sf_fitter_shown made. */
+void sf_take_means(const sf_fitter *fitter, sf_model *copy);
+void sf_shown_free(sf_fitter *fitter);
 
 /* memory.c */
 /* Forecasts what the fit takes with bands up to sh_degree, and lowers max_gaussians to what fits.

@@ -3,34 +3,39 @@
 
 #include <string.h>
 
-enum { FIRST, SECOND }; /* parts; words with both are where the first is */
+enum { FIRST, SECOND, LAG }; /* parts; words with both moments are where the first is */
 
 static const char *const part_names[][SF_MOMENT_PARTS] = {
-    [SF_MOMENTS_FLOAT] = {"m", "v"}, [SF_MOMENTS_HALF] = {"mv", "v"}};
+    [SF_MOMENTS_FLOAT] = {"m", "v", "lag"}, [SF_MOMENTS_HALF] = {"mv", "v", "lag"}};
 
-const char *sf_moment_part(int format, int part) { return part_names[format][part]; }
+const char *sf_moment_part(const sf_moments *moments, int part) { return part_names[moments->format][part]; }
 
-int sf_moment_components(int format, int part, int field) {
+int sf_moment_components(const sf_moments *moments, int part, int field) {
     int n = sf_field_components(field);
     if (!sf_has_momentum(field)) return part == SECOND ? n / 3 : 0; /* of three channels */
-    return part == FIRST || format == SF_MOMENTS_FLOAT ? n : 0;
+    if (part == LAG) return moments->mean_kept > 0 ? n : 0;
+    return part == FIRST || moments->format == SF_MOMENTS_FLOAT ? n : 0;
 }
 
-int sf_moment_values(int format, int sh_degree) {
+int sf_moment_values(const sf_moments *moments, int sh_degree) {
     int values = 0;
     for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, sh_degree); field++)
         for (int part = 0; part < SF_MOMENT_PARTS; part++)
-            values += sf_moment_components(format, part, field);
+            values += sf_moment_components(moments, part, field);
     return values;
 }
 
 /* The same of the arrays that there are for a model. */
 static int components_of(const sf_moments *moments, int part, int field, const sf_model *model) {
-    return sf_field_stored(field, model->sh_degree) ? sf_moment_components(moments->format, part, field) : 0;
+    return sf_field_stored(field, model->sh_degree) ? sf_moment_components(moments, part, field) : 0;
 }
 
-sf_status sf_moments_create(const sf_model *model, int format, sf_moments *moments) {
-    *moments = (sf_moments){.format = format};
+sf_moments sf_moments_of(int format, int64_t mean_steps) {
+    return (sf_moments){.format = format, .mean_kept = mean_steps > 1 ? 1 - 1 / (float)mean_steps : 0};
+}
+
+sf_status sf_moments_create(const sf_model *model, int format, int64_t mean_steps, sf_moments *moments) {
+    *moments = sf_moments_of(format, mean_steps);
     for (int band = 0; band <= model->sh_degree; band++) {
         sf_status status = sf_moments_set_room(moments, model, band, model->capacity[band]);
         if (!status) continue;
@@ -75,9 +80,11 @@ static float part_kept(int field) {
 }
 
 static void restart(const sf_moments *moments, int field, size_t i) {
-    for (int c = 0; c < sf_moment_components(moments->format, FIRST, field); c++) {
-        char *value =
-            (char *)moments->part[FIRST][field] + SF_MOMENT_VALUE * sf_at(i, sf_field_components(field), c);
+    int all = sf_field_components(field);
+    for (int c = 0; c < sf_moment_components(moments, LAG, field); c++)
+        ((float *)moments->part[LAG][field])[sf_at(i, all, c)] = 0;
+    for (int c = 0; c < sf_moment_components(moments, FIRST, field); c++) {
+        char *value = (char *)moments->part[FIRST][field] + SF_MOMENT_VALUE * sf_at(i, all, c);
         uint32_t word;
         memcpy(&word, value, sizeof word);
         if (moments->format == SF_MOMENTS_HALF)
@@ -86,7 +93,7 @@ static void restart(const sf_moments *moments, int field, size_t i) {
             word = 0;
         memcpy(value, &word, sizeof word);
     }
-    int n = sf_moment_components(moments->format, SECOND, field);
+    int n = sf_moment_components(moments, SECOND, field);
     for (int c = 0; c < n; c++) ((float *)moments->part[SECOND][field])[sf_at(i, n, c)] *= part_kept(field);
 }
 
@@ -124,4 +131,21 @@ void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int f
         kernels->adam_half(p, g, (uint32_t *)first + at, n, step, key + (uint32_t)at);
     else
         kernels->adam(p, g, (float *)first + at, (float *)second + at, n, step);
+}
+
+void sf_mean_open(const sf_moments *moments, int field, size_t at, size_t n, const float *p) {
+    if (!sf_moment_components(moments, LAG, field)) return;
+    float *mean = (float *)moments->part[LAG][field] + at;
+    for (size_t k = 0; k < n; k++) mean[k] += p[k];
+}
+
+void sf_mean_close(const sf_moments *moments, int field, size_t at, size_t n, const float *p) {
+    if (!sf_moment_components(moments, LAG, field)) return;
+    float *lag = (float *)moments->part[LAG][field] + at;
+    for (size_t k = 0; k < n; k++) lag[k] = moments->mean_kept * (lag[k] - p[k]);
+}
+
+void sf_mean_take(const sf_moments *moments, int field, size_t n, const float *from, float *p) {
+    const float *lag = moments->part[LAG][field];
+    for (size_t k = 0; k < n; k++) p[k] = from[k] + lag[k];
 }

@@ -1,4 +1,4 @@
-/* moments.h - what the optimiser remembers of each parameter.
+/* moments.h - what the optimiser remembers of each parameter, and how far a running mean of it is off.
  *
  * Adam's two moments, as floats or in 16 bits each. SH from degree 1 on have no first one, and one second one
  * for the three channels of a coefficient: three quarters of the parameters are there, and their momentum,
@@ -11,26 +11,30 @@
 
 #include <splatfit/fitter.h>
 
-enum { SF_MOMENT_PARTS = 2, SF_MOMENT_VALUE = 4 /* bytes */ };
+enum { SF_MOMENT_PARTS = 3, SF_MOMENT_VALUE = 4 /* bytes */ };
 
 /* The parts' arrays are blocked as those of the fields, in values of 4 bytes: m and v as floats, or words
  * with both (src/kernels/kernels.h) in the first part and floats in the second, which only the higher SH
- * have. NULL for what is not stored. */
+ * have. The third has floats, where a mean is kept: mean less parameter, of those that have momentum. NULL
+ * for what is not stored. */
 typedef struct sf_moments {
-    int format; /* sf_moment_format */
+    int format;      /* sf_moment_format */
+    float mean_kept; /* of the mean, in each step; 0: there is none */
     void *part[SF_MOMENT_PARTS][SF_FIELD_COUNT];
 } sf_moments;
 
-const char *sf_moment_part(int format, int part);
+const char *sf_moment_part(const sf_moments *moments, int part);
 /* Values of a field's part, of a Gaussian; 0: there is no such part. */
-int sf_moment_components(int format, int part, int field);
+int sf_moment_components(const sf_moments *moments, int part, int field);
 /* Values of all parts of all fields, of a Gaussian with all bands up to sh_degree. */
-int sf_moment_values(int format, int sh_degree);
+int sf_moment_values(const sf_moments *moments, int sh_degree);
 /* Whether steps go on in the direction of those before: those of the higher SH do not. */
 static inline int sf_has_momentum(int field) { return field <= SF_FIELD_sh0; }
 
+/* Without arrays: what there would be. A mean is kept of `mean_steps` steps, if that is above 1. */
+sf_moments sf_moments_of(int format, int64_t mean_steps);
 /* Zeros, with room for as many as the model has room for. On failure none is left. */
-sf_status sf_moments_create(const sf_model *model, int format, sf_moments *moments);
+sf_status sf_moments_create(const sf_model *model, int format, int64_t mean_steps, sf_moments *moments);
 void sf_moments_destroy(sf_context *ctx, sf_moments *moments);
 
 /* What sf_model_set_room and sf_model_arrange do to the model, before they do it. */
@@ -48,5 +52,12 @@ void sf_moments_forget_all(const sf_moments *moments, const sf_model *model);
  * field. key: of the random rounding, another one each step and field. */
 void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
                      float *p, const float *g, const sf_adam *step, uint32_t key);
+
+/* Around what moves parameters at .. at+n-1 of an array of a field, p their first: before, the third part
+ * becomes the mean; afterwards the mean takes its step, and what is left is how far it is off. */
+void sf_mean_open(const sf_moments *moments, int field, size_t at, size_t n, const float *p);
+void sf_mean_close(const sf_moments *moments, int field, size_t at, size_t n, const float *p);
+/* p[0..n-1]: the means of the first n values of a field that has them; from: its array. */
+void sf_mean_take(const sf_moments *moments, int field, size_t n, const float *from, float *p);
 
 #endif

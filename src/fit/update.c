@@ -57,11 +57,21 @@ static void regularise(const update_job *job, size_t first, size_t end) {
     }
 }
 
+/* Of all that has a mean, also what no view shows: momentum moves it. */
+static void around_mean(const sf_fitter *f, size_t first, size_t end,
+                        void (*part)(const sf_moments *, int, size_t, size_t, const float *)) {
+    for (int field = 0; sf_has_momentum(field); field++) {
+        size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
+        part(&f->moments, field, at, (end - first) * block, f->model->params.field[field] + at);
+    }
+}
+
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     const update_job *job = job_pointer;
     sf_fitter *f = job->fitter;
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
+    around_mean(f, first, end, sf_mean_open);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         /* neither what these blocks lack nor a band that is not in use yet has a gradient */
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
@@ -76,6 +86,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (size_t block = first; block < end; block++)
         limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);
     if (job->noise > 0) sf_disturb(f, job->noise, first, end);
+    around_mean(f, first, end, sf_mean_close);
     gather_statistics(f, first * SF_LANES, last);
 }
 

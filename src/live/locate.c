@@ -160,7 +160,7 @@ static sf_status track_from(sf_live *live, const sf_rigid *guess, const sf_track
     sf_render_options options;
     sf_fitter_render_options(live->fitter, &options);
     options.sh_degree = live->fitter->sh_degree;
-    return sf_track_picture(live->tracker, live->fitter->model, &options, guess, prior, how, track);
+    return sf_track_picture(live->tracker, sf_fitter_shown(live->fitter), &options, guess, prior, how, track);
 }
 
 /* What landmarks and `prior` (NULL: nothing) say together; 0: landmarks tell nothing. */

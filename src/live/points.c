@@ -164,7 +164,7 @@ static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *vi
     sf_fitter_render_options(live->fitter, &options);
     for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], s.gain[i], s.bias[i]);
     sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s.camera);
-    if (!status) status = sf_forward(ws, live->fitter->model, &s.camera, &options, 0);
+    if (!status) status = sf_forward(ws, sf_fitter_shown(live->fitter), &s.camera, &options, 0);
     if (!status) status = gather(live->ctx, ws, &s.crowd);
     if (!status) keep_missing(&s, seeds);
     sf_free(live->ctx, s.crowd.first);

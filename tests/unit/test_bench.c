@@ -103,7 +103,7 @@ static void test_steps_change_nothing(void **state) {
     sf_moments moments;
     open_setup(&s, 2000, 120, 68);
     const sf_model *model = s.scene.model;
-    assert_ok(s.ctx, sf_moments_create(model, SF_MOMENTS_FLOAT, &moments));
+    assert_ok(s.ctx, sf_moments_create(model, SF_MOMENTS_FLOAT, 0, &moments));
     bench_view view = {.camera = s.scene.camera, .near_plane = BENCH_NEAR, .rgb = s.scene.picture};
     size_t bytes = model->count * 3 * sizeof(float);
     float *before = malloc(bytes);

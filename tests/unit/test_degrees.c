@@ -401,8 +401,7 @@ static void gather(const sf_fitter *f, size_t i, belongings *b) {
         for (int part = 0; part <= SF_MOMENT_PARTS; part++) {
             const void *array =
                 part ? f->moments.part[part - 1][field] : (const void *)f->model->params.field[field];
-            int n =
-                part ? sf_moment_components(f->moments.format, part - 1, field) : sf_field_components(field);
+            int n = part ? sf_moment_components(&f->moments, part - 1, field) : sf_field_components(field);
             assert_true(!array == !n);
             for (int c = 0; c < n; c++)
                 memcpy(&b->values[part][field][c], (const char *)array + 4 * sf_at(i, n, c), 4);
@@ -443,7 +442,7 @@ static void assert_neutral_behind(const sf_fitter *f) {
             }
         for (int part = 0; part < SF_MOMENT_PARTS; part++) {
             const uint32_t *words = f->moments.part[part][field];
-            int parts = sf_moment_components(f->moments.format, part, field);
+            int parts = sf_moment_components(&f->moments, part, field);
             for (size_t i = m->banded[band]; i < m->capacity[band]; i++)
                 for (int c = 0; c < parts; c++) assert_true(words[sf_at(i, parts, c)] == 0);
         }
@@ -581,10 +580,11 @@ static void test_sort(void **state) {
 /* Bytes of a fit's model and its moments, which are floats. */
 static size_t fitted_bytes(const size_t room[SF_BANDS]) {
     size_t bytes = 0;
+    sf_moments moments = sf_moments_of(SF_MOMENTS_FLOAT, 0);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         int values = sf_field_components(field);
         for (int part = 0; part < SF_MOMENT_PARTS; part++)
-            values += sf_moment_components(SF_MOMENTS_FLOAT, part, field);
+            values += sf_moment_components(&moments, part, field);
         bytes += room[sf_field_band(field)] * (size_t)values * sizeof(float);
     }
     return bytes;

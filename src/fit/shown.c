@@ -1,0 +1,40 @@
+/* shown.c - the model without the noise of single steps.
+ *
+ * Each step pleases one view, and who looks between two steps sees that. A fit that ends lets its rates fall;
+ * one that is watched and tracked against while it goes on shows means of its last steps (mean_steps).
+ */
+#include "fitter.h"
+
+void sf_take_means(const sf_fitter *f, sf_model *copy) {
+    for (int field = 0; f->moments.mean_kept > 0 && sf_has_momentum(field); field++)
+        sf_mean_take(&f->moments, field, sf_field_values(field, copy->count), f->model->params.field[field],
+                     copy->params.field[field]);
+}
+
+/* Arrays of its own for what has a mean; the others are the model's. */
+static sf_status make_room(sf_fitter *f) {
+    const sf_model *m = f->model;
+    sf_model *shown = &f->shown;
+    if (shown->capacity[0] == m->capacity[0]) return SF_OK;
+    shown->capacity[0] = 0;
+    for (int field = 0; sf_has_momentum(field); field++) {
+        sf_status status = sf_blocked_resize(f->ctx, sf_field_components(field), &shown->params.field[field],
+                                             0, m->capacity[0]);
+        if (status) return status;
+    }
+    shown->capacity[0] = m->capacity[0];
+    return SF_OK;
+}
+
+const sf_model *sf_fitter_shown(sf_fitter *f) {
+    if (!(f->moments.mean_kept > 0) || make_room(f)) return f->model;
+    sf_params own = f->shown.params;
+    f->shown = *f->model;
+    for (int field = 0; sf_has_momentum(field); field++) f->shown.params.field[field] = own.field[field];
+    sf_take_means(f, &f->shown);
+    return &f->shown;
+}
+
+void sf_shown_free(sf_fitter *f) {
+    for (int field = 0; sf_has_momentum(field); field++) sf_free(f->ctx, f->shown.params.field[field]);
+}
