@@ -218,7 +218,6 @@ static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     sf_status status = sf_charge(f, fraction, &w, degrees);
     for (size_t i = 0; i < had && !status; i++)
         if (!(f->screen_sum[i] < 0)) f->screen_sum[i] = (double)w.effect[i];
-    if (!status) status = sf_mark_veils(f);
     if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
     if (floats - sf_model_floats(f->model) > floats / SF_NOTABLE) sf_forget_best(f);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "grow.h"
 #include "trial.h"
 
 /* What a Gaussian must take away of the squared error, in mean squared errors of a value, where so many
@@ -81,6 +82,10 @@ static double price_of(const sf_fitter *f) {
     return PRICE / f->options.quality * (f->least_noise + NOTHING * NOTHING);
 }
 
+static int hardly_seen(const sf_errors *e) {
+    return e->squares < HARDLY_SEEN * NOTHING * NOTHING * e->values;
+}
+
 /* Where errors are hardly seen only those grow that have a part in them: elsewhere this chooses worse than
  * the gradient does. */
 static sf_status spare_the_good(sf_fitter *f) {
@@ -119,7 +124,7 @@ sf_status sf_consider_growth(sf_fitter *f, double fraction) {
     f->growth_pays = fmin(fmax(sqrt(TOGETHER / sf_errs_together(&errors)), 1), MOST_GROWTH);
     if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);
     if (status) return status;
-    return errors.squares < HARDLY_SEEN * NOTHING * NOTHING * errors.values ? spare_the_good(f) : SF_OK;
+    return hardly_seen(&errors) ? spare_the_good(f) : SF_OK;
 }
 
 /* What has an effect, the least first. */
@@ -207,13 +212,15 @@ sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees
     if (taking) status = take_out(f, fraction, price, w);
     if (taking && fraction <= charge_until(f)) lower_degrees(w, price / SF_MOST_FLOATS * BAND_PRICE, degrees);
     leave_visible_alone(w);
+    /* pictures that are all but right leave nothing for a veil to gain */
+    if (!status && !hardly_seen(&w->errors)) status = sf_mark_veils(f);
     return status;
 }
 
 sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) {
     sf_status status = SF_OK;
     if (!w->views || !may_try(f, fraction)) return SF_OK;
-    if (w->errors.squares > HARDLY_SEEN * NOTHING * NOTHING * w->errors.values) { /* a photograph's */
+    if (!hardly_seen(&w->errors)) { /* a photograph's */
         f->trials.in_vain++;
         return SF_OK;
     }
