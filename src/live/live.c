@@ -44,7 +44,7 @@ sf_live_options sf_live_options_default(void) {
     o.fit.blur = 0;            /* such frames are no keyframes */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
-    o.fit.mean_steps = 30; /* who looks, tracks or saves on the way sees no single step */
+    o.fit.mean_steps = 30;    /* who looks, tracks or saves on the way sees no single step */
     o.fit.huber_delta = 1e-9; /* L1: what moves, and what tracking is off by, is not to be fitted first */
     return o;
 }
