@@ -2,7 +2,7 @@
  *
  * Adam's two moments, as floats or in 16 bits each. SH from degree 1 on have no first one, and one second one
  * for the three channels of a coefficient: three quarters of the parameters are there, and their momentum,
- * and a scale of its own for each channel, were measured to be worth nothing (README.md).
+ * and a scale of its own for each channel, were measured to be worth nothing (MEASURED.md).
  */
 #ifndef SF_FIT_MOMENTS_H
 #define SF_FIT_MOMENTS_H

@@ -19,7 +19,7 @@ sf_status sf_consider_growth(sf_fitter *fitter, double fraction);
  * run, or, when nothing grows any more, with pairs on trial (trial.h). */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 
-/* Marks in screen_sum what is worth less than its price, as worth has it, and lowers
+/* Marks in screen_sum what is worth less than its price, as worth has it, and veils, and lowers
  * degrees[i] <= its own to the SH degree that Gaussian i pays for. Then those marked and those bands can go,
  * and sf_try_pairs follow: the effects of those that it must leave alone are INFINITY. SF_ERR_MEMORY: what is
  * marked is marked rightly. */
