@@ -79,19 +79,23 @@ static unsigned big16(const uint8_t *p) { return (unsigned)p[0] << 8 | p[1]; }
 
 static uint32_t big32(const uint8_t *p) { return (uint32_t)big16(p) << 16 | big16(p + 2); }
 
-/* The next marker segment before the coded pixels; 0 where there is none. */
+/* The start of the picture, restarts, and one of arithmetic coding: of two bytes, without a segment. */
+static int is_marker_alone(int marker) { return (marker >= 0xd0 && marker <= 0xd8) || marker == 0x01; }
+
+/* The next marker segment before the coded pixels; 0 where there is none. As libjpeg reads them, which takes
+ * a length below its own two bytes as these. */
 static int next_segment(sf_bytes *b, segment *s) {
     int marker;
     do {
         if (sf_bytes_u8(b) != 0xff) return 0;
         do marker = sf_bytes_u8(b);
         while (marker == 0xff); /* padding */
-    } while (marker == 0xd8);   /* the start of the picture: a marker alone */
+    } while (is_marker_alone(marker));
     if (marker == 0xda || marker == 0xd9) return 0;
     const uint8_t *length = sf_bytes_take(b, 2);
-    if (!length || big16(length) < 2) return 0;
+    if (!length) return 0;
     s->marker = marker;
-    s->size = big16(length) - 2;
+    s->size = big16(length) < 2 ? 0 : big16(length) - 2;
     s->data = sf_bytes_take(b, s->size);
     return s->data != NULL;
 }

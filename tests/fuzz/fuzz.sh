@@ -53,7 +53,8 @@ export -f run_target
 export out logs seconds program
 
 read -ra targets <<<"${TARGETS:-$("$program" --targets | xargs)}"
-ASAN_OPTIONS=allocator_may_return_null=0:handle_abort=1:detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1 \
+# What was given back stays with AddressSanitizer for a while: 256 MB of it would leave half of what a target may take.
+ASAN_OPTIONS=allocator_may_return_null=0:handle_abort=1:detect_leaks=1:quarantine_size_mb=32 UBSAN_OPTIONS=print_stacktrace=1 \
     TMPDIR=$([ -w /dev/shm ] && echo /dev/shm || echo "${TMPDIR:-/tmp}") \
     xargs -P "${FUZZ_JOBS:-$(nproc)}" -I{} bash -c 'run_target {}' < <(printf '%s\n' "${targets[@]}")
 
@@ -71,7 +72,9 @@ for name in "${targets[@]}"; do
     fi
     printf '%-7s %-12s %9s executions, %s\n' "$result" "$name" "${runs:-0}" "${covered:-cov: 0}"
     if [ $result = FAILED ]; then
-        grep -E '^(==[0-9]+==ERROR|SUMMARY|artifact_prefix)|runtime error|Test unit written' "$log" | sed 's/^/    /'
+        # What a target itself found wrong is the line before the sanitizer's.
+        grep -E -B1 '^==[0-9]+== ?ERROR|^SUMMARY|^artifact_prefix|runtime error|Test unit written' "$log" |
+            grep -vE '^(#|--|    #)' | sed 's/^/    /'
     fi
 done
 summary $passed $failed 0
