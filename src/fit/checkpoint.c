@@ -67,7 +67,8 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(settle_for)                                                                                            \
     F(least_loss)                                                                                            \
     F(start_loss)                                                                                            \
-    F(rate_cut)
+    F(rate_cut)                                                                                              \
+    F(pass_start)
 
 #define COUNT_ONE(name) +1
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };
@@ -657,6 +658,7 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
     STATE_REALS(VALUE)
 #undef VALUE
     if (f->trials.part > 1) return bad(in, "reals", "trials.part is more than the whole");
+    if (f->pass_start >= 1) return bad(in, "reals", "pass_start lies behind the views");
     f->rate_time = sf_clock();
     f->rate_step = f->step;
     f->start = f->rate_time - seconds;

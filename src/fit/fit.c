@@ -96,16 +96,18 @@ static size_t spread(size_t k, size_t n) {
     return rank;
 }
 
-/* Views of one time or file name mostly stand side by side. From a place drawn anew in each pass. */
+/* Views of one time or file name mostly stand side by side. The first pass begins at a place that is drawn,
+ * and each at one far from those before, so that every view comes back after like times. */
 static sf_status spread_order(sf_fitter *f) {
     size_t n = f->order_count;
     if (n < 2) return SF_OK;
     uint32_t *order = sf_alloc(f->ctx, n, sizeof *order);
     if (!order) return SF_ERR_MEMORY;
-    size_t start = (size_t)sf_rng_below(&f->rng, n);
+    size_t start = (size_t)(f->pass_start * (double)n);
     for (size_t k = 0; k < n; k++) order[k] = f->order[(start + spread(k, n)) % n];
     sf_free(f->ctx, f->order);
     f->order = order;
+    f->pass_start = fmod(f->pass_start + SF_GOLDEN, 1);
     return SF_OK;
 }
 
@@ -270,7 +272,8 @@ static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *
 
 /* Seconds of a step of a training view at full resolution, but for the update. */
 static sf_status time_step(sf_fitter *f, double *seconds) {
-    sf_rng before = f->rng; /* a run that repeats this one's plan does not come here */
+    const sf_rng before = f->rng; /* a run that repeats this one's plan does not come here */
+    const double start_before = f->pass_start;
     sf_view *view;
     sf_status status = next_view(f, &view);
     *seconds = INFINITY;
@@ -284,7 +287,7 @@ static sf_status time_step(sf_fitter *f, double *seconds) {
     }
     if (!status) sf_view_release(view);
     f->order_at = f->order_count = 0;
-    f->rng = before;
+    f->rng = before, f->pass_start = start_before;
     return status;
 }
 
@@ -322,6 +325,7 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     f->start = f->rate_time = sf_clock();
     atomic_init(&f->cancelled, 0);
     sf_rng_seed(&f->rng, (uint64_t)options->seed);
+    f->pass_start = sf_rng_uniform(&f->rng);
     sf_workspace_init(&f->workspace, ctx);
     choose_background(f);
     f->validation_psnr = f->best_psnr = NAN;

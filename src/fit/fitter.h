@@ -107,6 +107,7 @@ struct sf_fitter {
     sf_rng rng;
     uint32_t *order; /* training views of this pass, in turn */
     size_t order_count, order_at;
+    double pass_start; /* in 0..1, of the views: where the next pass begins */
 
     /* plan.c: time of each step in ticks; kept as the clock says, or given and followed */
     uint32_t *plan;
