@@ -1,5 +1,5 @@
-/* pool.c - the thread pool: workers sleep on a condition until a job is posted, then take tasks from a
- * counter. A step posts a job every half millisecond: before a thread sleeps it looks out for a moment. */
+/* pool.c - the thread pool: workers sleep on a condition until a job is posted, then take its tasks. A step
+ * posts a job every half millisecond: before a thread sleeps it looks out for a moment. */
 #define _GNU_SOURCE
 #include "pool.h"
 
@@ -14,8 +14,17 @@
 #include <xmmintrin.h>
 #endif
 
+/* The tasks that a thread takes first; when it has none left it helps the others with theirs. So a block of
+ * Gaussians mostly stays with one thread from job to job and from step to step, and in the caches of its
+ * processor: what another one wrote last has to come from there, which is far where they share no cache. */
+typedef struct share {
+    _Alignas(64) atomic_size_t next;
+    size_t end;
+} share;
+
 struct sf_pool {
     int threads;
+    share *shares;      /* one a thread */
     pthread_t *workers; /* threads - 1 */
     pthread_mutex_t turn;
     pthread_mutex_t lock; /* who changes what follows up to `stop` from a value that is waited for holds it */
@@ -25,8 +34,6 @@ struct sf_pool {
     atomic_int stop;
     sf_task_fn fn;
     void *arg;
-    size_t tasks;
-    atomic_size_t next;
 };
 
 /* Denormals cost a hundred cycles each and mean nothing here. Returns the old state. */
@@ -115,8 +122,11 @@ static void report_back(struct sf_pool *pool) {
 
 static void take_tasks(struct sf_pool *pool, int thread) {
     size_t task;
-    while ((task = atomic_fetch_add_explicit(&pool->next, 1, memory_order_relaxed)) < pool->tasks)
-        pool->fn(pool->arg, task, thread);
+    for (int i = 0; i < pool->threads; i++) {
+        share *s = &pool->shares[(thread + i) % pool->threads];
+        while ((task = atomic_fetch_add_explicit(&s->next, 1, memory_order_relaxed)) < s->end)
+            pool->fn(pool->arg, task, thread);
+    }
 }
 
 typedef struct worker_start {
@@ -162,7 +172,8 @@ sf_status sf_pool_create(sf_context *ctx, int threads, struct sf_pool **out) {
     pthread_cond_init(&pool->posted, NULL);
     pthread_cond_init(&pool->done, NULL);
     pool->workers = sf_calloc(ctx, (size_t)threads, sizeof *pool->workers);
-    sf_status status = pool->workers ? SF_OK : SF_ERR_MEMORY;
+    pool->shares = sf_calloc(ctx, (size_t)threads, sizeof *pool->shares);
+    sf_status status = pool->workers && pool->shares ? SF_OK : SF_ERR_MEMORY;
     for (int t = 1; t < threads && !status; t++) {
         if (start_worker(pool, t))
             status = sf_fail(ctx, SF_ERR_MEMORY, "threads: cannot start thread %d", t);
@@ -187,11 +198,15 @@ void sf_pool_destroy(sf_context *ctx, struct sf_pool **pool_pointer) {
     pthread_mutex_destroy(&pool->lock);
     pthread_mutex_destroy(&pool->turn);
     sf_free(ctx, pool->workers);
+    sf_free(ctx, pool->shares);
     sf_free(ctx, pool);
     *pool_pointer = NULL;
 }
 
 int sf_pool_threads(const struct sf_pool *pool) { return pool->threads; }
+
+/* floor(tasks t / n), where share t of n begins; the product may be more than a size_t holds. */
+static size_t share_begin(size_t tasks, size_t t, size_t n) { return tasks / n * t + tasks % n * t / n; }
 
 void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg) {
     if (!tasks) return;
@@ -199,8 +214,10 @@ void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg) {
     uint32_t old = flush_denormals();
     pool->fn = fn;
     pool->arg = arg;
-    pool->tasks = tasks;
-    atomic_store(&pool->next, 0);
+    for (size_t t = 0, n = (size_t)pool->threads; t < n; t++) {
+        atomic_store_explicit(&pool->shares[t].next, share_begin(tasks, t, n), memory_order_relaxed);
+        pool->shares[t].end = share_begin(tasks, t + 1, n);
+    }
     int shared = pool->threads > 1 && tasks > 1;
     if (shared) {
         pthread_mutex_lock(&pool->lock);

@@ -16,8 +16,9 @@ sf_status sf_pool_create(sf_context *ctx, int threads, struct sf_pool **pool);
 void sf_pool_destroy(sf_context *ctx, struct sf_pool **pool);
 int sf_pool_threads(const struct sf_pool *pool);
 
-/* Runs fn(arg, 0..tasks-1) and returns when all are done. Which thread runs which task is left to chance:
- * whatever must not depend on it is indexed by task. Calls from several threads take turns; a task must not
+/* Runs fn(arg, 0..tasks-1) and returns when all are done. A thread begins with its share of them, one after
+ * another, the same for as many tasks, and then takes what others have not begun: whatever must not depend on
+ * which thread ran a task is indexed by task. Calls from several threads take turns; a task must not
  * call it. Denormals are flushed to zero on every thread while tasks run. */
 void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg);
 

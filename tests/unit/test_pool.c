@@ -64,6 +64,39 @@ static void every_task_runs_once(void **state) {
     }
 }
 
+/* Each thread's first task; none goes on before all have one. */
+typedef struct beginnings {
+    atomic_int begun;
+    int threads;
+    int has[MOST_THREADS];
+    size_t first[MOST_THREADS];
+} beginnings;
+
+static void begin_task(void *beginnings_pointer, size_t task, int thread) {
+    beginnings *b = beginnings_pointer;
+    if (b->has[thread]) return;
+    b->has[thread] = 1, b->first[thread] = task;
+    atomic_fetch_add(&b->begun, 1);
+    while (b->begun < b->threads) sched_yield();
+}
+
+/* What a thread wrote in one job it reads in the next. */
+static void threads_begin_with_their_shares(void **state) {
+    (void)state;
+    for (int threads = 2; threads <= MOST_THREADS; threads++) {
+        sf_context *ctx = test_context_threads(threads);
+        for (size_t tasks = (size_t)threads; tasks < 40; tasks += 7) {
+            beginnings b = {.threads = threads};
+            sf_pool_run(ctx->pool, tasks, begin_task, &b);
+            for (int t = 0; t < threads; t++) {
+                assert_true(b.has[t]);
+                assert_int_equal(b.first[t], (size_t)t * tasks / (size_t)threads);
+            }
+        }
+        sf_context_destroy(&ctx);
+    }
+}
+
 static void pools_live_side_by_side(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -239,6 +272,7 @@ static void usable_cpus_follow_the_affinity(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_task_runs_once),
+        cmocka_unit_test(threads_begin_with_their_shares),
         cmocka_unit_test(pools_live_side_by_side),
         cmocka_unit_test(callers_take_turns),
         cmocka_unit_test(all_threads_work_at_once),
