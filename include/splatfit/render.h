@@ -74,8 +74,9 @@ typedef struct sf_quality {
     double psnr; /* dB, values clamped to 0..1, not rounded; MSE floored at 1e-10 */
     double ssim; /* as in sf_loss_value, of the clamped picture */
     /* As psnr, of the right half of the picture, with a gain and a bias per channel that were fitted to the
-     * left half by least squares: what is left when exposure does not count. Of no meaning (psnr is given)
-     * where a half has no weight. */
+     * left half by least squares: what is left when exposure does not count. They are those of values up to
+     * 2, since less light shows what is brighter than white, and where the target is white nothing is fitted.
+     * Of no meaning (psnr is given) where a half has no weight, or is white. */
     double psnr_corrected;
 } sf_quality;
 

@@ -11,13 +11,18 @@ static double weight_at(const sf_workspace *ws, size_t at) {
     return ws->has_weight ? (double)ws->weight[at] : 1.0;
 }
 
-/* Fits target = gain x + bias by least squares to the columns left of `end`; returns the sum of weights. */
+/* Half a step of 8 bits below white: of what is there a picture says only that it is no darker. */
+#define WHITE (1 - 0.5 / 255)
+
+/* Fits target = gain x + bias by least squares to the columns left of `end`, but for what is white in the
+ * target; returns the sum of weights. */
 static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain, double *bias) {
     double w = 0, x = 0, t = 0, xx = 0, xt = 0;
     for (size_t row = 0; row < (size_t)ws->eye.height; row++)
         for (size_t i = row * ws->stride; i < row * ws->stride + end; i++) {
             double weight = weight_at(ws, i), value = (double)ws->rgb[ch][i];
             double weighted = (double)ws->target[ch][i]; /* times the weight already */
+            if (weighted >= WHITE * weight) continue;
             w += weight, x += weight * value, t += weighted;
             xx += weight * value * value, xt += weighted * value;
         }
@@ -28,12 +33,12 @@ static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain,
     return w;
 }
 
-double sf_corrected_psnr(const sf_workspace *ws, double otherwise) {
+double sf_corrected_psnr(const sf_workspace *ws) {
     size_t width = (size_t)ws->eye.width, middle = width / 2;
     double squares = 0, weights = 0;
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         double gain, bias;
-        if (!(fit_left(ws, ch, middle, &gain, &bias) > 0)) return otherwise;
+        if (!(fit_left(ws, ch, middle, &gain, &bias) > 0)) return NAN;
         for (size_t row = 0; row < (size_t)ws->eye.height; row++)
             for (size_t i = row * ws->stride + middle; i < row * ws->stride + width; i++) {
                 double weight = weight_at(ws, i), value = gain * (double)ws->rgb[ch][i] + bias;
@@ -43,5 +48,5 @@ double sf_corrected_psnr(const sf_workspace *ws, double otherwise) {
                 weights += weight;
             }
     }
-    return weights > 0 ? sf_psnr_of(squares / weights) : otherwise;
+    return weights > 0 ? sf_psnr_of(squares / weights) : NAN;
 }

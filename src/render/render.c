@@ -167,25 +167,39 @@ sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb
     return SF_OK;
 }
 
+/* A camera that lets in less light sees what is brighter than white to this one. */
+#define BRIGHTEST 2.0f
+
+/* The planes within 0..most, and 0 where they are no number. */
+static void clamp_planes(sf_workspace *ws, float most) {
+    for (int ch = 0; ch < SF_CHANNELS; ch++)
+        for (size_t y = 0; y < (size_t)ws->eye.height; y++)
+            for (size_t x = 0; x < (size_t)ws->eye.width; x++) {
+                float *value = &ws->rgb[ch][y * ws->stride + x];
+                *value = *value >= 0 ? (*value <= most ? *value : most) : 0.0f;
+            }
+}
+
 sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
                      const float *weight, sf_quality *quality) {
     double weight_sum, squares = 0;
     sf_status status = load_pair(renderer, width, height, rgb, target, weight, &weight_sum);
     if (status) return status;
     sf_workspace *ws = &renderer->comparison;
+    clamp_planes(ws, BRIGHTEST);
+    double corrected = sf_corrected_psnr(ws);
+    clamp_planes(ws, 1);
     for (size_t y = 0; y < (size_t)height; y++)
         for (size_t x = 0; x < (size_t)width; x++)
             for (size_t ch = 0; ch < SF_CHANNELS; ch++) {
                 size_t from = y * (size_t)width + x;
-                float *value = &ws->rgb[ch][y * ws->stride + x];
-                *value = *value >= 0 ? (*value <= 1 ? *value : 1.0f) : 0.0f;
-                double difference = (double)*value - (double)target[3 * from + ch];
+                double difference = (double)ws->rgb[ch][y * ws->stride + x] - (double)target[3 * from + ch];
                 squares += (weight ? (double)weight[from] : 1.0) * difference * difference;
             }
     sf_loss_value value;
     sf_stage_loss(ws, 0.2, 0, weight_sum, 1, 0, &value);
     quality->psnr = sf_psnr_of(squares / (3 * weight_sum));
     quality->ssim = value.ssim;
-    quality->psnr_corrected = sf_corrected_psnr(ws, quality->psnr);
+    quality->psnr_corrected = isnan(corrected) ? quality->psnr : corrected;
     return SF_OK;
 }

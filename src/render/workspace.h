@@ -116,9 +116,9 @@ sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn tak
 sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background);
 
 /* quality.c: PSNR of a mean squared error, which is floored at 1e-10; and sf_quality's psnr_corrected of
- * ws->rgb, clamped, against ws->target, `otherwise` where a half has no weight. */
+ * ws->rgb, as bright as it is, against ws->target, NAN where a half has no weight. */
 double sf_psnr_of(double mse);
-double sf_corrected_psnr(const sf_workspace *ws, double otherwise);
+double sf_corrected_psnr(const sf_workspace *ws);
 
 /* The planes to the caller's [H][W] and [H][W][3], and back (zeros beyond the picture). */
 void sf_copy_out(const sf_workspace *ws, const sf_image_out *out);

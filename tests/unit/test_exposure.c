@@ -169,6 +169,31 @@ static void exposure_is_corrected_for(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* What is brighter than white to one camera is seen by another with less light, and the other way round. */
+static void white_is_corrected_for(void **state) {
+    (void)state;
+    static float rgb[3 * PIXELS], target[3 * PIXELS];
+    static const double gains[3] = {0.5, 0.8, 1.6};
+    sf_context *ctx = test_context();
+    sf_rng rng;
+    sf_rng_seed(&rng, 7);
+    size_t white = 0, beyond = 0;
+    for (size_t i = 0; i < 3 * PIXELS; i++) {
+        double light = 0.1 + 1.2 * sf_rng_uniform(&rng);
+        rgb[i] = (float)light;
+        target[i] = (float)fmin(gains[i % 3] * light + 0.02, 1);
+        white += target[i] == 1, beyond += rgb[i] > 1;
+    }
+    assert_true(white > PIXELS / 4 && beyond > PIXELS / 4);
+    assert_true(quality_of(ctx, rgb, target, NULL).psnr_corrected > 90);
+    rgb[0] = INFINITY, rgb[1] = NAN; /* one of each among others */
+    assert_true(isfinite(quality_of(ctx, rgb, target, NULL).psnr_corrected));
+    for (size_t i = 0; i < 3 * PIXELS; i++) target[i] = 1; /* says nothing of a gain */
+    sf_quality quality = quality_of(ctx, rgb, target, NULL);
+    assert_true(quality.psnr_corrected == quality.psnr);
+    sf_context_destroy(&ctx);
+}
+
 /* Pictures of one colour have no gain, and a half may be masked altogether. */
 static void nothing_to_correct_by(void **state) {
     (void)state;
@@ -283,11 +308,10 @@ static void mean_is_held(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(gradients_match_differences),
-                                       cmocka_unit_test(render_comes_back),
-                                       cmocka_unit_test(exposure_is_corrected_for),
-                                       cmocka_unit_test(nothing_to_correct_by),
-                                       cmocka_unit_test(mean_is_held),
-                                       cmocka_unit_test(wandering_exposure_costs_little)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gradients_match_differences),    cmocka_unit_test(render_comes_back),
+        cmocka_unit_test(exposure_is_corrected_for),      cmocka_unit_test(white_is_corrected_for),
+        cmocka_unit_test(nothing_to_correct_by),          cmocka_unit_test(mean_is_held),
+        cmocka_unit_test(wandering_exposure_costs_little)};
     return cmocka_run_group_tests_name("exposure", tests, NULL, NULL);
 }

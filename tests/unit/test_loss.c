@@ -430,11 +430,12 @@ static void psnr_counts_by_weight(void **state) {
     pair_free(&p);
 }
 
-/* The picture is clamped to 0..1, and what is no number is 0; the caller's array stays as it is. */
+/* The picture is clamped to 0..1, where exposure is corrected to 0..2, and what is no number is 0; the
+ * caller's array stays as it is. */
 static void compare_clamps_the_picture(void **state) {
     (void)state;
     static const float beyond[] = {1.5f, -0.25f, NAN, INFINITY, -INFINITY, 1e30f};
-    static const float clamped[] = {1, 0, 0, 1, 0, 1};
+    static const float clamped[] = {1, 0, 0, 1, 0, 1}, bright[] = {1.5f, 0, 0, 2, 0, 2};
     pair p = pair_create(2, 31, 18, WEIGHT_NONE), q = pair_create(2, 31, 18, WEIGHT_NONE);
     bench b = bench_create(2);
     for (size_t i = 0; i < 3 * p.pixels; i++) {
@@ -446,8 +447,11 @@ static void compare_clamps_the_picture(void **state) {
     float *before = floats(3 * p.pixels);
     memcpy(before, p.rgb, 3 * p.pixels * sizeof(float));
     sf_quality x = quality_of(&b, &p), y = quality_of(&b, &q);
+    assert_true(isfinite(x.psnr) && isfinite(x.ssim) && isfinite(x.psnr_corrected));
+    assert_true(x.psnr == y.psnr && x.ssim == y.ssim);
+    for (size_t i = 0; i < 3 * p.pixels; i += 7) q.rgb[i] = bright[i / 7 % 6];
+    y = quality_of(&b, &q);
     assert_memory_equal(&x, &y, sizeof x);
-    assert_true(isfinite(x.psnr) && isfinite(x.ssim));
     assert_memory_equal(p.rgb, before, 3 * p.pixels * sizeof(float));
     free(before);
     bench_free(&b);
