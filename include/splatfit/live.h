@@ -48,10 +48,9 @@ typedef struct sf_live_options {
                             the run can be repeated to the byte; 0: as time allows */
     int64_t keyframes_most; /* 8..100000: the one that its neighbours make up for best goes when there are
                                more */
-    int hold_out; /* of the keyframes every n-th, from the first on, is never trained on, only evaluated; 0:
-                     none */
-    double keyframe_gap; /* keyframes: a new one where the camera has moved by this part of the distance to
-                         what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
+    int hold_out;           /* of the keyframes every n-th is never trained on, only evaluated; 0: none */
+    double keyframe_gap;    /* keyframes: a new one where the camera has moved by this part of the distance to
+                            what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
     const char *thermal; /* folder in which the kernel says whether it holds the processor back for its heat:
                             the fit then rests for a part of the time, frames are tracked as before. Read
                             until sf_live_destroy; NULL: it is not looked at */

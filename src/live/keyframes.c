@@ -102,7 +102,7 @@ static double least_gap(const sf_live *live, const sf_rigid *pose, const double 
     return least;
 }
 
-/* Of those that are trained on, but the newest, the one that another stands in for best. */
+/* Of those that are trained on, but the first and the newest, the one that another stands in for best. */
 static size_t most_redundant(const sf_live *live) {
     size_t found = 1;
     double least = INFINITY;
@@ -181,8 +181,7 @@ static sf_status take_keyframe(sf_live *live) {
     sf_status status = make_room(live);
     if (status) return status;
     sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->pose};
-    /* the first one too: what is said of it is not what was learned by heart */
-    k.held_out = every > 0 && live->keyframes_made % every == 0;
+    k.held_out = every > 0 && live->keyframes_made % every == every / 2;
     sf_camera_center(&live->frame.camera, k.center);
     memcpy(k.thumb, live->thumb, sizeof k.thumb);
     status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
