@@ -18,8 +18,8 @@ int sf_pool_threads(const struct sf_pool *pool);
 
 /* Runs fn(arg, 0..tasks-1) and returns when all are done. A thread begins with its share of them, one after
  * another, the same for as many tasks, and then takes what others have not begun: whatever must not depend on
- * which thread ran a task is indexed by task. Calls from several threads take turns; a task must not
- * call it. Denormals are flushed to zero on every thread while tasks run. */
+ * which thread ran a task is indexed by task. Calls from several threads take turns; a task must not call it.
+ * Denormals are flushed to zero on every thread while tasks run. */
 void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg);
 
 /* CPUs that this process may use: affinity mask, limited by the control group's quota; at least 1. */
