@@ -40,32 +40,34 @@ static void to_world(const sf_camera *c, double u, double v, double z, double *p
     for (int k = 0; k < 3; k++) p[k] = c->R_cw[k] * q[0] + c->R_cw[3 + k] * q[1] + c->R_cw[6 + k] * q[2];
 }
 
-/* Whether the neighbour's own depth, where the point falls in it, leads back to the pixel; `q` is the point
- * that the neighbour has. */
-static int confirms(const sf_seen *neighbour, const sf_camera *camera, const double *p, double x, double y,
-                    double *q) {
+/* Whether the neighbour's own depth where a point falls in it, at (u, v) with depth z, leads back to the
+ * pixel (x, y); `q` is the point that the neighbour has. */
+static int confirms(const sf_seen *neighbour, const double uvz[3], const sf_camera *camera, double x,
+                    double y, double *q) {
     const sf_camera *c = &neighbour->grey.camera;
-    double u, v, z, back_u, back_v, back_z;
-    if (!sf_camera_sees(c, p, &u, &v, &z)) return 0;
-    double column = floor(u), row = floor(v);
-    float w = neighbour->inverse_depth[(size_t)row * (size_t)c->width + (size_t)column];
-    if (!(w > 0) || fabs(z * (double)w - 1) > MOST_DEPTH_ERROR) return 0;
-    to_world(c, u, v, 1 / (double)w, q);
+    size_t column = (size_t)floor(uvz[0]), row = (size_t)floor(uvz[1]);
+    double back_u, back_v, back_z, w = (double)neighbour->inverse_depth[row * (size_t)c->width + column];
+    if (!(w > 0) || fabs(uvz[2] * w - 1) > MOST_DEPTH_ERROR) return 0;
+    to_world(c, uvz[0], uvz[1], 1 / w, q);
     if (!sf_camera_sees(camera, q, &back_u, &back_v, &back_z)) return 0;
     return hypot(back_u - x, back_v - y) <= MOST_PIXEL_ERROR;
 }
 
-/* Two other views confirm it, or the only one that there is; `p` becomes the mean of what they have. */
+/* Whether those neighbours confirm a point whose pictures it falls in, one at least and all but one: no more
+ * than two see what is at the edge of the pictures. `p` becomes the mean of what they have. */
 static int is_confirmed(const sf_seen *all, const sf_seen *seen, double x, double y, double *p) {
-    size_t confirmed = 0, needed = seen->neighbours < 2 ? 1 : 2;
-    double sum[3] = {p[0], p[1], p[2]}, q[3];
+    size_t confirmed = 0, looking = 0;
+    double sum[3] = {p[0], p[1], p[2]}, uvz[3], q[3];
     for (size_t k = 0; k < seen->neighbours; k++) {
-        if (!confirms(&all[seen->neighbour[k]], &seen->grey.camera, p, x, y, q)) continue;
+        const sf_seen *neighbour = &all[seen->neighbour[k]];
+        if (!sf_camera_sees(&neighbour->grey.camera, p, &uvz[0], &uvz[1], &uvz[2])) continue;
+        looking++;
+        if (!confirms(neighbour, uvz, &seen->grey.camera, x, y, q)) continue;
         for (int i = 0; i < 3; i++) sum[i] += q[i];
         confirmed++;
     }
     for (int i = 0; i < 3; i++) p[i] = sum[i] / (double)(confirmed + 1);
-    return confirmed >= needed;
+    return confirmed && confirmed + 1 >= looking;
 }
 
 /* The view's own colour, averaged over a pixel of the reduced picture. */

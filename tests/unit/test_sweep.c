@@ -9,6 +9,7 @@
 #include "base/rng.h"
 #include "capture/sim.h"
 #include "scene/first.h"
+#include "scene/fuse.h"
 #include "scene/neighbours.h"
 #include "scene/sweep.h"
 
@@ -434,6 +435,46 @@ static void test_neighbours_on_a_circle(void **state) {
     assert_int_equal(sf_choose_neighbours(opposite, 2, 0, 5, NEIGHBOURS, chosen), 0);
 }
 
+/* A depth counts if all but one of the neighbours that see the place have the same, and one at least: a wall
+ * at 4, cameras 1 apart in a row, so that a point is 4 px farther left in each. */
+static void test_who_confirms(void **state) {
+    (void)state;
+    enum { CAMERAS = 4, WIDTH = 16, HEIGHT = 2, PIXELS = WIDTH * HEIGHT };
+    static const struct {
+        int column, agree[CAMERAS]; /* of the first camera; which of the others agree */
+        size_t points;
+    } cases[] = {{14, {1, 1, 1, 1}, 1}, {14, {1, 1, 0, 1}, 1}, {14, {1, 1, 0, 0}, 0},
+                 {9, {1, 1, 1, 0}, 1},  {9, {1, 0, 1, 0}, 1},  {9, {1, 0, 0, 0}, 0},
+                 {5, {1, 1, 0, 0}, 1},  {5, {1, 0, 1, 1}, 0},  {2, {1, 1, 1, 1}, 0}};
+    static uint8_t rgb[3 * PIXELS];
+    sf_context *ctx = test_context();
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        sf_view views[CAMERAS];
+        sf_seen seen[CAMERAS];
+        float inverse_depth[CAMERAS][PIXELS], score[PIXELS];
+        for (int i = 0; i < PIXELS; i++) score[i] = i == cases[k].column;
+        for (int v = 0; v < CAMERAS; v++) {
+            sf_camera camera = {.width = WIDTH, .height = HEIGHT, .fx = 16, .fy = 16, .cx = 8, .cy = 1};
+            for (int i = 0; i < 3; i++) camera.R_cw[4 * i] = 1;
+            camera.t_cw[0] = -v;
+            for (int i = 0; i < PIXELS; i++) inverse_depth[v][i] = cases[k].agree[v] ? 0.25f : 0.2f;
+            views[v] = (sf_view){.camera = camera, .rgb = rgb};
+            seen[v] = (sf_seen){.view = &views[v],
+                                .grey = {.camera = camera, .factor = 1},
+                                .inverse_depth = inverse_depth[v],
+                                .score = score,
+                                .neighbour = {1, 2, 3},
+                                .neighbours = v ? 0 : CAMERAS - 1};
+        }
+        sf_cloud cloud;
+        assert_ok(ctx, sf_fuse(ctx, seen, CAMERAS, 10, &cloud));
+        if (cloud.n != cases[k].points) fail_msg("case %zu: %zu points", k, cloud.n);
+        if (cloud.n) assert_true(fabs((double)cloud.xyz[2] - 4) < 1e-5);
+        sf_cloud_destroy(ctx, &cloud);
+    }
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_points_lie_on_surfaces),
@@ -446,6 +487,7 @@ int main(void) {
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_every_allocation_may_fail),
         cmocka_unit_test(test_neighbours_on_a_circle),
+        cmocka_unit_test(test_who_confirms),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
