@@ -3,11 +3,11 @@
 #include <string.h>
 
 #include "../base/context.h"
-#include "../io/undistort.h"
 #include "../base/linear.h"
-#include "view.h"
+#include "../io/undistort.h"
+#include "swelling.h"
 
-enum { LEAST_CORNERS = 4, ROUNDS = 3 };
+enum { LEAST_CORNERS = 4, ROUNDS = 3, SWELLING_ROUNDS = 2 };
 
 /* Corners further off than REJECT spreads, and than REJECT_PX, do not belong to the pose. */
 static const double LEAST_SPREAD = 0.1, REJECT = 4.5, REJECT_PX = 0.5;
@@ -18,6 +18,8 @@ typedef struct search {
     sf_corner_list list;
     double distances[SF_CORNERS_MOST];
     uint8_t rejected[SF_CORNERS_MOST];
+    sf_board_corner corners[SF_CORNERS_MOST]; /* as they would be without the swelling */
+    sf_swelling swelling;
 } search;
 
 static double spread_about(search *s, const sf_rigid *T) {
@@ -102,7 +104,9 @@ static int covariance(const search *s, const sf_rigid *T, double out[SF_TWIST * 
     double variance = fmax(sums.squares / freedom, LEAST_SPREAD * LEAST_SPREAD);
     if (!sf_cholesky(SF_TWIST, sums.twist)) return 0;
     sf_cholesky_invert(SF_TWIST, sums.twist, out);
-    for (int i = 0; i < SF_TWIST * SF_TWIST; i++) out[i] *= variance;
+    const double *twist = s->swelling.twist;
+    for (int i = 0; i < SF_TWIST * SF_TWIST; i++)
+        out[i] = variance * out[i] + s->swelling.variance * twist[i / SF_TWIST] * twist[i % SF_TWIST];
     return 1;
 }
 
@@ -111,6 +115,8 @@ static int find_pose(search *s, sf_pose *pose) {
     sf_rigid T;
     if (!sf_view_first_pose(s->lens, &s->list, &T)) return 0;
     pose->rejected = fit(s, &T);
+    for (int round = 0; round < SWELLING_ROUNDS; round++)
+        if (sf_find_swelling(s->lens, &T, &s->list, s->corners, &s->swelling)) pose->rejected = fit(s, &T);
     pose->ambiguity = choose(s, &T, &pose->rejected);
     pose->used = s->list.count - pose->rejected;
     pose->rms = rms_of(s, &T);
@@ -129,7 +135,8 @@ sf_status sf_board_pose(sf_context *ctx, const sf_lens *lens, const sf_board_cor
     search *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->lens = lens;
-    s->list = (sf_corner_list){corners, NULL, count};
+    memcpy(s->corners, corners, count * sizeof *corners);
+    s->list = (sf_corner_list){s->corners, NULL, count};
     int found = find_pose(s, pose);
     sf_free(ctx, s);
     if (found) return SF_OK;

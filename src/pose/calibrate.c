@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../io/undistort.h"
 #include "../base/linear.h"
+#include "../io/undistort.h"
 #include "sightings.h"
 
 enum { N = SF_LENS_PARAMETERS, LEAST_VIEWS = 3, LEAST_CORNERS = 6, ROUNDS = 8, STEPS = 100 };
@@ -205,8 +205,12 @@ static double place_views(sf_sightings *s, const sf_lens *lens) {
 /* The closed form, or a usual focal length where one explains the views better. */
 static void start(problem *p) {
     double focals[] = {closed_form(p->s), 0.7, 1, 1.5, 2.5}, best = INFINITY, focal = 1;
-    for (size_t v = 0; v < p->s->count; v++)
-        memset(p->s->views[v].list.rejected, 0, p->s->views[v].list.count);
+    for (size_t v = 0; v < p->s->count; v++) {
+        sf_sighting *view = &p->s->views[v];
+        memset(view->list.rejected, 0, view->list.count);
+        sf_swell(view->corners, view->list.count, view->swelling.px);
+        view->swelling = (sf_swelling){0};
+    }
     for (size_t i = 0; i < sizeof focals / sizeof *focals; i++) {
         if (!(focals[i] > 0)) continue;
         sf_lens lens = sf_sightings_guess(p->s, focals[i]);
@@ -253,12 +257,33 @@ static size_t count_views(const sf_sightings *s) {
     return count;
 }
 
+/* One for all views, the mean of what each tells: it is the camera's. */
+static void find_swelling(problem *p) {
+    double sum = 0, weights = 0;
+    for (size_t v = 0; v < p->s->count; v++) {
+        sf_sighting *view = &p->s->views[v];
+        if (view->rejected) continue;
+        if (!sf_find_swelling(&p->lens, &view->pose, &view->list, view->corners, &view->swelling)) continue;
+        sum += view->swelling.px / view->swelling.variance, weights += 1 / view->swelling.variance;
+    }
+    for (size_t v = 0; v < p->s->count && weights > 0; v++) {
+        sf_sighting *view = &p->s->views[v];
+        sf_swell(view->corners, view->list.count, view->swelling.px - sum / weights);
+        view->swelling.px = sum / weights;
+    }
+}
+
 /* Robust rounds over all corners while the spread settles, then rejection, then rounds without what was
- * rejected; the last with all weights 1, so that the covariance is that of least squares. */
+ * rejected, and without the swelling; the last with all weights 1, so that the covariance is that of least
+ * squares. */
 static void fit(problem *p) {
     for (int round = 0; round < ROUNDS && count_views(p->s) >= LEAST_VIEWS; round++) {
         double spread = find_spread(p);
-        if (round >= ROUNDS / 2) reject(p, spread);
+        if (round >= ROUNDS / 2) {
+            find_swelling(p);
+            spread = find_spread(p);
+            reject(p, spread);
+        }
         p->scale = round == ROUNDS - 1 ? 0 : SF_CAUCHY * spread;
         minimize(p);
     }

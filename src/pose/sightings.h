@@ -3,7 +3,7 @@
 #define SF_POSE_SIGHTINGS_H
 
 #include "../base/context.h"
-#include "view.h"
+#include "swelling.h"
 
 /* The picture as cells, for coverage. */
 enum { SF_CELLS_X = 8, SF_CELLS_Y = 6, SF_CELLS = SF_CELLS_X * SF_CELLS_Y };
@@ -21,6 +21,7 @@ typedef struct sf_sighting {
     sf_stance stance;
     /* What sf_calibrate makes of it. */
     int rejected;
+    sf_swelling swelling; /* that the corners are without */
     sf_rigid pose, next;
     sf_view_sums sums, next_sums;
     double factor[SF_TWIST * SF_TWIST]; /* of the damped normal equations of the pose */

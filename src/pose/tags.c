@@ -1,6 +1,7 @@
 /* tags.c - see tags.h. */
 #include "tags.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,6 +28,14 @@ int sf_tags_in_family(const char *family) {
 enum { WRONG_BITS = 1 };
 
 enum { LEAST_SIDE = 8 }; /* px, of a picture that is looked at, after it was reduced */
+
+/* Bytes as cameras encode light. Where a pixel is half black and half white its byte is three quarters of the
+ * white's: half of the byte lies inside of the black, the farther the more the picture is blurred. */
+#define GAMMA 2.2
+/* Around the tags there is white, in parts of the longest side of one; and how far off a corner may be from
+ * where it was, px. */
+#define ROOM    0.5
+#define NEAR_PX 1.5
 
 struct sf_tags {
     sf_context *ctx;
@@ -117,24 +126,104 @@ static sf_status take_all(sf_tags *t, const zarray_t *found) {
     return status;
 }
 
+/* A part of a picture. */
+typedef struct region {
+    int x, y, width, height;
+} region;
+
+/* libapriltag reads and writes outside of its memory where a reduced side is less than its tile of 4 px; no
+ * tag is that small. */
+static int is_large(const sf_tags *t, const region *r) {
+    const int step = (int)t->detector->quad_decimate;
+    return (r->width - 1) / step + 1 >= LEAST_SIDE && (r->height - 1) / step + 1 >= LEAST_SIDE;
+}
+
+/* Looks for tags in a part of a picture, as `curve` has its bytes. *found is the caller's to destroy. */
+static sf_status detect(sf_tags *t, const uint8_t *grey, size_t stride, const region *r,
+                        const uint8_t curve[256], zarray_t **found) {
+    image_u8_t image = {.width = r->width, .height = r->height, .stride = r->width, .buf = t->grey};
+    for (int y = 0; y < r->height; y++) {
+        const uint8_t *from = grey + (size_t)(r->y + y) * stride + r->x;
+        uint8_t *to = t->grey + (size_t)y * (size_t)r->width;
+        for (int x = 0; x < r->width; x++) to[x] = curve[from[x]];
+    }
+    *found = apriltag_detector_detect(t->detector, &image);
+    return *found ? SF_OK : sf_fail(t->ctx, SF_ERR_MEMORY, "tags: no memory to look for tags");
+}
+
+/* Where the tags are, from a pixel on that a reduced picture has. */
+static region region_of(const sf_tags *t, size_t count, int width, int height) {
+    double low[2] = {width, height}, high[2] = {0, 0}, side = 0;
+    const int step = (int)t->detector->quad_decimate;
+    for (size_t i = 0; i < 4 * count; i++) {
+        const double *corner = t->seen[i / 4].corner[i % 4], *next = t->seen[i / 4].corner[(i + 1) % 4];
+        side = fmax(side, hypot(next[0] - corner[0], next[1] - corner[1]));
+        for (int k = 0; k < 2; k++) low[k] = fmin(low[k], corner[k]), high[k] = fmax(high[k], corner[k]);
+    }
+    region r = {(int)fmax(0, low[0] - ROOM * side) / step * step,
+                (int)fmax(0, low[1] - ROOM * side) / step * step, 0, 0};
+    r.width = (int)fmin(width, ceil(high[0] + ROOM * side)) - r.x;
+    r.height = (int)fmin(height, ceil(high[1] + ROOM * side)) - r.y;
+    return r;
+}
+
+/* Light of bytes, 255 at the brightest of the region. */
+static void make_curve(const uint8_t *grey, size_t stride, const region *r, uint8_t curve[256]) {
+    int white = 1;
+    for (int y = 0; y < r->height; y++)
+        for (int x = 0; x < r->width; x++) {
+            int byte = grey[(size_t)(r->y + y) * stride + (size_t)(r->x + x)];
+            white = byte > white ? byte : white;
+        }
+    for (int i = 0; i < 256; i++) curve[i] = (uint8_t)(255 * pow(fmin(i / (double)white, 1), GAMMA) + 0.5);
+}
+
+/* The corners of a tag as it was seen before, where it is that. */
+static void take_corners(sf_tag_seen *before, const sf_tag_seen *now) {
+    double apart = 0;
+    for (int i = 0; i < 8; i++)
+        apart = fmax(apart, fabs(now->corner[i / 2][i % 2] - before->corner[i / 2][i % 2]));
+    if (now->id == before->id && apart < NEAR_PX) *before = *now;
+}
+
+/* Tags are found in the bytes, which show them in the dark as well; their edges in light. */
+static sf_status look_again(sf_tags *t, const uint8_t *grey, size_t stride, int width, int height,
+                            size_t count) {
+    uint8_t curve[256];
+    zarray_t *found;
+    region r = region_of(t, count, width, height);
+    if (!is_large(t, &r)) return SF_OK;
+    make_curve(grey, stride, &r, curve);
+    sf_status status = detect(t, grey, stride, &r, curve, &found);
+    if (status) return status;
+    for (int k = 0; k < zarray_size(found); k++) {
+        apriltag_detection_t *d;
+        zarray_get(found, k, &d);
+        sf_tag_seen now = make_seen(d);
+        for (int i = 0; i < 4; i++) now.corner[i][0] += r.x, now.corner[i][1] += r.y;
+        for (size_t i = 0; i < count; i++) take_corners(&t->seen[i], &now);
+    }
+    apriltag_detections_destroy(found);
+    return SF_OK;
+}
+
 sf_status sf_tags_find(sf_tags *t, const uint8_t *grey, size_t stride, int width, int height,
                        const sf_tag_seen **seen, size_t *count) {
-    const int step = (int)t->detector->quad_decimate;
+    uint8_t as_it_is[256];
+    region whole = {0, 0, width, height};
+    zarray_t *found;
     *seen = NULL;
     *count = 0;
-    /* libapriltag reads and writes outside of its memory where a reduced side is less than its tile of 4 px;
-     * no tag is that small. */
-    if ((width - 1) / step + 1 < LEAST_SIDE || (height - 1) / step + 1 < LEAST_SIDE) return SF_OK;
+    if (!is_large(t, &whole)) return SF_OK;
+    for (int i = 0; i < 256; i++) as_it_is[i] = (uint8_t)i;
     sf_status status = sf_grow(t->ctx, &t->grey, &t->grey_capacity, 0, (size_t)width * (size_t)height, 1);
+    if (!status) status = detect(t, grey, stride, &whole, as_it_is, &found);
     if (status) return status;
-    for (size_t y = 0; y < (size_t)height; y++)
-        memcpy(t->grey + y * (size_t)width, grey + y * stride, (size_t)width);
-    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = t->grey};
-    zarray_t *found = apriltag_detector_detect(t->detector, &image);
-    if (!found) return sf_fail(t->ctx, SF_ERR_MEMORY, "tags: no memory to look for tags");
+    size_t tags = (size_t)zarray_size(found);
     status = take_all(t, found);
-    if (!status) *count = (size_t)zarray_size(found);
     apriltag_detections_destroy(found);
+    if (!status && tags) status = look_again(t, grey, stride, width, height, tags);
+    if (!status) *count = tags;
     *seen = t->seen;
     return status;
 }

@@ -289,7 +289,8 @@ static void test_png(void **state) {
         }
     }
     print_message("a drawn board, found again: corners within %.3f dots of 1/300 inch\n", worst);
-    assert_true(worst < 0.3);
+    /* bytes are shares of a dot here, not light: an edge within a dot seems up to half of one farther out */
+    assert_true(worst < 0.6);
     sf_picture_free(ctx, &picture);
     sf_detector_destroy(&detector);
     sf_board_close(&b);
