@@ -23,8 +23,8 @@
 #define VEIL_SHARE   0.01
 #define VEIL_PART    0.6
 
-/* Standard deviations of a Gaussian that reach into a picture: there it stands as well as in the middle. */
-#define VEIL_FLANK 1.0
+/* Half the width and height of what counts as in the picture, in halves of the picture's. */
+#define VEIL_WIDE 1.2
 
 /* A place that a training view was taken from. */
 typedef struct stand {
@@ -37,22 +37,23 @@ static void mean_of(const sf_params *p, size_t i, double mean[3]) {
     for (int k = 0; k < 3; k++) mean[k] = (double)*sf_value(p, SF_FIELD_mean, i, k);
 }
 
-/* The depth of a place, and where it falls in the plane of depth 1; 0 if that is outside of the picture. */
-static int look_at(const sf_camera *c, const double place[3], double at[3]) {
+/* The depth of a place in the picture, 0 outside it. */
+static double depth_in(const sf_camera *c, const double place[3]) {
+    double at[3];
     for (int k = 0; k < 3; k++) at[k] = sf_dot3(c->R_cw + 3 * k, place) + c->t_cw[k];
-    if (!(at[2] > 0)) return 0;
-    at[0] /= at[2], at[1] /= at[2];
-    double u = at[0] * c->fx + c->cx, v = at[1] * c->fy + c->cy;
-    return u >= 0 && u <= c->width && v >= 0 && v <= c->height;
+    int inside = at[2] > 0 && fabs(at[0]) * c->fx < VEIL_WIDE / 2 * c->width * at[2] &&
+                 fabs(at[1]) * c->fy < VEIL_WIDE / 2 * c->height * at[2];
+    return inside ? at[2] : 0;
 }
 
 /* depths: [VEIL_SAMPLES] to work in. */
 static double nearest_of(const sf_model *model, const sf_camera *camera, double *depths) {
     size_t stride = (model->count + VEIL_SAMPLES - 1) / VEIL_SAMPLES, n = 0;
     for (size_t i = 0; i < model->count; i += stride) {
-        double mean[3], at[3];
+        double mean[3];
         mean_of(&model->params, i, mean);
-        if (look_at(camera, mean, at)) depths[n++] = at[2];
+        depths[n] = depth_in(camera, mean);
+        n += depths[n] > 0;
     }
     return n < VEIL_LEAST ? 0 : VEIL_PART * sf_select(depths, n, (size_t)(VEIL_SHARE * (double)n));
 }
@@ -79,65 +80,38 @@ static sf_status find_stands(const sf_fitter *f, double *depths, stand **stands,
     return *stands ? SF_OK : SF_ERR_MEMORY;
 }
 
-/* A Gaussian, in units of its standard deviations along its axes. */
-typedef struct body {
-    double mean[3], axes[3][3], longest; /* of the latter, world units */
-} body;
-
-static body body_of(const sf_params *p, size_t i) {
-    body b = {.longest = 0};
-    for (int k = 0; k < 3; k++) b.mean[k] = (double)*sf_value(p, SF_FIELD_mean, i, k);
+/* Whether a place is inside Gaussian i, whose longest axis is `longest` long. */
+static int encloses(const sf_params *p, size_t i, const double mean[3], double longest,
+                    const double place[3]) {
+    double away[3], square = 0;
+    for (int k = 0; k < 3; k++) {
+        away[k] = place[k] - mean[k];
+        square += away[k] * away[k];
+    }
+    if (!(square < VEIL_REACH * VEIL_REACH * longest * longest)) return 0;
+    square = 0;
     for (int axis = 0; axis < 3; axis++) {
         float direction[3];
-        double scale = exp((double)*sf_value(p, SF_FIELD_log_scale, i, axis));
         sf_axis_of(p, i, axis, direction);
-        for (int k = 0; k < 3; k++) b.axes[axis][k] = (double)direction[k] / scale;
-        b.longest = fmax(b.longest, scale);
-    }
-    return b;
-}
-
-/* Whether a place is inside the Gaussian. */
-static int encloses(const body *b, const double away[3]) {
-    double square = 0;
-    for (int axis = 0; axis < 3; axis++) {
-        double along = sf_dot3(b->axes[axis], away);
+        double along = 0;
+        for (int k = 0; k < 3; k++) along += away[k] * (double)direction[k];
+        along /= exp((double)*sf_value(p, SF_FIELD_log_scale, i, axis));
         square += along * along;
     }
     return square < VEIL_REACH * VEIL_REACH;
 }
 
-/* Whether what there is of the Gaussian in a view's picture is nearer than anything may be. That is where it
- * is densest along the ray through the place in the picture that is nearest to its middle. */
-static int stands_before(const body *b, const stand *s, const double away[3]) {
-    const sf_camera *c = &s->camera;
-    double at[3], ray[3], cross = 0, square = 0, rest = 0;
-    int inside = look_at(c, b->mean, at);
-    if (!(at[2] > 0) || at[2] - VEIL_FLANK * b->longest > s->nearest) return 0;
-    if (inside) return at[2] < s->nearest;
-    at[0] = fmin(fmax(at[0], -c->cx / c->fx), (c->width - c->cx) / c->fx);
-    at[1] = fmin(fmax(at[1], -c->cy / c->fy), (c->height - c->cy) / c->fy);
-    for (int k = 0; k < 3; k++) ray[k] = c->R_cw[k] * at[0] + c->R_cw[3 + k] * at[1] + c->R_cw[6 + k];
-    double to[3], along[3];
-    for (int axis = 0; axis < 3; axis++) {
-        to[axis] = sf_dot3(b->axes[axis], away), along[axis] = sf_dot3(b->axes[axis], ray);
-        cross += to[axis] * along[axis], square += along[axis] * along[axis];
-    }
-    double depth = cross / square;
-    for (int axis = 0; axis < 3; axis++)
-        rest += (to[axis] - depth * along[axis]) * (to[axis] - depth * along[axis]);
-    return depth > 0 && depth < s->nearest && rest < VEIL_FLANK * VEIL_FLANK;
-}
-
 static int is_veil(const sf_fitter *f, size_t i, const stand *stands, size_t count) {
-    body b = body_of(&f->model->params, i);
+    const sf_params *p = &f->model->params;
+    double mean[3], longest = 0;
+    mean_of(p, i, mean);
+    for (int k = 0; k < 3; k++) longest = fmax(longest, exp((double)*sf_value(p, SF_FIELD_log_scale, i, k)));
     /* or would have to be nearer than is drawn */
-    int large = VEIL_REACH * b.longest > (double)f->near_plane;
+    int large = VEIL_REACH * longest > (double)f->near_plane;
     for (const stand *s = stands; s < stands + count; s++) {
-        double away[3];
-        for (int k = 0; k < 3; k++) away[k] = b.mean[k] - s->center[k];
-        if (large && encloses(&b, away)) return 1;
-        if (s->nearest > 0 && stands_before(&b, s, away)) return 1;
+        if (large && encloses(p, i, mean, longest, s->center)) return 1;
+        double depth = s->nearest > 0 ? depth_in(&s->camera, mean) : 0;
+        if (depth > 0 && depth < s->nearest) return 1;
     }
     return 0;
 }

@@ -22,8 +22,8 @@ enum {
     AS_GOOD = NO_MATTER * 3 / 4,        /* one that says nothing of two depths */
 };
 #define ASIDE 1.25 /* how much nearer or farther a point may be than those beside it */
-#define LEAST_AGREE                                                                                          \
-    0.3 /* of the points: of wrong ones a fifth to a quarter do, of right ones more than half */
+/* Of the points: of wrong ones a fifth to a quarter agree, of right ones more than half. */
+#define LEAST_AGREE 0.3
 
 /* The pixel that shows a point; 0 if none does, else the point's camera z. */
 static double pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) {
@@ -108,7 +108,11 @@ static int answer(const question *q, double depth, float xyz[3]) {
 /* All depths about a distance. */
 static void ask_about(question *q, double distance) { q->nearest = distance / 3, q->farthest = 3 * distance; }
 
-/* Draws others who see what is behind the pixel, at the middle of the depths that come into question, and
+static void ask_anybody(question *q, const sf_view *const *views, size_t n, sf_rng *rng) {
+    for (int k = 0; k < LOOKS; k++) q->others[k] = views[sf_rng_below(rng, n)];
+}
+
+/* Draws views that see what is behind the pixel, at the middle of the depths that come into question, and
  * can tell them apart; anybody where hardly one does. */
 static void ask_witnesses(question *q, const sf_view *const *views, size_t n, sf_rng *rng) {
     float middle[3];
@@ -116,8 +120,7 @@ static void ask_witnesses(question *q, const sf_view *const *views, size_t n, sf
     behind_pixel(&q->view->camera, q->xs[0], q->ys[0], sqrt(q->nearest * q->farthest), middle);
     for (int trial = 0, found = 0; found < LOOKS; trial++) {
         const sf_view *other = views[sf_rng_below(rng, n)];
-        int sees = other != q->view && pixel_of(&other->camera, middle, &x, &y) > 0;
-        if (sees || trial >= MOST_DRAWN) q->others[found++] = other;
+        if (trial >= MOST_DRAWN || pixel_of(&other->camera, middle, &x, &y) > 0) q->others[found++] = other;
     }
 }
 
@@ -233,12 +236,14 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
         double focus[3];
         for (size_t i = 0; i < n; i++) cameras[i] = &views[i]->camera;
         sf_focus_point(cameras, n, focus);
+        void (*ask_views)(question *, const sf_view *const *, size_t, sf_rng *) =
+            cloud->n ? ask_witnesses : ask_anybody; /* what depths there are is known beside points alone */
         size_t wanted = cloud->n + (size_t)((double)count * find_cover(&c, cloud, number)), x, y, i;
         for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
             question q = ask(views[i], x, y);
             ask_about(&q, sf_look_distance(cameras[i], focus, extent));
             ask_beside(&q, &c, i, x, y);
-            ask_witnesses(&q, views, n, rng);
+            ask_views(&q, views, n, rng);
             best_answer(&q, &c, rng, cloud->xyz + 3 * cloud->n);
             memcpy(cloud->rgb + 3 * cloud->n, q.colors[0], sizeof q.colors[0]);
         }

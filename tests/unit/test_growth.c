@@ -508,27 +508,23 @@ static void test_veils_go(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* What stands nearer to a training camera than 0.6 of where what it sees begins (here 3.8) is scored to go,
- * also where only its flank reaches into the picture; not what is beside the picture or behind the camera,
- * nor a flank that is far off where it comes into the picture, and nothing where the camera sees too little
- * to tell. */
+/* What stands nearer to a training camera than 0.6 of where what it sees begins (here 3.8) is scored to go;
+ * not what is beside the picture or behind the camera, and nothing where the camera sees too little to tell.
+ */
 static void test_what_stands_before_a_lens_goes(void **state) {
     (void)state;
-    enum { PLACES = 8, MOST = 800, FEW = 80 };
+    enum { PLACES = 5, MOST = 800, FEW = 80 };
     static const struct {
-        float mean[3], scale, along_x;
+        float mean[3];
         int goes;
-    } places[PLACES] = {{{-2, 0, 0}, 0.02f, 0.02f, 1},          {{-1.5f, 0, 0}, 0.02f, 0.02f, 0},
-                        {{-2.6f, 0.3f, 0.2f}, 0.02f, 0.02f, 1}, {{-3, 1.5f, 0}, 0.02f, 0.02f, 0},
-                        {{-5, 0, 0}, 0.02f, 0.02f, 0},          {{-3, 0, 0.9f}, 0.5f, 0.5f, 1},
-                        {{-3, 0, 0.9f}, 0.3f, 0.3f, 0},         {{-2.5f, 0, 1}, 0.15f, 3, 0}};
+    } places[PLACES] = {
+        {{-2, 0, 0}, 1}, {{-1.5f, 0, 0}, 0}, {{-2.6f, 0.3f, 0.2f}, 1}, {{-3, 1.5f, 0}, 0}, {{-5, 0, 0}, 0}};
     static ball balls[PLACES + MOST];
     sf_context *ctx = test_context();
     for (size_t i = 0; i < PLACES + MOST; i++) {
         balls[i] = (ball){{0, 0, 0}, 0.02f, 0.3f, 0.5f};
         for (size_t k = 0; k < 3; k++)
             balls[i].mean[k] = i < PLACES ? places[i].mean[k] : 0.2f * sinf((float)(7 * i + 31 * k * i));
-        if (i < PLACES) balls[i].scale = places[i].scale;
     }
     static const size_t crowds[] = {MOST, FEW};
     for (size_t pass = 0; pass < 2; pass++) {
@@ -537,8 +533,6 @@ static void test_what_stands_before_a_lens_goes(void **state) {
         options.max_gaussians = (uint32_t)(PLACES + crowd);
         sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
         sf_fitter *f = fitter_of(ctx, scene, balls, PLACES + crowd, &options);
-        for (size_t i = 0; i < PLACES; i++)
-            *sf_value(&f->model->params, SF_FIELD_log_scale, i, 0) = logf(places[i].along_x);
         assert_ok(ctx, sf_mark_veils(f));
         for (size_t i = 0; i < PLACES + crowd; i++)
             assert_int_equal(f->screen_sum[i] < 0, crowd == MOST && i < PLACES && places[i].goes);
