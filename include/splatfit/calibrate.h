@@ -84,7 +84,8 @@ typedef struct sf_pose {
     double R_cb[9]; /* row-major */
     double t_cb[3]; /* m */
     /* Of the left twist (rho, phi), p_c' = p_c + rho + phi x p_c: m and radians, row-major 6 x 6. From the
-     * corners' scatter about the pose, taken as 0.1 px at least. */
+     * corners' scatter about the pose, taken as 0.1 px at least, and what is left open of how far outwards
+     * edges are seen. */
     double covariance[36];
     double rms; /* px, of the distances of the corners that were used */
     /* A flat board seen small or from afar has two poses that explain it, mirrored about the line of sight:
@@ -95,8 +96,10 @@ typedef struct sf_pose {
 } sf_pose;
 
 /* The pose of a board in one picture, taken through a known lens, from at least 4 corners. Robust: corners
- * that do not fit are rejected. SF_ERR_ARGUMENT: the lens is not valid; SF_ERR_EMPTY: fewer than 4 corners,
- * or no pose explains them (all in a line). */
+ * that do not fit are rejected. That all edges of the tags are seen a little outwards or inwards of where
+ * they are is estimated with it (src/pose/README.md, P.6), which takes tags that stand apart, each with its
+ * four corners in a row. SF_ERR_ARGUMENT: the lens is not valid; SF_ERR_EMPTY: fewer than 4 corners, or no
+ * pose explains them (all in a line). */
 SF_API sf_status sf_board_pose(sf_context *context, const sf_lens *lens, const sf_board_corner *corners,
                                size_t count, sf_pose *pose);
 

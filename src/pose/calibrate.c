@@ -278,12 +278,10 @@ static void find_swelling(problem *p) {
  * squares. */
 static void fit(problem *p) {
     for (int round = 0; round < ROUNDS && count_views(p->s) >= LEAST_VIEWS; round++) {
+        int settled = round >= ROUNDS / 2;
+        if (settled) find_swelling(p);
         double spread = find_spread(p);
-        if (round >= ROUNDS / 2) {
-            find_swelling(p);
-            spread = find_spread(p);
-            reject(p, spread);
-        }
+        if (settled) reject(p, spread);
         p->scale = round == ROUNDS - 1 ? 0 : SF_CAUCHY * spread;
         minimize(p);
     }
