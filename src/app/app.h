@@ -68,7 +68,7 @@ int app_names_model(const char *path);
 char *app_folder(const char *path);
 
 /* From here on the first SIGINT, SIGTERM or SIGHUP calls `fn`, in its handler (NULL: nothing), and is told by
- * app_stopped_by, 0 before; the second one ends the program. */
+ * app_stopped_by, 0 before; another one ends the program, unless it comes within a second of the first. */
 void app_catch_signals(void (*fn)(void));
 int app_stopped_by(void);
 

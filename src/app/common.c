@@ -315,16 +315,39 @@ int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *jso
 
 static volatile sig_atomic_t stopped_by;
 static void (*when_stopped)(void);
+static struct timespec when_first; /* the first signal came; written and read in the handler alone */
+
+/* Seconds after the first signal in which another is taken for the same: timeout(1), say, signals the program
+ * and then its whole group. */
+static const double SAME_SIGNAL = 1;
 
 static void on_signal(int number) {
-    stopped_by = number;
-    if (when_stopped) when_stopped();
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    if (!stopped_by) {
+        stopped_by = number;
+        when_first = now;
+        if (when_stopped) when_stopped();
+    } else if ((double)(now.tv_sec - when_first.tv_sec) + 1e-9 * (double)(now.tv_nsec - when_first.tv_nsec) >
+               SAME_SIGNAL) {
+        signal(number, SIG_DFL);
+        raise(number);
+    }
+}
+
+/* The handler is not interrupted by another of these, so what it keeps needs no lock. */
+static struct sigaction caught_action(void) {
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
+    sigemptyset(&action.sa_mask);
+    sigaddset(&action.sa_mask, SIGINT);
+    sigaddset(&action.sa_mask, SIGTERM);
+    sigaddset(&action.sa_mask, SIGHUP);
+    return action;
 }
 
 void app_catch_signals(void (*fn)(void)) {
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    const struct sigaction action = caught_action();
     when_stopped = fn;
-    sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     struct sigaction before;
@@ -344,7 +367,7 @@ static int load(const args *a, sf_context *ctx, const char *path, const sf_load_
                 sf_scene **scene) {
     enum { CAUGHT = 3 };
     static const int caught[CAUGHT] = {SIGINT, SIGTERM, SIGHUP};
-    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)(SA_RESETHAND | SA_RESTART)};
+    const struct sigaction action = caught_action();
     struct sigaction before[CAUGHT];
     loads = ctx;
     when_stopped = cancel_loads;

@@ -30,9 +30,11 @@ char *sf_text_copy(sf_context *ctx, const char *text) {
 }
 
 char *sf_path_join(sf_context *ctx, const char *folder, const char *name) {
-    size_t size = strlen(folder) + strlen(name) + 2;
+    int stem = (int)strlen(folder); /* of a path, so it does not end with a slash more than it needs */
+    while (stem && folder[stem - 1] == '/') stem--;
+    size_t size = (size_t)stem + strlen(name) + 2;
     char *path = sf_alloc(ctx, size, 1);
-    if (path) snprintf(path, size, "%s/%s", folder, name);
+    if (path) snprintf(path, size, "%.*s/%s", stem, folder, name);
     return path;
 }
 

@@ -74,6 +74,7 @@ sf_status sf_split_names(sf_context *ctx, const sf_load_options *options, size_t
 
 /* Small helpers on paths; the text is sf_free'd by the caller, NULL if there is no memory. */
 char *sf_text_copy(sf_context *ctx, const char *text);
+/* With one slash between, whatever ends the folder. */
 char *sf_path_join(sf_context *ctx, const char *folder, const char *name);
 char *sf_path_folder(sf_context *ctx, const char *path);
 int sf_is_folder(const char *path);

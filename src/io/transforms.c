@@ -226,10 +226,10 @@ static sf_status choose_images(const reader *r, sf_entry *e) {
     static const char usual[] = "images/";
     const char *wanted = r->options->images;
     if (!wanted || strncmp(e->name, usual, sizeof usual - 1) != 0) return SF_OK;
-    size_t size = strlen(r->folder) + strlen(wanted) + strlen(e->name) + 2;
-    char *path = sf_alloc(r->ctx, size, 1);
+    char *images = sf_path_join(r->ctx, r->folder, wanted);
+    char *path = images ? sf_path_join(r->ctx, images, e->name + sizeof usual - 1) : NULL;
+    sf_free(r->ctx, images);
     if (!path) return SF_ERR_MEMORY;
-    snprintf(path, size, "%s/%s/%s", r->folder, wanted, e->name + sizeof usual - 1);
     sf_free(r->ctx, e->path);
     e->path = path;
     return SF_OK;

@@ -364,6 +364,9 @@ static void test_views_that_are_none(void **state) {
     write_project("none", &p);
     for (int i = 0; i < IMAGES; i++) test_write(work(picture_name("none", i)), "", 0);
     assert_refused(ARGS("fit", "none", "-o", "out/x.ply"), FAILED, "no training view", 1);
+    outcome slashes = run("fit", "none//", "-o", "out/x.ply");
+    test_assert_contains(slashes.err, "none/images/", __FILE__, __LINE__);
+    free_outcome(&slashes);
     for (int i = 0; i < IMAGES; i++) assert_int_equal(unlink(work(picture_name("none", i))), 0);
     assert_refused(ARGS("fit", "none", "-o", "out/x.ply"), FAILED, "no training view", 1);
     assert_refused(ARGS("eval", "good.ply", "none"), FAILED, "no training view", 1);
@@ -1077,6 +1080,8 @@ static void check_signal(int number_of_signal) {
                               NULL);
     wait_for_text(pid, "step ");
     assert_int_equal(kill(pid, number_of_signal), 0);
+    test_pause_ms(1);
+    assert_int_equal(kill(pid, number_of_signal), 0); /* as timeout(1) does */
     outcome o = wait_for(pid);
     assert_int_equal(o.signal, 0);
     assert_int_equal(o.code, 128 + number_of_signal);
@@ -1100,6 +1105,25 @@ static void test_interrupted(void **state) {
 static void test_terminated(void **state) {
     (void)state;
     check_signal(SIGTERM);
+}
+
+/* A model that nobody reads holds the program up; who asks a second time, a second later, is rid of it. */
+static void test_interrupted_twice(void **state) {
+    (void)state;
+    clear_out();
+    assert_int_equal(mkfifo(work("out/pipe"), 0600), 0);
+    pid_t pid = start_program(ARGS("fit", SCENE, "-o", "out/pipe", "--steps", "100000000", SMALL,
+                                   "--progress", "plain", "--cameras", "none"),
+                              NULL);
+    wait_for_text(pid, "step ");
+    assert_int_equal(kill(pid, SIGINT), 0);
+    test_pause_ms(1200);
+    int status;
+    assert_int_equal(waitpid(pid, &status, WNOHANG), 0);
+    assert_int_equal(kill(pid, SIGINT), 0);
+    outcome o = wait_for(pid);
+    assert_int_equal(o.signal, SIGINT);
+    free_outcome(&o);
 }
 
 /* No room for the new model: the old one stays, and nothing beside it. */
@@ -1253,6 +1277,7 @@ int main(void) {
         cmocka_unit_test(test_memory),
         cmocka_unit_test(test_interrupted),
         cmocka_unit_test(test_terminated),
+        cmocka_unit_test(test_interrupted_twice),
         cmocka_unit_test(test_file_too_large),
         cmocka_unit_test(test_convert),
         cmocka_unit_test(test_formats),
