@@ -264,11 +264,12 @@ $(O)/%.o: %.cc $(O)/flags | have-deps
 	$(Q)$(CXX) $(ALL_CXXFLAGS) -MMD -MP -c -o $@ $<
 
 # With sanitizers clang takes a minute for the projection of one level where it optimises it.
+KERNELS_O := $(if $(SAN)$(filter 1,$(COVERAGE)),1,3)
 define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) $$(if $$(SAN),-O$$(if $$(filter %/project.c,$$<),0,1),-O$$(if $$(filter 1,$$(COVERAGE)),1,3)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
+	$(Q)$(CC) $(ALL_CFLAGS) -O$$(if $$(and $$(SAN),$$(filter %/project.c,$$<)),0,$(KERNELS_O)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 
@@ -277,7 +278,7 @@ define variant_rule
 $(O)/arch/vector/blend.$(2).$(1).o: arch/vector/blend.c $(O)/flags | have-deps
 	$(say) CC '$$< ($(1), $(2))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $$(filter-out $$(SANITIZE),$$(ALL_CFLAGS)) -O3 $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) $(FLAGS_$(2)) \
+	$(Q)$(CC) $$(filter-out $$(SANITIZE),$$(ALL_CFLAGS)) -O$$(if $$(SAN),1,$(KERNELS_O)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) $(FLAGS_$(2)) \
 	    -DSF_BLEND_VARIANT=$(2) -Wno-missing-prototypes -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS),$(foreach v,$(VARIANTS),$(eval $(call variant_rule,$(l),$(v)))))

@@ -66,7 +66,7 @@ join() { # NAME
 }
 
 # All tests as clang builds them run with sanitizers; without, it only has to compile the library and the program.
-by_clang() { step clang "${make[@]}" CC=clang; }
+by_clang() { step clang "${make[@]}" CC=clang CFLAGS=-O0 KERNELS_O=0; }
 # Refused blocks, and the moments of one fit after another, have nothing of threads.
 by_threads() {
     step thread "${quick[@]}" TIMEOUT=900 SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test
