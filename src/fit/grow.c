@@ -228,9 +228,15 @@ static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     return status;
 }
 
+static sf_status clear_veils(sf_fitter *f) {
+    sf_status status = sf_mark_veils(f);
+    return status ? status : prune(f, NULL);
+}
+
 static sf_status charge(sf_fitter *f, double fraction) {
-    uint8_t *degrees = sf_alloc(f->ctx, f->model->count, 1);
-    sf_status status = degrees ? charge_with(f, fraction, degrees) : SF_ERR_MEMORY;
+    int glanced = sf_nothing_to_weigh(f, fraction);
+    uint8_t *degrees = glanced ? NULL : sf_alloc(f->ctx, f->model->count, 1);
+    sf_status status = glanced ? clear_veils(f) : degrees ? charge_with(f, fraction, degrees) : SF_ERR_MEMORY;
     sf_free(f->ctx, degrees);
     if (status != SF_ERR_MEMORY) return status;
     sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");

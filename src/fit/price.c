@@ -18,10 +18,13 @@
 #define BAND_PRICE 5
 /* So many times their square is hardly seen. */
 #define HARDLY_SEEN 4
-/* What goes at once may raise the squared error by this part; when few steps are left, to make up for it, or
- * where it is more than half of all, by the other. */
-#define RISE      0.5
-#define LATE_RISE 0.002
+/* What goes at once may raise the squared error by this part where that is seen, and where it is hardly seen;
+ * when few steps are left, to make up for it, or where it is more than half of all, by the last. Where it is
+ * too much, the part of those tried that is tried next. */
+#define RISE        0.05
+#define UNSEEN_RISE 0.5
+#define LATE_RISE   0.002
+#define NEXT_PART   0.75
 /* Growth that has taken away less than this part of the squared error, so many times one after another, ends.
  */
 #define GROWTH_GAIN 0.02
@@ -51,8 +54,11 @@ static double charge_until(const sf_fitter *f) {
     return f->settle_from + CHARGE_UNTIL * (sf_end_of_run(f) - f->settle_from);
 }
 
+/* Where what goes is not made up for any more, only the last time. */
 static int taking_out(const sf_fitter *f, double fraction) {
-    return f->step % f->options.grow_every == 0 && fraction >= fmin(CHARGE_FROM, f->settle_from);
+    double every = (double)f->options.grow_every / fmax((double)f->options.plan_steps, 1);
+    if (f->step % f->options.grow_every || fraction < fmin(CHARGE_FROM, f->settle_from)) return 0;
+    return fraction <= charge_until(f) || fraction + every > sf_end_of_run(f);
 }
 
 /* Whether pairs may be put on trial: nothing grows any more, and there is time for the verdict. */
@@ -157,7 +163,7 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, sf_errors *erro
 static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
     sf_errors before, after;
     double unseen = NOTHING * NOTHING * w->errors.values;
-    double rise = fraction <= charge_until(f) ? RISE : LATE_RISE;
+    double rise = fraction > charge_until(f) ? LATE_RISE : hardly_seen(&w->errors) ? UNSEEN_RISE : RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0, half = w->count / 2;
     if (!list) return SF_ERR_MEMORY;
@@ -170,7 +176,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
         status = try_without(f, list, n, &after);
         if (after.squares - before.squares <= (n > half ? LATE_RISE : rise) * (before.squares + unseen))
             break;
-        n = n > half ? half : n / 2;
+        n = n > half ? half : (size_t)(NEXT_PART * (double)n);
     }
     for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);
@@ -185,8 +191,9 @@ static void leave_visible_alone(sf_worth *w) {
         if ((double)w->share[i] > most * (double)w->mass[i] || !sf_was_weighed(w, i)) w->effect[i] = INFINITY;
 }
 
-/* The degree at which what the bands above it make and the price of those up to it are the least; bands are
- * paid by the float. */
+/* The degree at which what the bands above it make and the price of those up to it are the least, or the one
+ * below its own: what is left of the bands can make up for some of those that went. Bands are paid by the
+ * float. */
 static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
@@ -197,8 +204,16 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
             if (degree) floats += sf_field_components(SF_FIELD_sh0 + degree);
             if (without + price * floats < least) least = without + price * floats, best = degree;
         }
-        degrees[i] = (uint8_t)best;
+        if (best < degrees[i]) degrees[i]--;
     }
+}
+
+int sf_nothing_to_weigh(sf_fitter *f, double fraction) {
+    sf_errors errors;
+    if (taking_out(f, fraction) || f->trials.count) return 0;
+    if (sf_look_for_errors(f, 0, LOOKED, &errors) || hardly_seen(&errors)) return 0;
+    f->trials.in_vain++;
+    return 1;
 }
 
 sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {

@@ -19,9 +19,13 @@ sf_status sf_consider_growth(sf_fitter *fitter, double fraction);
  * run, or, when nothing grows any more, with pairs on trial (trial.h). */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 
-/* Marks in screen_sum what is worth less than its price, as worth has it, and veils, and lowers
- * degrees[i] <= its own to the SH degree that Gaussian i pays for. Then those marked and those bands can go,
- * and sf_try_pairs follow: the effects of those that it must leave alone are INFINITY. SF_ERR_MEMORY: what is
+/* Whether it was due for pairs alone, and a glance shows that none is worth a trial, which this keeps count
+ * of: then no more than veils goes. */
+int sf_nothing_to_weigh(sf_fitter *fitter, double fraction);
+
+/* Marks in screen_sum what is worth less than its price, as worth has it, and veils, and lowers degrees[i],
+ * its own, by one where Gaussian i does not pay for that. Then those marked and those bands can go, and
+ * sf_try_pairs follow: the effects of those that it must leave alone are INFINITY. SF_ERR_MEMORY: what is
  * marked is marked rightly. */
 sf_status sf_charge(sf_fitter *fitter, double fraction, sf_worth *worth, uint8_t *degrees);
 

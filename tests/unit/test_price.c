@@ -461,7 +461,35 @@ static void test_trial_goes_on(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* Bands that change no picture are not paid for; those that the pictures show are. */
+/* While steps to come make up for what goes, and once at the end. */
+static void test_charges_end_early(void **state) {
+    (void)state;
+    enum { STEPS = 3000 };
+    sf_context *ctx = test_context();
+    sf_model *model = model_of(ctx, three, 3, 0);
+    sf_scene *scene = scene_of(ctx, model);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    int due = 0, last = 0, at_end = 0;
+    f->options.steps = f->options.plan_steps = STEPS;
+    f->options.merge = 0;
+    for (f->step = 1; f->step <= STEPS; f->step++) {
+        double fraction = (double)(f->step - 1) / STEPS;
+        if (!sf_charging_due(f, fraction)) continue;
+        assert_true(f->step % f->options.grow_every == 0 && fraction > 0.55);
+        due++;
+        if (f->step < STEPS) last = (int)f->step;
+        at_end = f->step == STEPS;
+    }
+    assert_true(at_end && due > 3);
+    assert_true(last > 0.7 * STEPS && last < 0.85 * STEPS);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* Bands that change no picture are not paid for, and go one with each charge; those that the pictures show
+ * stay. */
 static void test_degrees_are_paid_for(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -471,14 +499,15 @@ static void test_degrees_are_paid_for(void **state) {
     *sf_value(p, SF_FIELD_sh2, 2, 0) = 1e-6f;
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, truth);
+    static const uint8_t left[][3] = {{2, 2, 1}, {1, 1, 0}, {0, 1, 0}, {0, 1, 0}};
     uint8_t degrees[3] = {3, 3, 2};
-    sf_worth w;
-    assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
-    assert_true(w.bands[1][0] > 0 && w.bands[1][1] == 0 && w.bands[0][0] == 0 && w.bands[2][1] > 0);
-    assert_int_equal(degrees[0], 0);
-    assert_int_equal(degrees[1], 1);
-    assert_int_equal(degrees[2], 0);
-    sf_worth_free(ctx, &w);
+    for (size_t k = 0; k < sizeof left / sizeof *left; k++) {
+        sf_worth w;
+        assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
+        assert_true(w.bands[1][0] > 0 && w.bands[1][1] == 0 && w.bands[0][0] == 0 && w.bands[2][1] > 0);
+        assert_memory_equal(degrees, left[k], sizeof degrees);
+        sf_worth_free(ctx, &w);
+    }
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&truth);
@@ -496,6 +525,7 @@ int main(void) {
         cmocka_unit_test(test_trial_without_its_views),
         cmocka_unit_test(test_errs_together),
         cmocka_unit_test(test_tone_is_no_error),
+        cmocka_unit_test(test_charges_end_early),
         cmocka_unit_test(test_degrees_are_paid_for),
         cmocka_unit_test(test_trial_goes_on),
         cmocka_unit_test(test_a_fit_pays),
