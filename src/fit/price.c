@@ -54,11 +54,13 @@ static double charge_until(const sf_fitter *f) {
     return f->settle_from + CHARGE_UNTIL * (sf_end_of_run(f) - f->settle_from);
 }
 
-/* Where what goes is not made up for any more, only the last time. */
+/* Where what goes is not made up for any more, only once: before the last steps, which do what they can, and
+ * early enough for a run that time ends to end in time. */
 static int taking_out(const sf_fitter *f, double fraction) {
     double every = (double)f->options.grow_every / fmax((double)f->options.plan_steps, 1);
     if (f->step % f->options.grow_every || fraction < fmin(CHARGE_FROM, f->settle_from)) return 0;
-    return fraction <= charge_until(f) || fraction + every > sf_end_of_run(f);
+    double left = (sf_end_of_run(f) - fraction) / every; /* in such intervals */
+    return fraction <= charge_until(f) || (left >= 1 && left < 2);
 }
 
 /* Whether pairs may be put on trial: nothing grows any more, and there is time for the verdict. */
