@@ -1072,13 +1072,19 @@ static void test_memory(void **state) {
 
 /* Signals and full disks. */
 
+/* A fit that is under way. */
+static pid_t start_endless(const char *model) {
+    pid_t pid = start_program(ARGS("fit", SCENE, "-o", model, "--steps", "100000000", SMALL, "--progress",
+                                   "plain", "--log", "out/log.json"),
+                              NULL);
+    wait_for_text(pid, "step ");
+    return pid;
+}
+
 /* The model so far is written, whole, and the exit code tells which signal it was. */
 static void check_signal(int number_of_signal) {
     clear_out();
-    pid_t pid = start_program(ARGS("fit", SCENE, "-o", "out/m.ply", "--steps", "100000000", SMALL,
-                                   "--progress", "plain", "--log", "out/log.json"),
-                              NULL);
-    wait_for_text(pid, "step ");
+    pid_t pid = start_endless("out/m.ply");
     assert_int_equal(kill(pid, number_of_signal), 0);
     test_pause_ms(1);
     assert_int_equal(kill(pid, number_of_signal), 0); /* as timeout(1) does */
@@ -1112,10 +1118,7 @@ static void test_interrupted_twice(void **state) {
     (void)state;
     clear_out();
     assert_int_equal(mkfifo(work("out/pipe"), 0600), 0);
-    pid_t pid = start_program(ARGS("fit", SCENE, "-o", "out/pipe", "--steps", "100000000", SMALL,
-                                   "--progress", "plain", "--cameras", "none"),
-                              NULL);
-    wait_for_text(pid, "step ");
+    pid_t pid = start_endless("out/pipe");
     assert_int_equal(kill(pid, SIGINT), 0);
     test_pause_ms(1200);
     int status;
