@@ -263,7 +263,8 @@ $(O)/%.o: %.cc $(O)/flags | have-deps
 	@mkdir -p $(@D)
 	$(Q)$(CXX) $(ALL_CXXFLAGS) -MMD -MP -c -o $@ $<
 
-# With sanitizers clang takes a minute for the projection of one level where it optimises it.
+# Given another KERNELS_O alone, nothing is built anew. With sanitizers clang takes a minute for the projection of one level
+# where it optimises it.
 KERNELS_O := $(if $(SAN)$(filter 1,$(COVERAGE)),1,3)
 define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps

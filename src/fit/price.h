@@ -15,8 +15,8 @@ int sf_is_priced(const sf_fitter *fitter);
  * growth ends (grown_out); and how much of it pays here (growth_pays). SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_consider_growth(sf_fitter *fitter, double fraction);
 
-/* Whether this step ends with charging: with those that are not worth their price, to the end of the
- * run, or, when nothing grows any more, with pairs on trial (trial.h). */
+/* Whether this step ends with charging: with those that are not worth their price, while what goes is made up
+ * for and once before the end, or, when nothing grows any more, with pairs on trial (trial.h). */
 int sf_charging_due(const sf_fitter *fitter, double fraction);
 
 /* Whether it was due for pairs alone, and a glance shows that none is worth a trial, which this keeps count

@@ -30,7 +30,7 @@ char *sf_text_copy(sf_context *ctx, const char *text) {
 }
 
 char *sf_path_join(sf_context *ctx, const char *folder, const char *name) {
-    int stem = (int)strlen(folder); /* of a path, so it does not end with a slash more than it needs */
+    int stem = (int)strlen(folder);
     while (stem && folder[stem - 1] == '/') stem--;
     size_t size = (size_t)stem + strlen(name) + 2;
     char *path = sf_alloc(ctx, size, 1);

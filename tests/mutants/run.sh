@@ -28,7 +28,7 @@ programs() { # FOLDER
 build() { # FOLDER JOBS
     # Names of programs are words.
     # shellcheck disable=SC2046
-    "${MAKE:-make}" --no-print-directory "-j$2" -C "$1" TOOLCHAIN=native SAN= ${CC:+CC="$CC"} CFLAGS="-g0 -O1" KERNELS_O=1 WERROR= \
+    "${MAKE:-make}" --no-print-directory "-j$2" -C "$1" TOOLCHAIN=native SAN= ${CC:+CC="$CC"} CFLAGS="-g0 -O1" WERROR= \
         O=build/native $(programs "$1") >"$1/build.log" 2>&1
 }
 
