@@ -7,6 +7,7 @@
 #include "../base/linear.h"
 #include "../fit/refine.h"
 #include "../scene/neighbours.h"
+#include "carry.h"
 #include "live.h"
 
 enum {
@@ -141,11 +142,16 @@ static sf_status add_view(sf_live *live, sf_split split, uint32_t *id) {
     return sf_scene_add_view(live->scene, NULL, &live->frame.camera, &given, split, id);
 }
 
+sf_camera sf_live_camera_at(const sf_live *live, const sf_rigid *pose) {
+    sf_camera camera = live->frame.camera;
+    memcpy(camera.R_cw, pose->R, sizeof pose->R), memcpy(camera.t_cw, pose->t, sizeof pose->t);
+    return camera;
+}
+
 /* A keyframe's pose as it is known by now. */
 static sf_status correct(sf_live *live, sf_keyframe *k, const sf_rigid *pose) {
-    sf_camera camera;
+    sf_camera camera = sf_live_camera_at(live, pose);
     k->pose = *pose;
-    memcpy(camera.R_cw, pose->R, sizeof pose->R), memcpy(camera.t_cw, pose->t, sizeof pose->t);
     sf_camera_center(&camera, k->center);
     if (live->fitter && sf_view_state_of(&live->fitter->views, k->id)) /* else it comes with the view */
         (void)sf_fitter_set_pose(live->fitter, k->id, pose->R, pose->t);
@@ -159,20 +165,38 @@ static int has_moved(const sf_live *live, const sf_rigid *from, const sf_rigid *
            sqrt(sf_dot3(twist, twist)) > MOVED * live->distance;
 }
 
-/* The newest keyframe joins the landmarks; all poses that are known better by now follow. */
+/* All poses that are known better by now follow. corrections[count]: of the keyframes but the newest, which
+ * nothing was fitted to yet. */
+static sf_status correct_all(sf_live *live, uint32_t newest, sf_correction *corrections, size_t *count) {
+    sf_status status = SF_OK;
+    *count = 0;
+    for (size_t i = 0; !status && i < live->keyframe_count; i++) {
+        sf_keyframe *k = &live->keyframes[i];
+        sf_correction *c = &corrections[*count];
+        sf_rigid pose;
+        c->camera = sf_live_camera_at(live, &k->pose);
+        if (sf_landmarks_pose(live->landmarks, k->id, &pose) && has_moved(live, &k->pose, &pose)) {
+            if (k->id == newest) sf_live_correct_pose(live, &k->pose, &pose);
+            status = correct(live, k, &pose);
+        }
+        c->to = k->pose;
+        *count += k->id != newest;
+    }
+    return status;
+}
+
+/* The newest keyframe joins the landmarks; poses, and the model with them, go where it moves them. */
 static sf_status adjust(sf_live *live, uint32_t id) {
     const sf_track_prior *known = live->fix.from ? &live->fix.prior : NULL;
     sf_status status =
         sf_landmarks_keep(live->landmarks, id, &live->pose, known, live->distance, live->picture->weight);
     if (!status) status = sf_landmarks_adjust(live->landmarks, ADJUSTED);
-    for (size_t i = 0; !status && i < live->keyframe_count; i++) {
-        sf_keyframe *k = &live->keyframes[i];
-        sf_rigid pose;
-        if (sf_landmarks_pose(live->landmarks, k->id, &pose) && has_moved(live, &k->pose, &pose)) {
-            if (k->id == id) sf_live_correct_pose(live, &k->pose, &pose);
-            status = correct(live, k, &pose);
-        }
-    }
+    sf_correction *corrections = sf_alloc(live->ctx, live->keyframe_count, sizeof *corrections);
+    size_t count;
+    if (!status && !corrections) status = SF_ERR_MEMORY;
+    if (!status) status = correct_all(live, id, corrections, &count);
+    if (!status && live->fitter) sf_carry(live->ctx->pool, live->fitter->model, corrections, count);
+    sf_free(live->ctx, corrections);
     return status;
 }
 

@@ -114,6 +114,8 @@ void sf_live_correct_pose(sf_live *live, const sf_rigid *from, const sf_rigid *t
 /* keyframes.c */
 /* Takes the frame as a keyframe where one is wanted and it is good enough. *taken: whether. */
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken);
+/* The camera of the frames, at a pose. */
+sf_camera sf_live_camera_at(const sf_live *live, const sf_rigid *pose);
 /* Of a picture, relative to its own contrast: brightness does not matter. */
 double sf_live_sharpness(const sf_picture *picture);
 /* The keyframe that looks most like the picture of this thumbnail, of those after `rank` better ones. NULL.
@@ -137,6 +139,8 @@ void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double b
 sf_status sf_live_ask_for_points(sf_live *live);
 /* Takes in what a search found, of it what the model lacks. */
 sf_status sf_live_take_points(sf_live *live);
+/* The radius of a new Gaussian at a point, made less where it would be large in a keyframe. */
+float sf_live_limit_radius(const sf_live *live, const float xyz[3], float radius);
 
 void sf_tick(sf_ticker *ticker, double now);
 double sf_tick_rate(const sf_ticker *ticker, double now);

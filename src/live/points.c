@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../base/linear.h"
 #include "../scene/neighbours.h"
 #include "live.h"
 
@@ -12,6 +13,7 @@ enum {
     CROWDED = 12 /* Gaussians in 3 x 3 cells, at a point's depth: no others are needed there */
 };
 
+#define LARGE 8.0     /* px: no new Gaussian has a greater radius in a keyframe */
 #define OPEN  0.4f    /* transmittance of where nothing is */
 #define WRONG 0.06    /* grey */
 #define FAINT (-3.0f) /* log2 of the opacity of what is not counted */
@@ -141,8 +143,26 @@ static void expose_back(uint8_t *rgb, const double gain[3], const double bias[3]
     }
 }
 
+/* A keyframe that was taken from near shows in detail what is around the point, and the model has it: a few
+ * Gaussians as wide as points are apart in a picture from far away hid so much of it that it fell by 2 to
+ * 3 dB until they were fitted. */
+float sf_live_limit_radius(const sf_live *live, const float xyz[3], float radius) {
+    const double p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
+    const sf_camera *c = &live->frame.camera;
+    double least = (double)radius, near_plane = (double)live->fitter->near_plane;
+    for (size_t i = 0; i < live->keyframe_count; i++) {
+        double q[3];
+        sf_rigid_apply(&live->keyframes[i].pose, p, q);
+        double most = LARGE * q[2] / c->fx, reach = 3 * least * c->fx / q[2];
+        if (q[2] < near_plane || least <= most) continue;
+        double u = c->fx * q[0] / q[2] + c->cx, v = c->fy * q[1] / q[2] + c->cy;
+        if (u > -reach && v > -reach && u < c->width + reach && v < c->height + reach) least = most;
+    }
+    return (float)least;
+}
+
 /* Those that the model lacks stay, in the scene's own colours. */
-static void keep_missing(const sight *s, sf_seeds *seeds) {
+static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
     size_t n = 0;
     sf_cloud *cloud = &seeds->cloud;
     for (size_t i = 0; i < cloud->n; i++) {
@@ -152,7 +172,8 @@ static void keep_missing(const sight *s, sf_seeds *seeds) {
         memmove(cloud->rgb + 3 * n, cloud->rgb + 3 * i, 3);
         expose_back(cloud->rgb + 3 * n, s->gain[from], s->bias[from]);
         cloud->view[n] = from;
-        seeds->radius[n++] = seeds->radius[i];
+        seeds->radius[n] = sf_live_limit_radius(live, cloud->xyz + 3 * n, seeds->radius[i]);
+        n++;
     }
     cloud->n = n;
 }
@@ -166,7 +187,7 @@ static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *vi
     sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s.camera);
     if (!status) status = sf_forward(ws, sf_fitter_shown(live->fitter), &s.camera, &options, 0);
     if (!status) status = gather(live->ctx, ws, &s.crowd);
-    if (!status) keep_missing(&s, seeds);
+    if (!status) keep_missing(live, &s, seeds);
     sf_free(live->ctx, s.crowd.first);
     sf_free(live->ctx, s.crowd.next);
     return status;

@@ -321,6 +321,31 @@ static void refuses_options_by_name(void **state) {
     close_run(&r);
 }
 
+/* A new Gaussian is no larger in a keyframe than 8 px, whether its middle is in the picture or beside it. */
+static void new_gaussians_are_not_large_in_keyframes(void **state) {
+    (void)state;
+    sf_fitter fitter = {.near_plane = 0.1f};
+    sf_keyframe keyframes[2] = {{.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 1}}},
+                                {.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 8}}}};
+    sf_live live = {.fitter = &fitter, .keyframes = keyframes, .keyframe_count = 2};
+    live.frame.camera = (sf_camera){.width = 64, .height = 48, .fx = 64, .fy = 64, .cx = 32, .cy = 24};
+    const struct {
+        float xyz[3], radius, limited;
+    } cases[] = {
+        {{0, 0, 0}, 0.1f, 0.1f},      /* 6.4 px of the near one */
+        {{0, 0, 0}, 0.5f, 0.125f},    /* 32 px */
+        {{0.6f, 0, 0}, 0.3f, 0.125f}, /* beside its picture, and yet in it */
+        {{3, 0, 0}, 0.3f, 0.3f},      /* too far beside it; 2.4 px of the other */
+        {{3, 0, 0}, 3, 0.125f},       /* so large that it is not */
+        {{0, 0, -0.95f}, 0.3f, 0.3f}, /* nearer than the near plane */
+        {{0, 0, -2}, 1, 0.75f},       /* behind it, before the other */
+        {{0, 0, -20}, 1, 1},          /* behind both */
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_true(fabsf(sf_live_limit_radius(&live, cases[i].xyz, cases[i].radius) - cases[i].limited) <
+                    1e-6f);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(fits_what_passes_by),
@@ -333,6 +358,7 @@ int main(void) {
         cmocka_unit_test(exposure_is_locked),
         cmocka_unit_test(exposures_begin_where_they_are),
         cmocka_unit_test(fits_between_slow_looks),
+        cmocka_unit_test(new_gaussians_are_not_large_in_keyframes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,24 @@
+/* carry.h - Gaussians that go with the keyframes whose poses are corrected. */
+#ifndef SF_LIVE_CARRY_H
+#define SF_LIVE_CARRY_H
+
+#include <splatfit/camera.h>
+
+#include "../base/pool.h"
+#include "../pose/view.h"
+#include "../scene/gaussians.h"
+
+/* A camera at the pose that it was thought to have, and the pose that it has. */
+typedef struct sf_correction {
+    sf_camera camera;
+    sf_rigid to;
+} sf_correction;
+
+/* What a model shows was fitted to pictures at the old poses; left in place, it is off by as much as they
+ * were until the fit has moved it after them. Here each mean goes where it keeps its place in the pictures
+ * that show it and its depth there: x + sum_k w_k (R'_k^T (R_k x + t_k - t'_k) - x) / sum_k w_k, over the
+ * cameras k that see x, with w_k = 1 / depth^2, as a pixel there is that much larger in the world. What none
+ * sees stays. */
+void sf_carry(struct sf_pool *pool, sf_model *model, const sf_correction *corrections, size_t count);
+
+#endif
