@@ -4,7 +4,6 @@
 
 #include <splatfit/camera.h>
 
-#include "../base/pool.h"
 #include "../pose/view.h"
 #include "../scene/gaussians.h"
 
@@ -18,7 +17,7 @@ typedef struct sf_correction {
  * were until the fit has moved it after them. Here each mean goes where it keeps its place in the pictures
  * that show it and its depth there: x + sum_k w_k (R'_k^T (R_k x + t_k - t'_k) - x) / sum_k w_k, over the
  * cameras k that see x, with w_k = 1 / depth^2, as a pixel there is that much larger in the world. What none
- * sees stays. */
-void sf_carry(struct sf_pool *pool, sf_model *model, const sf_correction *corrections, size_t count);
+ * sees stays. SF_ERR_MEMORY: all stay. */
+sf_status sf_carry(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count);
 
 #endif

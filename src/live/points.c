@@ -2,22 +2,23 @@
 #include <math.h>
 #include <string.h>
 
-#include "../base/linear.h"
 #include "../scene/neighbours.h"
 #include "live.h"
 
 enum {
     POINTS = 3000, /* a search, at most */
     NEIGHBOURS = 5,
+    EVERY = 4,   /* px: where it is looked whether a search is worth while */
     CELL = 8,    /* px */
     CROWDED = 12 /* Gaussians in 3 x 3 cells, at a point's depth: no others are needed there */
 };
 
-#define LARGE 8.0     /* px: no new Gaussian has a greater radius in a keyframe */
-#define OPEN  0.4f    /* transmittance of where nothing is */
-#define WRONG 0.06    /* grey */
-#define FAINT (-3.0f) /* log2 of the opacity of what is not counted */
-#define DEPTH 0.08f   /* of a depth: what lies within is at it */
+#define LACKING 0.12    /* of a picture, for a search: below, some 50 of its 3,000 points are taken */
+#define LARGE   8.0     /* px: no new Gaussian has a greater radius in a keyframe */
+#define OPEN    0.4f    /* transmittance of where nothing is */
+#define WRONG   0.06    /* grey */
+#define FAINT   (-3.0f) /* log2 of the opacity of what is not counted */
+#define DEPTH   0.08f   /* of a depth: what lies within is at it */
 
 /* Gaussians by the cell that their middle is drawn in, as lists of indices; NOBODY ends one. */
 #define NOBODY UINT32_MAX
@@ -58,22 +59,6 @@ static size_t seed_views(sf_live *live, const sf_keyframe *keyframe, sf_view *vi
     return n;
 }
 
-sf_status sf_live_ask_for_points(sf_live *live) {
-    sf_view *views[SF_SEED_VIEWS];
-    sf_keyframe *keyframe = live->fitter && sf_seeder_idle(live->seeder) ? unsearched(live) : NULL;
-    if (!keyframe) return SF_OK;
-    size_t n = seed_views(live, keyframe, views);
-    keyframe->searched = 1;
-    if (n > 1) {
-        sf_sweep_options options = {
-            .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
-        sf_seeder_search(live->seeder, views, n, &options);
-        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
-    }
-    for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
-    return SF_OK;
-}
-
 /* Those of the drawing that are more than faint. */
 static sf_status gather(sf_context *ctx, const sf_workspace *ws, crowd *c) {
     size_t width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
@@ -92,9 +77,9 @@ static sf_status gather(sf_context *ctx, const sf_workspace *ws, crowd *c) {
     return SF_OK;
 }
 
-/* Whether there are Gaussians enough about a point that falls on (u, v) at depth z. */
-static int is_crowded(const crowd *c, double u, double v, float z) {
-    size_t column = (size_t)u / CELL, row = (size_t)v / CELL;
+/* Whether there are Gaussians enough about a point that falls on a pixel at depth z. */
+static int is_crowded(const crowd *c, size_t px, size_t py, float z) {
+    size_t column = px / CELL, row = py / CELL;
     int n = 0;
     for (size_t y = row ? row - 1 : 0; y <= row + 1 && y < c->down; y++)
         for (size_t x = column ? column - 1 : 0; x <= column + 1 && x < c->across; x++)
@@ -124,15 +109,19 @@ static double error_at(const sight *s, size_t x, size_t y) {
     return sum / 3;
 }
 
-/* Whether the model lacks what was found at a point: nothing is there, or it errs and has few Gaussians.
+/* Whether the model lacks what a pixel shows at a depth: nothing is there, or it errs and has few Gaussians.
  * Where it is crowded growth has enough to go on from. */
-static int is_missing(const sight *s, const float *xyz) {
+static int lacks(const sight *s, size_t x, size_t y, float depth) {
     const sf_workspace *ws = s->crowd.ws;
-    double u, v, z, p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
-    if (!sf_camera_sees(&s->camera, p, &u, &v, &z) || is_crowded(&s->crowd, u, v, (float)z)) return 0;
-    size_t x = (size_t)u, y = (size_t)v;
     if (s->view->weight && !s->view->weight[y * (size_t)s->camera.width + x]) return 0; /* masked */
-    return ws->transmittance[y * ws->stride + x] > OPEN || error_at(s, x, y) > WRONG;
+    if (ws->transmittance[y * ws->stride + x] <= OPEN && error_at(s, x, y) <= WRONG) return 0;
+    return !is_crowded(&s->crowd, x, y, depth);
+}
+
+/* Whether it lacks what was found at a point. */
+static int is_missing(const sight *s, const float *xyz) {
+    double u, v, z, p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
+    return sf_camera_sees(&s->camera, p, &u, &v, &z) && lacks(s, (size_t)u, (size_t)v, (float)z);
 }
 
 /* A point's colour as it would be without the exposure of the picture that it is from. */
@@ -178,18 +167,70 @@ static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
     cloud->n = n;
 }
 
-static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *view) {
-    sight s = {.view = view};
+/* Draws the model as a keyframe shows it; `sight` is the caller's to free even so. */
+static sf_status look_through(sf_live *live, const sf_view *view, sight *s) {
     sf_render_options options;
     sf_workspace *ws = &live->fitter->workspace;
+    s->view = view;
     sf_fitter_render_options(live->fitter, &options);
+    sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s->camera);
+    if (!status) status = sf_forward(ws, sf_fitter_shown(live->fitter), &s->camera, &options, 1);
+    return status ? status : gather(live->ctx, ws, &s->crowd);
+}
+
+static void free_sight(sf_live *live, sight *s) {
+    sf_free(live->ctx, s->crowd.first);
+    sf_free(live->ctx, s->crowd.next);
+}
+
+/* The part of a keyframe's picture in which the model lacks something. */
+static double lacking_part(const sight *s) {
+    const sf_workspace *ws = s->crowd.ws;
+    size_t lacking = 0, all = 0;
+    for (size_t y = EVERY / 2; y < (size_t)s->camera.height; y += EVERY)
+        for (size_t x = EVERY / 2; x < (size_t)s->camera.width; x += EVERY, all++) {
+            size_t at = y * ws->stride + x;
+            float open = ws->transmittance[at];
+            lacking += lacks(s, x, y, ws->depth[at] / fmaxf(1 - open, 1e-6f));
+        }
+    return all ? (double)lacking / (double)all : 0;
+}
+
+/* Whether a search is worth its time. */
+static sf_status is_wanting(sf_live *live, const sf_view *view, int *wanting) {
+    sight s = {0};
+    sf_live_exposure(live, view->id, s.gain[0], s.bias[0]);
+    sf_status status = look_through(live, view, &s);
+    if (!status) *wanting = lacking_part(&s) > LACKING;
+    free_sight(live, &s);
+    return status;
+}
+
+sf_status sf_live_ask_for_points(sf_live *live) {
+    sf_view *views[SF_SEED_VIEWS];
+    sf_keyframe *keyframe = live->fitter && sf_seeder_idle(live->seeder) ? unsearched(live) : NULL;
+    sf_status status = SF_OK;
+    int wanting = 0;
+    if (!keyframe) return SF_OK;
+    size_t n = seed_views(live, keyframe, views);
+    keyframe->searched = 1;
+    if (n > 1) status = is_wanting(live, views[0], &wanting);
+    if (!status && wanting) {
+        sf_sweep_options options = {
+            .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
+        sf_seeder_search(live->seeder, views, n, &options);
+        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
+    }
+    for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
+    return status;
+}
+
+static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *view) {
+    sight s = {0};
     for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], s.gain[i], s.bias[i]);
-    sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s.camera);
-    if (!status) status = sf_forward(ws, sf_fitter_shown(live->fitter), &s.camera, &options, 0);
-    if (!status) status = gather(live->ctx, ws, &s.crowd);
+    sf_status status = look_through(live, view, &s);
     if (!status) keep_missing(live, &s, seeds);
-    sf_free(live->ctx, s.crowd.first);
-    sf_free(live->ctx, s.crowd.next);
+    free_sight(live, &s);
     return status;
 }
 

@@ -1,17 +1,22 @@
 /* bundle.c - see bundle.h. Points meet each other only through the poses, so that they are taken out of the
- * normal equations first (Schur). */
+ * normal equations first (Schur). Tasks are of points, or of views with their rows of the equations: no sum
+ * is of two tasks, and all are the same for any number of threads. */
 #include "bundle.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "../base/linear.h"
+#include "../base/pool.h"
 
-enum { LEAST_SPREAD_COUNT = 8 };
+enum {
+    LEAST_SPREAD_COUNT = 8,
+    CHUNK = 64 /* points a task */
+};
 
 #define FIRST_DAMP 1e-4
 #define MOST_DAMP  1e8
-#define ENOUGH     1e-5 /* part of the cost that a step takes off, to go on */
+#define ENOUGH     5e-4 /* part of the cost that a step takes off, to go on */
 #define CROSS      (3 * SF_TWIST)
 
 /* The sums of one point, kept for the way back. */
@@ -24,14 +29,18 @@ typedef struct adjustment {
     const sf_bundle *b;
     size_t *rank; /* [views]: among the free ones, SIZE_MAX of others */
     size_t free_count;
+    size_t *first;      /* [points + 1]: each one's first sighting */
+    size_t *of_view;    /* [sightings]: those of the free views, by view; */
+    size_t *from;       /* [free + 1]: each one's first there */
     double *S, *g;      /* [6 free][6 free], [6 free] */
     double *U;          /* [free][6][6]: before points are taken out */
     double (*W)[CROSS]; /* [sightings]: pose by point */
     point_sums *sums;   /* [points] */
     sf_rigid *poses;    /* [views], and */
     double *at;         /* [points][3]: before the step */
-    double *distances;  /* [sightings], for their median */
-    double spread;
+    double *distances;  /* [sightings], px, */
+    double *finite;     /* and those that are finite, for their median */
+    double spread, damp;
 } adjustment;
 
 /* 1. One sighting */
@@ -46,7 +55,7 @@ int sf_bundle_pixel(const sf_bundle_view *view, const double p[3], double pixel[
 double sf_bundle_distance(const sf_bundle_view *view, const double at[3], double u, double v) {
     double p[3], pixel[2];
     sf_rigid_apply(&view->pose, at, p);
-    return sf_bundle_pixel(view, p, pixel) ? hypot(pixel[0] - u, pixel[1] - v) : INFINITY;
+    return sf_bundle_pixel(view, p, pixel) ? sqrt(pow(pixel[0] - u, 2) + pow(pixel[1] - v, 2)) : INFINITY;
 }
 
 void sf_bundle_derive(const sf_bundle_view *view, const double p[3], double J[2 * SF_TWIST], double d[6]) {
@@ -76,15 +85,30 @@ static int derive(const sf_bundle_view *view, const sf_bundle_point *point, cons
 
 /* 2. The cost */
 
-/* The spread of all distances, by their median. */
-static double measure_spread(adjustment *a) {
-    size_t count = 0;
-    for (size_t i = 0; i < a->b->sighting_count; i++) {
+static size_t chunks_of(const adjustment *a) { return (a->b->point_count + CHUNK - 1) / CHUNK; }
+
+static size_t end_of_chunk(const adjustment *a, size_t chunk) {
+    size_t end = (chunk + 1) * CHUNK;
+    return end < a->b->point_count ? end : a->b->point_count;
+}
+
+static void distances_task(void *pointer, size_t chunk, int thread) {
+    adjustment *a = pointer;
+    (void)thread;
+    for (size_t i = a->first[chunk * CHUNK]; i < a->first[end_of_chunk(a, chunk)]; i++) {
         const sf_bundle_sighting *s = &a->b->sightings[i];
-        double d = sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v);
-        if (isfinite(d)) a->distances[count++] = d;
+        a->distances[i] = sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v);
     }
-    return count < LEAST_SPREAD_COUNT ? 1 : fmax(sf_spread(a->distances, count), SF_LEAST_SPREAD);
+}
+
+static void measure_distances(adjustment *a) { sf_pool_run(a->ctx->pool, chunks_of(a), distances_task, a); }
+
+/* The spread of all distances, by their median. */
+static double spread_of(adjustment *a) {
+    size_t count = 0;
+    for (size_t i = 0; i < a->b->sighting_count; i++)
+        if (isfinite(a->distances[i])) a->finite[count++] = a->distances[i];
+    return count < LEAST_SPREAD_COUNT ? 1 : fmax(sf_spread(a->finite, count), SF_LEAST_SPREAD);
 }
 
 static double prior_cost(const sf_bundle_view *view) {
@@ -100,9 +124,7 @@ static double prior_cost(const sf_bundle_view *view) {
 static double cost_of(const adjustment *a) {
     double cost = 0, c2 = pow(SF_CAUCHY * a->spread, 2), far = 20 * SF_CAUCHY * a->spread;
     for (size_t i = 0; i < a->b->sighting_count; i++) {
-        const sf_bundle_sighting *s = &a->b->sightings[i];
-        double d =
-            fmin(sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v), far);
+        double d = fmin(a->distances[i], far);
         cost += c2 * log1p(d * d / c2) / 2 / (a->spread * a->spread);
     }
     for (size_t i = 0; i < a->b->view_count; i++) cost += prior_cost(&a->b->views[i]);
@@ -117,25 +139,38 @@ static double cost_of(const adjustment *a) {
 
 /* 3. The normal equations */
 
-/* A sighting's part in the sums of its view and its point. */
+/* Its weight. */
+static double weight_of(const adjustment *a, const double r[2]) {
+    double c2 = pow(SF_CAUCHY * a->spread, 2);
+    return c2 / (c2 + r[0] * r[0] + r[1] * r[1]) / (a->spread * a->spread);
+}
+
+/* A sighting's part in the sums of its point. */
 static void add_sighting(adjustment *a, size_t i, double V[9], double g[3]) {
     const sf_bundle_sighting *s = &a->b->sightings[i];
-    size_t rank = a->rank[s->view];
-    double r[2], J[2 * SF_TWIST], K[6], c2 = pow(SF_CAUCHY * a->spread, 2);
+    double r[2], J[2 * SF_TWIST], K[6];
     memset(a->W[i], 0, sizeof a->W[i]);
     if (!derive(&a->b->views[s->view], &a->b->points[s->point], s, r, J, K)) return;
-    double w = c2 / (c2 + r[0] * r[0] + r[1] * r[1]) / (a->spread * a->spread);
+    double w = weight_of(a, r);
     for (int k = 0; k < 3; k++) {
         g[k] += w * (K[k] * r[0] + K[3 + k] * r[1]);
         for (int l = 0; l < 3; l++) V[3 * k + l] += w * (K[k] * K[l] + K[3 + k] * K[3 + l]);
     }
-    if (rank == SIZE_MAX) return;
-    double *U = a->U + 36 * rank, *e = a->g + 6 * rank;
+    for (int k = 0; k < SF_TWIST; k++)
+        for (int l = 0; l < 3; l++)
+            a->W[i][SF_TWIST * l + k] = w * (J[k] * K[l] + J[SF_TWIST + k] * K[3 + l]);
+}
+
+/* And in those of its view. */
+static void add_to_view(adjustment *a, size_t i, double U[36], double e[SF_TWIST]) {
+    const sf_bundle_sighting *s = &a->b->sightings[i];
+    double r[2], J[2 * SF_TWIST], K[6];
+    if (!derive(&a->b->views[s->view], &a->b->points[s->point], s, r, J, K)) return;
+    double w = weight_of(a, r);
     for (int k = 0; k < SF_TWIST; k++) {
         double x = w * J[k], y = w * J[SF_TWIST + k];
         e[k] += x * r[0] + y * r[1];
         for (int l = 0; l < SF_TWIST; l++) U[6 * k + l] += x * J[l] + y * J[SF_TWIST + l];
-        for (int l = 0; l < 3; l++) a->W[i][3 * k + l] = x * K[l] + y * K[3 + l];
     }
 }
 
@@ -154,61 +189,72 @@ static void add_priors(adjustment *a) {
     }
 }
 
-/* S -= W_i V^-1 W_j^T, for all pairs of the point's sightings; the lower triangle. */
-static void take_out(adjustment *a, size_t first, size_t end, const point_sums *sums) {
-    size_t n = 6 * a->free_count;
-    for (size_t i = first; i < end; i++) {
-        size_t row = a->rank[a->b->sightings[i].view];
-        double Y[CROSS];
-        if (row == SIZE_MAX) continue;
-        for (int k = 0; k < SF_TWIST; k++)
-            for (int l = 0; l < 3; l++) Y[3 * k + l] = sf_dot3(a->W[i] + 3 * k, sums->V + 3 * l);
-        for (int k = 0; k < SF_TWIST; k++) a->g[6 * row + (size_t)k] -= sf_dot3(Y + 3 * k, sums->g);
-        for (size_t j = first; j < end; j++) {
-            size_t column = a->rank[a->b->sightings[j].view];
-            if (column == SIZE_MAX || column > row) continue;
-            for (size_t k = 0; k < SF_TWIST; k++)
-                for (size_t l = 0; l < SF_TWIST; l++)
-                    a->S[(6 * row + k) * n + 6 * column + l] -= sf_dot3(Y + 3 * k, a->W[j] + 3 * l);
+/* S -= W_i V^-1 W_j^T, for a sighting and all of its point's; the lower triangle. */
+static void take_out(adjustment *a, size_t row, size_t i) {
+    size_t n = 6 * a->free_count, point = a->b->sightings[i].point;
+    const point_sums *sums = &a->sums[point];
+    const double *W = a->W[i];
+    double Y[CROSS];
+    for (int k = 0; k < SF_TWIST; k++) {
+        const double w[3] = {W[k], W[SF_TWIST + k], W[2 * SF_TWIST + k]};
+        for (int l = 0; l < 3; l++) Y[3 * k + l] = sf_dot3(w, sums->V + 3 * l);
+        a->g[6 * row + (size_t)k] -= sf_dot3(Y + 3 * k, sums->g);
+    }
+    for (size_t j = a->first[point]; j < a->first[point + 1]; j++) {
+        size_t column = a->rank[a->b->sightings[j].view];
+        if (column == SIZE_MAX || column > row) continue;
+        const double *x = a->W[j], *y = x + SF_TWIST, *z = y + SF_TWIST;
+        for (size_t k = 0; k < SF_TWIST; k++) {
+            double *S = a->S + (6 * row + k) * n + 6 * column;
+            for (size_t l = 0; l < SF_TWIST; l++)
+                S[l] -= Y[3 * k] * x[l] + Y[3 * k + 1] * y[l] + Y[3 * k + 2] * z[l];
         }
     }
 }
 
-static void add_point(adjustment *a, size_t first, size_t end, double damp) {
-    size_t at = a->b->sightings[first].point;
+static void add_point(adjustment *a, size_t at) {
     const sf_bundle_point *p = &a->b->points[at];
     point_sums *sums = &a->sums[at];
     double V[9] = {0}, L[9];
     memset(sums, 0, sizeof *sums);
-    for (size_t i = first; i < end; i++) add_sighting(a, i, V, sums->g);
+    for (size_t i = a->first[at]; i < a->first[at + 1]; i++) add_sighting(a, i, V, sums->g);
     double along = 0;
     for (int k = 0; k < 3; k++) along += (p->at[k] - a->at[3 * at + (size_t)k]) * p->ray[k];
     for (int k = 0; k < 3; k++) {
         sums->g[k] += p->ray_information * along * p->ray[k];
         for (int l = 0; l < 3; l++) V[3 * k + l] += p->ray_information * p->ray[k] * p->ray[l];
     }
-    for (int k = 0; k < 3; k++) V[4 * k] *= 1 + damp;
+    for (int k = 0; k < 3; k++) V[4 * k] *= 1 + a->damp;
     memcpy(L, V, sizeof L);
     if (sf_cholesky(3, L)) sf_cholesky_invert(3, L, sums->V); /* else it stays where it is */
 }
 
-/* Where the sightings of the point of `first` end. */
-static size_t end_of(const sf_bundle *b, size_t first) {
-    size_t end = first;
-    while (end < b->sighting_count && b->sightings[end].point == b->sightings[first].point) end++;
-    return end;
+static void points_task(void *pointer, size_t chunk, int thread) {
+    adjustment *a = pointer;
+    (void)thread;
+    for (size_t at = chunk * CHUNK; at < end_of_chunk(a, chunk); at++) add_point(a, at);
+}
+
+/* A view's rows of the equations, its prior not in them. */
+static void rows_task(void *pointer, size_t row, int thread) {
+    adjustment *a = pointer;
+    size_t n = 6 * a->free_count;
+    double *U = a->U + 36 * row, *e = a->g + 6 * row;
+    (void)thread;
+    memset(a->S + 6 * row * n, 0, 6 * n * sizeof *a->S);
+    memset(U, 0, 36 * sizeof *U);
+    memset(e, 0, 6 * sizeof *e);
+    for (size_t k = a->from[row]; k < a->from[row + 1]; k++) {
+        add_to_view(a, a->of_view[k], U, e);
+        take_out(a, row, a->of_view[k]);
+    }
 }
 
 static int solve(adjustment *a, double damp) {
     size_t n = 6 * a->free_count;
-    memset(a->S, 0, n * n * sizeof *a->S);
-    memset(a->U, 0, 36 * a->free_count * sizeof *a->U);
-    memset(a->g, 0, n * sizeof *a->g);
-    for (size_t first = 0, end; first < a->b->sighting_count; first = end) {
-        end = end_of(a->b, first);
-        add_point(a, first, end, damp);
-        take_out(a, first, end, &a->sums[a->b->sightings[first].point]);
-    }
+    a->damp = damp;
+    sf_pool_run(a->ctx->pool, chunks_of(a), points_task, a);
+    sf_pool_run(a->ctx->pool, a->free_count, rows_task, a);
     add_priors(a);
     for (size_t i = 0; i < a->free_count; i++)
         for (size_t k = 0; k < SF_TWIST; k++)
@@ -224,16 +270,15 @@ static int solve(adjustment *a, double damp) {
 
 /* dX = V^-1 (-g - W^T xi) */
 static void move_points(adjustment *a) {
-    for (size_t first = 0, end; first < a->b->sighting_count; first = end) {
-        size_t at = a->b->sightings[first].point;
+    for (size_t at = 0; at < a->b->point_count; at++) {
         double rhs[3], step[3];
-        end = end_of(a->b, first);
         for (int k = 0; k < 3; k++) rhs[k] = -a->sums[at].g[k];
-        for (size_t i = first; i < end; i++) {
+        for (size_t i = a->first[at]; i < a->first[at + 1]; i++) {
             size_t rank = a->rank[a->b->sightings[i].view];
             if (rank == SIZE_MAX) continue;
-            for (size_t k = 0; k < SF_TWIST; k++)
-                for (size_t l = 0; l < 3; l++) rhs[l] -= a->W[i][3 * k + l] * a->g[6 * rank + k];
+            for (size_t l = 0; l < 3; l++)
+                for (size_t k = 0; k < SF_TWIST; k++)
+                    rhs[l] -= a->W[i][SF_TWIST * l + k] * a->g[6 * rank + k];
         }
         sf_mat3_vec(a->sums[at].V, rhs, step);
         for (int k = 0; k < 3; k++) a->b->points[at].at[k] += step[k];
@@ -244,6 +289,7 @@ static void step(adjustment *a) {
     move_points(a);
     for (size_t i = 0; i < a->b->view_count; i++)
         if (a->rank[i] != SIZE_MAX) sf_rigid_move(&a->b->views[i].pose, a->g + 6 * a->rank[i]);
+    measure_distances(a);
 }
 
 static void keep(const adjustment *a, sf_rigid *poses, double *at) {
@@ -263,7 +309,8 @@ static void adjust(adjustment *a, int rounds) {
     double *before = a->at + 3 * b->point_count, damp = FIRST_DAMP;
     sf_rigid *poses = a->poses;
     keep(a, poses, a->at);
-    a->spread = measure_spread(a);
+    measure_distances(a);
+    a->spread = spread_of(a);
     double cost = cost_of(a);
     for (int round = 0; round < rounds && damp < MOST_DAMP; round++) {
         keep(a, poses, before);
@@ -275,21 +322,40 @@ static void adjust(adjustment *a, int rounds) {
             damp *= 10;
             continue;
         }
-        double gained = cost - now, spread = measure_spread(a);
+        double gained = cost - now, spread = spread_of(a);
         cost = now, damp = fmax(damp / 10, 1e-9);
         if (fabs(spread / a->spread - 1) > 0.1) { /* costs of another spread do not compare */
             a->spread = spread, cost = cost_of(a);
             continue;
         }
-        int done = gained < ENOUGH * cost;
-        if (done) break;
+        if (gained < ENOUGH * cost) break;
     }
-    a->spread = measure_spread(a);
+    measure_distances(a);
+    a->spread = spread_of(a);
+}
+
+/* Where the sightings of each point begin, and which are those of each free view. */
+static void sort_sightings(adjustment *a) {
+    const sf_bundle *b = a->b;
+    for (size_t i = 0; i < b->sighting_count; i++) {
+        size_t rank = a->rank[b->sightings[i].view];
+        a->first[b->sightings[i].point + 1]++;
+        if (rank != SIZE_MAX) a->from[rank + 2]++;
+    }
+    for (size_t i = 1; i <= b->point_count; i++) a->first[i] += a->first[i - 1];
+    for (size_t i = 2; i <= a->free_count; i++) a->from[i] += a->from[i - 1];
+    for (size_t i = 0; i < b->sighting_count; i++) {
+        size_t rank = a->rank[b->sightings[i].view];
+        if (rank != SIZE_MAX) a->of_view[a->from[rank + 1]++] = i;
+    }
 }
 
 static int make_room(adjustment *a) {
     const sf_bundle *b = a->b;
     size_t n = 6 * a->free_count;
+    a->first = sf_calloc(a->ctx, b->point_count + 1, sizeof *a->first);
+    a->of_view = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->of_view);
+    a->from = sf_calloc(a->ctx, a->free_count + 2, sizeof *a->from);
     a->S = sf_alloc(a->ctx, n * n + 1, sizeof *a->S);
     a->g = sf_alloc(a->ctx, n + 1, sizeof *a->g);
     a->U = sf_alloc(a->ctx, 36 * a->free_count + 1, sizeof *a->U);
@@ -298,11 +364,14 @@ static int make_room(adjustment *a) {
     a->poses = sf_alloc(a->ctx, b->view_count + 1, sizeof *a->poses);
     a->at = sf_alloc(a->ctx, 6 * b->point_count + 1, sizeof *a->at);
     a->distances = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->distances);
-    return a->S && a->g && a->U && a->W && a->sums && a->poses && a->at && a->distances;
+    a->finite = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->finite);
+    return a->first && a->of_view && a->from && a->finite && a->S && a->g && a->U && a->W && a->sums &&
+           a->poses && a->at && a->distances;
 }
 
 static void free_all(adjustment *a) {
-    void *const blocks[] = {a->rank, a->S, a->g, a->U, a->W, a->sums, a->poses, a->at, a->distances};
+    void *const blocks[] = {a->rank, a->first, a->of_view, a->from, a->S,         a->g,     a->U,
+                            a->W,    a->sums,  a->poses,   a->at,   a->distances, a->finite};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(a->ctx, blocks[i]);
 }
 
@@ -312,6 +381,7 @@ sf_status sf_bundle_adjust(sf_context *ctx, const sf_bundle *b, int rounds, doub
     for (size_t i = 0; a.rank && i < b->view_count; i++)
         a.rank[i] = b->views[i].is_free ? a.free_count++ : SIZE_MAX;
     int ready = a.rank && make_room(&a);
+    if (ready) sort_sightings(&a);
     if (ready && b->sighting_count) adjust(&a, rounds);
     *spread = a.spread;
     free_all(&a);

@@ -25,7 +25,7 @@ typedef struct sf_bundle_point {
     double ray_information; /* to where it was, by this; 0: not at all */
 } sf_bundle_point;
 
-/* A point seen at a pixel. Those of a point follow each other. */
+/* A point seen at a pixel. They are in the order of their points. */
 typedef struct sf_bundle_sighting {
     uint32_t view, point;
     double u, v;

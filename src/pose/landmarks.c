@@ -86,6 +86,8 @@ struct sf_landmarks {
     sf_bundle_view view;
     int width, height;
     sf_pyramid pyramid;
+    float *cornerness; /* [height][width], of the last keyframe */
+    size_t cornerness_capacity;
     look *looks;
     size_t look_count, look_capacity;
     int coarsest;      /* of the looks in progress */
@@ -103,7 +105,7 @@ sf_status sf_landmarks_create(sf_context *ctx, sf_landmarks **landmarks) {
 void sf_landmarks_destroy(sf_landmarks **landmarks) {
     sf_landmarks *l = *landmarks;
     if (!l) return;
-    void *const blocks[] = {l->all, l->keyframes, l->sightings, l->looks, l->distances};
+    void *const blocks[] = {l->all, l->keyframes, l->sightings, l->looks, l->cornerness, l->distances};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(l->ctx, blocks[i]);
     sf_pyramid_free(l->ctx, &l->pyramid);
     sf_free(l->ctx, l);
@@ -463,17 +465,26 @@ typedef struct corner {
 } corner;
 
 static int is_apart(const sf_landmarks *l, int x, int y, double apart) {
-    for (size_t i = 0; i < l->look_count; i++)
-        if (l->looks[i].found && hypot(l->looks[i].u - x, l->looks[i].v - y) < apart) return 0;
+    for (size_t i = 0; i < l->look_count; i++) {
+        double u = l->looks[i].u - x, v = l->looks[i].v - y;
+        if (l->looks[i].found && u * u + v * v < apart * apart) return 0;
+    }
     return 1;
+}
+
+static void cornerness_task(void *landmarks, size_t y, int thread) {
+    sf_landmarks *l = landmarks;
+    (void)thread;
+    sf_cornerness(&l->pyramid, (int)y, l->cornerness + y * (size_t)l->width);
 }
 
 static corner best_corner(const sf_landmarks *l, int left, int top, int size, const float *weight) {
     corner best = {CORNER, -1, -1};
     for (int y = top; y < top + size && y < l->height; y++)
         for (int x = left; x < left + size && x < l->width; x++) {
-            if (weight && weight[(size_t)y * (size_t)l->width + (size_t)x] < 1) continue;
-            float c = sf_cornerness(&l->pyramid, x, y);
+            size_t at = (size_t)y * (size_t)l->width + (size_t)x;
+            float c = l->cornerness[at];
+            if (weight && weight[at] < 1) continue;
             if (c > best.cornerness && is_apart(l, x, y, APART * size)) best = (corner){c, x, y};
         }
     return best;
@@ -489,6 +500,10 @@ static sf_status find_new(sf_landmarks *l, double distance, const float *weight)
     size_t cells = (size_t)(l->width / size + 1) * (size_t)(l->height / size + 1), n = 0;
     corner *corners = sf_alloc(l->ctx, cells, sizeof *corners);
     sf_status status = corners ? SF_OK : SF_ERR_MEMORY;
+    if (!status)
+        status = sf_grow(l->ctx, &l->cornerness, &l->cornerness_capacity, 0,
+                         (size_t)l->width * (size_t)l->height, sizeof *l->cornerness);
+    if (!status) sf_pool_run(l->ctx->pool, (size_t)l->height, cornerness_task, l);
     for (int y = 0; !status && y < l->height; y += size)
         for (int x = 0; x < l->width; x += size) {
             corners[n] = best_corner(l, x, y, size, weight);

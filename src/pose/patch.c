@@ -198,18 +198,28 @@ double sf_patch_find(const sf_pyramid *p, const sf_patch *patch, const double ba
 
 /* 3. Corners */
 
-float sf_cornerness(const sf_pyramid *p, int x, int y) {
-    int width = p->levels[0].width, height = p->levels[0].height;
-    float xx = 0, xy = 0, yy = 0;
-    if (x <= CORNER_REACH || y <= CORNER_REACH || x + CORNER_REACH + 1 >= width ||
-        y + CORNER_REACH + 1 >= height)
-        return 0;
-    for (int j = -CORNER_REACH; j <= CORNER_REACH; j++)
-        for (int i = -CORNER_REACH; i <= CORNER_REACH; i++) {
-            const float *g = p->levels[0].grey + (size_t)(y + j) * (size_t)width + x + i;
-            float dx = 0.5f * (g[1] - g[-1]), dy = 0.5f * (g[width] - g[-width]);
-            xx += dx * dx, xy += dx * dy, yy += dy * dy;
+void sf_cornerness(const sf_pyramid *p, int y, float *cornerness) {
+    enum { BLOCK = 64, WITH_REACH = BLOCK + 2 * CORNER_REACH };
+    int width = p->levels[0].width, end = width - CORNER_REACH - 1;
+    const float n = (2 * CORNER_REACH + 1) * (2 * CORNER_REACH + 1);
+    for (int x = 0; x < width; x++) cornerness[x] = 0;
+    if (y <= CORNER_REACH || y + CORNER_REACH + 1 >= p->levels[0].height) return;
+    for (int first = CORNER_REACH + 1; first < end; first += BLOCK) {
+        float xx[WITH_REACH] = {0}, xy[WITH_REACH] = {0}, yy[WITH_REACH] = {0}; /* sums along columns */
+        int count = end - first < BLOCK ? end - first : BLOCK;
+        for (int j = y - CORNER_REACH; j <= y + CORNER_REACH; j++) {
+            const float *g = p->levels[0].grey + (size_t)j * (size_t)width + first - CORNER_REACH;
+            const float *above = g - width, *below = g + width, *left = g - 1, *right = g + 1;
+            for (int i = 0; i < count + 2 * CORNER_REACH; i++) {
+                float dx = 0.5f * (right[i] - left[i]), dy = 0.5f * (below[i] - above[i]);
+                xx[i] += dx * dx, xy[i] += dx * dy, yy[i] += dy * dy;
+            }
         }
-    float n = (2 * CORNER_REACH + 1) * (2 * CORNER_REACH + 1), half = 0.5f * (xx - yy);
-    return (0.5f * (xx + yy) - sqrtf(half * half + xy * xy)) / n;
+        for (int k = 0; k < count; k++) {
+            float a = 0, b = 0, c = 0;
+            for (int i = k; i <= k + 2 * CORNER_REACH; i++) a += xx[i], b += xy[i], c += yy[i];
+            float half = 0.5f * (a - c);
+            cornerness[first + k] = (0.5f * (a + c) - sqrtf(half * half + b * b)) / n;
+        }
+    }
 }

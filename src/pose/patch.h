@@ -48,8 +48,8 @@ int sf_patch_cut(const sf_pyramid *pyramid, double u, double v, sf_patch *patch)
 double sf_patch_find(const sf_pyramid *pyramid, const sf_patch *patch, const double back[4], int coarsest,
                      double *u, double *v);
 
-/* How well the finest level tells where (x, y) is: the least eigenvalue of the mean square slopes around it,
- * greys a px. */
-float sf_cornerness(const sf_pyramid *pyramid, int x, int y);
+/* cornerness[width]: how well the finest level tells where each pixel of row y is: the least eigenvalue of
+ * the mean square slopes around it, greys a px; 0 where these would reach out of the picture. */
+void sf_cornerness(const sf_pyramid *pyramid, int y, float *cornerness);
 
 #endif

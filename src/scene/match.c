@@ -11,6 +11,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../base/select.h"
 #include "../kernels/kernels.h"
 
 enum {
@@ -125,16 +126,6 @@ int sf_match_planes(const sf_grey *reference, const sf_grey *const *neighbours, 
     return planes > FEWEST ? planes : FEWEST;
 }
 
-/* yes ? a : b, by bits: what compilers make branches of they do not make vectors of. */
-static inline float select(int yes, float a, float b) {
-    uint32_t mask = 0u - (uint32_t)yes, bits, other;
-    memcpy(&bits, &a, sizeof bits);
-    memcpy(&other, &b, sizeof other);
-    bits = (bits & mask) | (other & ~mask);
-    memcpy(&a, &bits, sizeof a);
-    return a;
-}
-
 /* A row of the reference's pixels, as the neighbour has them through the plane: bilinear. */
 static void warp_row(const sf_grey *grey, const float *H, int y, size_t width, float *restrict out) {
     float most_u = (float)(grey->camera.width - 1), most_v = (float)(grey->camera.height - 1);
@@ -148,11 +139,11 @@ static void warp_row(const sf_grey *grey, const float *H, int y, size_t width, f
             float z = H[6] * p + row[2], inverse = 1.0f / z;
             float u = (H[0] * p + row[0]) * inverse - 0.5f, v = (H[3] * p + row[1]) * inverse - 0.5f;
             int inside = (z > 0) & (u >= 0) & (u < most_u) & (v >= 0) & (v < most_v);
-            u = select(inside, u, 0);
-            v = select(inside, v, 0);
+            u = sf_select(inside, u, 0);
+            v = sf_select(inside, v, 0);
             float left = (float)(int)u, top = (float)(int)v;
             at[k] = (int)(top * stride + left);
-            du[k] = select(inside, u - left, NAN);
+            du[k] = sf_select(inside, u - left, NAN);
             dv[k] = v - top;
         }
         for (int k = 0; k < BLOCK; k++) {
@@ -291,10 +282,10 @@ static void correlate(const float *restrict state, const float *restrict y, cons
         float score = (n * xy[k] - state[SUM * BLOCK + k] * y[k]) * sharpness / sqrtf(spread);
         int known = (spread > least) & (sharpness > 0);
         int higher = known & (score > high);
-        float lower = select(higher, high, score);
+        float lower = sf_select(higher, high, score);
         int lower_higher = known & (lower > low);
-        first[k] = select(higher, score, high);
-        second[k] = select(lower_higher, lower, low);
+        first[k] = sf_select(higher, score, high);
+        second[k] = sf_select(lower_higher, lower, low);
     }
 }
 
@@ -308,13 +299,13 @@ static void note(float *restrict state, const float *restrict scores, float plan
         float score = scores[k], was = last[k], earlier = before[k], top = best[k], second = rival[k];
         int is_peak = (was >= earlier) & (was > score);
         int higher = is_peak & (was > top);
-        float lower = select(higher, top, was);
+        float lower = sf_select(higher, top, was);
         int lower_higher = is_peak & (lower > second);
-        rival[k] = select(lower_higher, lower, second);
-        best[k] = select(higher, was, top);
-        best_before[k] = select(higher, earlier, best_before[k]);
-        best_after[k] = select(higher, score, best_after[k]);
-        best_plane[k] = select(higher, plane - 1.0f, best_plane[k]);
+        rival[k] = sf_select(lower_higher, lower, second);
+        best[k] = sf_select(higher, was, top);
+        best_before[k] = sf_select(higher, earlier, best_before[k]);
+        best_after[k] = sf_select(higher, score, best_after[k]);
+        best_plane[k] = sf_select(higher, plane - 1.0f, best_plane[k]);
         before[k] = was;
         last[k] = score;
     }

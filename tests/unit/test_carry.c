@@ -61,14 +61,14 @@ static void what_one_sees_stays_in_its_picture(void **state) {
     sf_model *model = model_of(ctx, before);
     sf_correction c = correction_of(EVERYWHERE, twist);
     double moved = 0;
-    sf_carry(ctx->pool, model, &c, 1);
+    assert_ok(ctx, sf_carry(ctx, model, &c, 1));
     get_means(model, after);
     for (int i = 0; i < COUNT; i++) {
         double p[3], q[3];
         seen_at(&c, 0, before + 3 * i, p);
         seen_at(&c, 1, after + 3 * i, q);
         for (int k = 0; k < 3; k++) {
-            assert_true(fabs(p[k] - q[k]) < 1e-6);
+            assert_true(fabs(p[k] - q[k]) < 2e-6);
             moved = fmax(moved, fabs((double)(after[3 * i + k] - before[3 * i + k])));
         }
     }
@@ -90,12 +90,12 @@ static void near_ones_count_more(void **state) {
     assert_ok(ctx, sf_model_set(model, 0, 3, &from));
     sf_correction two[] = {correction_of((const double[3]){0, 0, 2}, right),
                            correction_of((const double[3]){0, 0, 4}, left)};
-    sf_carry(ctx->pool, model, two, 2);
+    assert_ok(ctx, sf_carry(ctx, model, two, 2));
     get_means(model, after);
     assert_true(fabsf(after[0] - 0.05f * (4.0f - 1.0f) / 5) < 1e-6f);
     assert_true(fabsf(after[1]) < 1e-6f && fabsf(after[2]) < 1e-6f);
     assert_memory_equal(after + 3, at + 3, 6 * sizeof *at);
-    sf_carry(ctx->pool, model, two, 0); /* none moves anything */
+    assert_ok(ctx, sf_carry(ctx, model, two, 0)); /* none moves anything */
     get_means(model, before);
     assert_memory_equal(after, before, sizeof after);
     sf_model_destroy(&model);
@@ -121,7 +121,7 @@ static void one_motion_of_all_is_the_models(void **state) {
         sf_rigid_apply_back(&motion, (const double[3]){0, 0, 0}, back);
         for (int k = 0; k < 3; k++) to->t[k] = two[n].camera.t_cw[k] + back[k];
     }
-    sf_carry(ctx->pool, model, two, 2);
+    assert_ok(ctx, sf_carry(ctx, model, two, 2));
     get_means(model, after);
     for (int i = 0; i < COUNT; i++) {
         double p[3], x[3] = {(double)before[3 * i], (double)before[3 * i + 1], (double)before[3 * i + 2]};

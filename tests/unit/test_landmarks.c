@@ -87,6 +87,12 @@ static pair look_twice(const sf_rigid *there, double gain, double bias, double n
     return pictures;
 }
 
+static float cornerness(const sf_pyramid *p, int x, int y) {
+    float row[WIDTH];
+    sf_cornerness(p, y, row);
+    return row[x];
+}
+
 static void forget(pair *pictures) {
     sf_pyramid_free(pictures->ctx, &pictures->here);
     sf_pyramid_free(pictures->ctx, &pictures->there);
@@ -104,7 +110,7 @@ static void patches_are_found_to_parts_of_a_pixel(void **state) {
         for (int x = 20; x < WIDTH - 20; x += 10) {
             sf_patch patch;
             double u = x + 0.5, v = y + 0.5;
-            if (sf_cornerness(&p.here, x, y) < 2e-4f) continue;
+            if (cornerness(&p.here, x, y) < 2e-4f) continue;
             assert_true(sf_patch_cut(&p.here, u, v, &patch));
             double like = sf_patch_find(&p.there, &patch, still, SF_PYRAMID_LEVELS - 1, &u, &v);
             if (!(like > 0.9)) continue;
@@ -113,6 +119,29 @@ static void patches_are_found_to_parts_of_a_pixel(void **state) {
         }
     print_message("%.0f patches, %.3f px rms\n", n, sqrt(squares / n / 2));
     assert_true(n > 60 && sqrt(squares / n / 2) < 0.1);
+    forget(&p);
+}
+
+/* Against the sums as they are written down, at every pixel of some rows. */
+static void corners_are_least_eigenvalues(void **state) {
+    (void)state;
+    const sf_rigid pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    pair p = look_twice(&pose, 1, 0, 0);
+    const float *grey = p.here.levels[0].grey;
+    for (int y = 0; y < HEIGHT; y += 7)
+        for (int x = 0; x < WIDTH; x++) {
+            double xx = 0, xy = 0, yy = 0, least = 0;
+            if (x > 3 && y > 3 && x < WIDTH - 4 && y < HEIGHT - 4) {
+                for (int j = y - 3; j <= y + 3; j++)
+                    for (int i = x - 3; i <= x + 3; i++) {
+                        double dx = (double)(grey[j * WIDTH + i + 1] - grey[j * WIDTH + i - 1]) / 2;
+                        double dy = (double)(grey[(j + 1) * WIDTH + i] - grey[(j - 1) * WIDTH + i]) / 2;
+                        xx += dx * dx / 49, xy += dx * dy / 49, yy += dy * dy / 49;
+                    }
+                least = (xx + yy - sqrt((xx - yy) * (xx - yy) + 4 * xy * xy)) / 2;
+            }
+            assert_true(fabs((double)cornerness(&p.here, x, y) - least) < 1e-7 + 1e-5 * (xx + yy));
+        }
     forget(&p);
 }
 
@@ -132,7 +161,7 @@ static void patches_are_turned_and_scaled(void **state) {
             double to_u = lens.cx + (cos(angle) * dx - sin(angle) * dy) * 4 / far;
             double to_v = lens.cy + (sin(angle) * dx + cos(angle) * dy) * 4 / far;
             double u = to_u + 0.7, v = to_v - 0.5;
-            if (sf_cornerness(&p.here, x, y) < 2e-4f) continue;
+            if (cornerness(&p.here, x, y) < 2e-4f) continue;
             assert_true(sf_patch_cut(&p.here, x + 0.5, y + 0.5, &patch));
             if (!(sf_patch_find(&p.there, &patch, back, 0, &u, &v) > 0.95)) continue;
             worst = fmax(worst, hypot(u - to_u, v - to_v));
@@ -152,13 +181,13 @@ static void nothing_is_found_where_nothing_is(void **state) {
     pair p = look_twice(&pose, 0, 0.5, 0);
     assert_true(sf_patch_cut(&p.here, u, v, &patch));
     assert_true(sf_patch_find(&p.there, &patch, still, 2, &u, &v) < 0);
-    assert_true(sf_cornerness(&p.there, 100, 60) < 1e-9f);
+    assert_true(cornerness(&p.there, 100, 60) < 1e-9f);
     u = 100.5, v = 60.5;
     assert_true(sf_patch_find(&p.here, &patch, huge, 0, &u, &v) < -1); /* more than was kept of it */
     u = 2, v = 60;
     assert_true(sf_patch_find(&p.here, &patch, still, 0, &u, &v) < -1); /* the picture ends */
     assert_false(sf_patch_cut(&p.here, 3, 60, &patch));
-    assert_true(sf_cornerness(&p.here, 0, 0) == 0 && sf_cornerness(&p.here, WIDTH - 1, HEIGHT - 1) == 0);
+    assert_true(cornerness(&p.here, 0, 0) == 0 && cornerness(&p.here, WIDTH - 1, HEIGHT - 1) == 0);
     forget(&p);
 }
 
@@ -444,6 +473,7 @@ static void keyframes_come_and_go(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(patches_are_found_to_parts_of_a_pixel),
+        cmocka_unit_test(corners_are_least_eigenvalues),
         cmocka_unit_test(patches_are_turned_and_scaled),
         cmocka_unit_test(nothing_is_found_where_nothing_is),
         cmocka_unit_test(a_bundle_finds_poses_and_points),
