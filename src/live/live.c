@@ -42,6 +42,7 @@ sf_live_options sf_live_options_default(void) {
     o.fit.pyramid_end = 0.001; /* and the model is looked at from the start */
     o.fit.grow_every = 20;     /* many new Gaussians at once are seen, and tracked against */
     o.fit.blur = 0;            /* such frames are no keyframes */
+    o.fit.max_scale = 0.2;     /* what is split close to a keyframe would be seen */
     o.fit.grow_end = 0.9;
     o.fit.lr_settle = 0.9;
     o.fit.mean_steps = 30;    /* who looks, tracks or saves on the way sees no single step */
