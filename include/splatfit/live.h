@@ -50,7 +50,8 @@ typedef struct sf_live_options {
                                more */
     int hold_out;           /* of the keyframes every n-th is never trained on, only evaluated; 0: none */
     double keyframe_gap;    /* keyframes: a new one where the camera has moved by this part of the distance to
-                            what it sees, or turned by this angle (rad), from all of them, 0.001..1 */
+                            what it sees, or turned by this angle (rad), from all of them, 0.001..1; of the
+                            first 60 from a fifth of it on, evenly */
     const char *thermal; /* folder in which the kernel says whether it holds the processor back for its heat:
                             the fit then rests for a part of the time, frames are tracked as before. Read
                             until sf_live_destroy; NULL: it is not looked at */
@@ -124,7 +125,8 @@ typedef struct sf_live_progress {
     size_t seeded;              /* Gaussians at points found after the start */
     int has_fit;                /* the fields below hold */
     sf_fit_progress fit;        /* of the fit itself */
-    double held_out_psnr;       /* dB, mean over the keyframes held out, with the poses as tracked; NAN */
+    double held_out_psnr;       /* dB, mean over the keyframes held out, with the poses as tracked, exposed as
+                                   the training keyframes before and after them were; NAN */
     double held_out_psnr_corrected; /* with exposure corrected, as sf_quality; NAN */
     double first_psnr;              /* dB, of the first keyframe, exposure corrected; NAN */
 } sf_live_progress;

@@ -23,8 +23,7 @@ static const arg_option own_options[] = {
     {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (12)"},
     {"keyframe-gap", 0, "X",
      "a keyframe where the camera has moved by this part of the distance to what it sees, or turned by this "
-     "angle "
-     "in rad, from all others, 0.001..1 (0.07)"},
+     "angle in rad, from all others, 0.001..1; by less where there are fewer than 60 (0.07)"},
     {"steps-per-frame", 0, "N",
      "of a source that is not in real time look at every frame, and do N steps after each; such a run can be "
      "repeated; 0: as time allows (0)"},

@@ -17,7 +17,8 @@ enum {
 
 #define MOVED          2e-5 /* rad, parts of the distance: a pose that is another one */
 #define FIRST_BASELINE 0.06 /* of the distance: so far apart are the first keyframes at least */
-#define FIRST_GAP      0.4  /* of the gap between keyframes, before the fit begins */
+#define FIRST_GAP      0.2  /* of the gap between keyframes, where there are none yet */
+#define FULL_GAP       60   /* keyframes from which on the gap is as told */
 #define SHARP          0.7  /* of the usual sharpness: enough for a keyframe */
 #define PATIENCE       0.7  /* s, for a sharper one */
 #define LOOK_EVERY     0.5  /* s: evaluations */
@@ -222,7 +223,8 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
     double now = 1e-9 * (double)live->picture->time_ns, gap = live->options.keyframe_gap, center[3];
     *taken = 0;
     if (live->frame.from == SF_POSE_NONE || !live->sure || !(live->distance > 0)) return SF_OK;
-    if (!live->fitter) gap *= FIRST_GAP;
+    gap *= fmin(1, FIRST_GAP +
+                       (1 - FIRST_GAP) * (double)live->keyframe_count / FULL_GAP); /* one more costs little */
     sf_camera_center(&live->frame.camera, center);
     if (least_gap(live, &live->pose, center, SIZE_MAX) < gap) {
         live->wanted = 0;
@@ -252,9 +254,31 @@ static int exposure_of_light(const sf_live *live, const sf_keyframe *k, double g
     return !isnan(usual);
 }
 
-static void begin_exposure(sf_live *live, const sf_keyframe *k) {
-    double gain[3], bias[3];
-    if (exposure_of_light(live, k, gain, bias)) (void)sf_fitter_set_exposure(live->fitter, k->id, gain, bias);
+/* What a keyframe shows as the training keyframes do that were taken before and after it: the mean of what
+ * was learned of them, in the light that it had. 0, and nothing changes: there are none. */
+static int exposure_of_neighbours(const sf_live *live, size_t at, double gain[3], double bias[3]) {
+    double log_gain[3] = {0}, sum[3] = {0};
+    int n = 0;
+    for (int way = -1; way <= 1; way += 2) {
+        size_t i = at + (size_t)way; /* past 0 it wraps */
+        while (i < live->keyframe_count && !live->keyframes[i].told) i += (size_t)way;
+        if (i >= live->keyframe_count) continue;
+        double g[3] = {1, 1, 1}, b[3] = {0};
+        double by = exp(log(live->keyframes[at].light / live->keyframes[i].light) / SRGB_POWER);
+        if (isnan(by)) by = 1;
+        (void)sf_fitter_get_exposure(live->fitter, live->keyframes[i].id, g, b);
+        for (int c = 0; c < 3; c++)
+            log_gain[c] += log(by * g[c]), sum[c] += by * b[c] + SRGB_OFFSET * (by - 1);
+        n++;
+    }
+    for (int c = 0; c < 3 && n; c++) gain[c] = exp(log_gain[c] / n), bias[c] = sum[c] / n;
+    return n > 0;
+}
+
+/* Before it is learned. */
+static int first_exposure(const sf_live *live, size_t at, double gain[3], double bias[3]) {
+    return exposure_of_light(live, &live->keyframes[at], gain, bias) ||
+           exposure_of_neighbours(live, at, gain, bias);
 }
 
 void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]) {
@@ -262,11 +286,10 @@ void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double b
     for (int c = 0; c < 3; c++) gain[c] = 1, bias[c] = 0;
     while (at && live->keyframes[at - 1].id != id) at--;
     if (!at || !live->options.fit.exposure) return;
-    const sf_keyframe *k = &live->keyframes[at - 1];
-    if (k->told)
+    if (live->keyframes[at - 1].told)
         (void)sf_fitter_get_exposure(live->fitter, id, gain, bias);
     else
-        (void)exposure_of_light(live, k, gain, bias);
+        (void)first_exposure(live, at - 1, gain, bias);
 }
 
 void sf_live_tell_fit(sf_live *live) {
@@ -274,7 +297,9 @@ void sf_live_tell_fit(sf_live *live) {
         sf_keyframe *k = &live->keyframes[i];
         if (k->told || k->held_out || !sf_view_state_of(&live->fitter->views, k->id)) continue;
         if (k->hold) (void)sf_fitter_hold_pose(live->fitter, k->id);
-        begin_exposure(live, k);
+        double gain[3], bias[3];
+        if (first_exposure(live, i, gain, bias))
+            (void)sf_fitter_set_exposure(live->fitter, k->id, gain, bias);
         k->told = 1;
     }
 }
@@ -314,8 +339,10 @@ sf_status sf_live_begin(sf_live *live) {
 
 /* 4. How good it is */
 
-static sf_status quality_of(sf_live *live, uint32_t id, sf_quality *quality) {
+static sf_status quality_of(sf_live *live, size_t at, sf_quality *quality) {
     sf_camera camera;
+    double gain[3], bias[3];
+    uint32_t id = live->keyframes[at].id;
     sf_status status = sf_fitter_get_camera(live->fitter, id, &camera);
     size_t pixels = (size_t)camera.width * (size_t)camera.height;
     if (status) return status;
@@ -327,6 +354,13 @@ static sf_status quality_of(sf_live *live, uint32_t id, sf_quality *quality) {
     if (!status)
         status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
                             rgb + 6 * pixels, quality);
+    if (!status && exposure_of_neighbours(live, at, gain, bias)) {
+        double corrected = quality->psnr_corrected; /* as drawn: an exposure has no more to say of it */
+        for (size_t i = 0; i < 3 * pixels; i++) rgb[i] = (float)(gain[i % 3] * (double)rgb[i] + bias[i % 3]);
+        status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
+                            rgb + 6 * pixels, quality);
+        quality->psnr_corrected = corrected;
+    }
     sf_free(live->ctx, rgb);
     return status == SF_ERR_EMPTY ? SF_OK : status;
 }
@@ -340,7 +374,7 @@ sf_status sf_live_evaluate(sf_live *live) {
         size_t at = live->evaluate_next++ % live->keyframe_count;
         sf_keyframe *k = &live->keyframes[at];
         if (at && !k->held_out) continue;
-        sf_status status = quality_of(live, k->id, &quality);
+        sf_status status = quality_of(live, at, &quality);
         k->psnr = quality.psnr, k->psnr_corrected = quality.psnr_corrected;
         return status;
     }

@@ -35,8 +35,9 @@ enum {
 #define BOARD_RMS 1.5 /* px */
 /* A pose from outside that is known so well (rad) is held. */
 #define FIXED 0.004
-/* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet. */
-#define BOARD_DOUBT 4.0
+/* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet, nor of what is
+ * wrong of many pictures alike: a recording's poses were off by a degree for a second. */
+#define BOARD_DOUBT 16.0
 /* What a hand does to a steady motion in a tenth of a second: turns by this (rad), moves by this part of the
  * distance. */
 #define UNSTEADY 0.04
@@ -189,6 +190,16 @@ static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int
     return status;
 }
 
+/* What is known of a pose, and landmarks: before there is a model. */
+static sf_status join_landmarks(sf_live *live, const sf_track_prior *known, sf_rigid *pose) {
+    sf_track_prior both;
+    *pose = known->pose;
+    if (live->fitter || live->blank) return SF_OK;
+    sf_status status = sf_landmarks_follow(live->landmarks, &known->pose, known, &live->followed);
+    if (!status && add_followed(live, known, &both)) *pose = both.pose;
+    return status;
+}
+
 /* From the keyframes that look most like the picture. */
 static sf_status find_again(sf_live *live, sf_track *track, int *good) {
     for (int turn = 0; turn < 2 && !*good; turn++) {
@@ -329,7 +340,10 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
         if (live->sure) note_track(live, &track);
         note_pose(live, &track.pose, SF_POSE_TRACK);
     } else if (fix->from) {
-        note_pose(live, &fix->prior.pose, fix->from);
+        sf_rigid pose;
+        status = join_landmarks(live, &fix->prior, &pose);
+        if (status) return status;
+        note_pose(live, &pose, fix->from);
     } else {
         note_miss(live);
     }

@@ -173,6 +173,40 @@ static void exposures_begin_where_they_are(void **state) {
     close_run(&r);
 }
 
+/* Where the light is not known, as of most cameras: as in the pictures next to it. */
+static void exposures_are_like_the_neighbours(void **state) {
+    (void)state;
+    static const double of_one[] = {2, 1, 0.5}, of_other[] = {0.5, 1, 0.125}, here[] = {0.1, 0, 0.2},
+                        there[] = {-0.3, 0, 0};
+    sf_live_options options = options_for(1);
+    run r = open_run(1, &options);
+    assert_int_equal(run_to_end(&r), SF_ERR_END);
+    sf_live *live = r.live;
+    size_t at = 1, last = live->keyframe_count - 1;
+    while (at < last &&
+           !(live->keyframes[at].held_out && live->keyframes[at - 1].told && live->keyframes[at + 1].told))
+        at++;
+    assert_true(at < last);
+    for (size_t i = 0; i <= last; i++) live->keyframes[i].light = NAN;
+    assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes[at - 1].id, of_one, here));
+    assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes[at + 1].id, of_other, there));
+    double gain[3], bias[3];
+    sf_live_exposure(live, live->keyframes[at].id, gain, bias);
+    for (int c = 0; c < 3; c++) {
+        assert_true(fabs(gain[c] - sqrt(of_one[c] * of_other[c])) < 1e-12);
+        assert_true(fabs(bias[c] - (here[c] + there[c]) / 2) < 1e-12);
+    }
+    /* Four times the light is 4^(1 / 2.4) of the bytes. */
+    live->keyframes[at].light = 4;
+    live->keyframes[at - 1].light = 1;
+    live->keyframes[at + 1].light = 1;
+    for (size_t i = 0; i <= last; i++)
+        if (i + 1 < at || i > at + 1) live->keyframes[i].light = NAN;
+    sf_live_exposure(live, live->keyframes[at].id, gain, bias);
+    assert_true(fabs(gain[1] - pow(4, 1 / 2.4)) < 1e-9);
+    close_run(&r);
+}
+
 /* Of a source that is not in real time. */
 static void runs_can_be_repeated(void **state) {
     (void)state;
@@ -357,6 +391,7 @@ int main(void) {
         cmocka_unit_test(every_keyframe_is_searched),
         cmocka_unit_test(exposure_is_locked),
         cmocka_unit_test(exposures_begin_where_they_are),
+        cmocka_unit_test(exposures_are_like_the_neighbours),
         cmocka_unit_test(fits_between_slow_looks),
         cmocka_unit_test(new_gaussians_are_not_large_in_keyframes),
     };
