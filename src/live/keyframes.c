@@ -223,8 +223,9 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
     double now = 1e-9 * (double)live->picture->time_ns, gap = live->options.keyframe_gap, center[3];
     *taken = 0;
     if (live->frame.from == SF_POSE_NONE || !live->sure || !(live->distance > 0)) return SF_OK;
-    gap *= fmin(1, FIRST_GAP +
-                       (1 - FIRST_GAP) * (double)live->keyframe_count / FULL_GAP); /* one more costs little */
+    double grown =
+        fmin(1, (double)live->keyframe_count / FULL_GAP); /* where there are few, one more costs little */
+    gap *= FIRST_GAP + (1 - FIRST_GAP) * grown;
     sf_camera_center(&live->frame.camera, center);
     if (least_gap(live, &live->pose, center, SIZE_MAX) < gap) {
         live->wanted = 0;
@@ -354,7 +355,7 @@ static sf_status quality_of(sf_live *live, size_t at, sf_quality *quality) {
     if (!status)
         status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
                             rgb + 6 * pixels, quality);
-    if (!status && exposure_of_neighbours(live, at, gain, bias)) {
+    if (!status && live->options.fit.exposure && exposure_of_neighbours(live, at, gain, bias)) {
         double corrected = quality->psnr_corrected; /* as drawn: an exposure has no more to say of it */
         for (size_t i = 0; i < 3 * pixels; i++) rgb[i] = (float)(gain[i % 3] * (double)rgb[i] + bias[i % 3]);
         status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
