@@ -69,8 +69,8 @@ SF_API sf_status sf_live_create(sf_context *context, sf_source *source, const sf
 SF_API void sf_live_destroy(sf_live **live);
 
 /* A piece of the work: a frame that is due, else a step of the fit, else a short wait. SF_ERR_END: time_limit
- * is over, or the source has ended; SF_ERR_CANCELLED; SF_ERR_IO: the source broke. What there is of a model
- * stays whole in every case. */
+ * is over, or the source has ended, and all that is held out was looked at a last time; SF_ERR_CANCELLED;
+ * SF_ERR_IO: the source broke. What there is of a model stays whole in every case. */
 SF_API sf_status sf_live_step(sf_live *live);
 
 /* Makes the step in progress the last one. Safe from any thread and from a signal handler. */

@@ -366,18 +366,30 @@ static sf_status quality_of(sf_live *live, size_t at, sf_quality *quality) {
     return status == SF_ERR_EMPTY ? SF_OK : status;
 }
 
+/* The first keyframe and those held out; others are not looked at. */
+static sf_status look_at_keyframe(sf_live *live, size_t at) {
+    sf_keyframe *k = &live->keyframes[at];
+    sf_quality quality = {NAN, NAN, NAN};
+    if (at && !k->held_out) return SF_OK;
+    sf_status status = quality_of(live, at, &quality);
+    k->psnr = quality.psnr, k->psnr_corrected = quality.psnr_corrected;
+    return status;
+}
+
 sf_status sf_live_evaluate(sf_live *live) {
     double now = sf_clock();
     if (!live->fitter || !live->keyframe_count || now < live->evaluated + LOOK_EVERY) return SF_OK;
     live->evaluated = now;
-    sf_quality quality = {NAN, NAN, NAN};
     for (size_t i = 0; i < live->keyframe_count; i++) {
         size_t at = live->evaluate_next++ % live->keyframe_count;
-        sf_keyframe *k = &live->keyframes[at];
-        if (at && !k->held_out) continue;
-        sf_status status = quality_of(live, at, &quality);
-        k->psnr = quality.psnr, k->psnr_corrected = quality.psnr_corrected;
-        return status;
+        if (!at || live->keyframes[at].held_out) return look_at_keyframe(live, at);
     }
     return SF_OK;
+}
+
+sf_status sf_live_evaluate_all(sf_live *live) {
+    sf_status status = SF_OK;
+    for (size_t i = 0; i < live->keyframe_count && live->fitter && !status; i++)
+        status = look_at_keyframe(live, i);
+    return status;
 }

@@ -241,7 +241,7 @@ static int idle_ms(const sf_live *live) {
     return (int)fmin(fmax(rest, 1), IDLE_MS);
 }
 
-sf_status sf_live_step(sf_live *live) {
+static sf_status advance(sf_live *live) {
     int looked = 0, fits = live->fitter && !live->paused && sf_clock() >= live->rest_until;
     if (atomic_load(&live->cancelled)) return SF_ERR_CANCELLED;
     if (is_over(live)) return SF_ERR_END;
@@ -257,6 +257,18 @@ sf_status sf_live_step(sf_live *live) {
     }
     live->steps_due--;
     return step_fit(live);
+}
+
+/* What was held out is looked at a last time, all of it: figures of one model. */
+static sf_status finish(sf_live *live) {
+    sf_status status = live->finished ? SF_OK : sf_live_evaluate_all(live);
+    live->finished = !status;
+    return status ? status : SF_ERR_END;
+}
+
+sf_status sf_live_step(sf_live *live) {
+    sf_status status = advance(live);
+    return status == SF_ERR_END ? finish(live) : status;
 }
 
 static void count_quality(const sf_live *live, sf_live_progress *p) {

@@ -59,7 +59,7 @@ struct sf_live {
     sf_scene *scene;
     sf_fitter *fitter; /* NULL: not begun */
     atomic_int cancelled;
-    int paused, source_ended;
+    int paused, source_ended, finished;
     int steps_due; /* with steps_per_frame, before the next frame */
 
     /* The frame that is looked at. */
@@ -131,7 +131,10 @@ void sf_live_tell_fit(sf_live *live);
 sf_status sf_live_begin(sf_live *live);
 /* Looks at a keyframe that is held out, or the first one, now and then. */
 sf_status sf_live_evaluate(sf_live *live);
-/* A keyframe's exposure as it is known by now: what the fit learned, before that what its light says. */
+/* At all of these at once. */
+sf_status sf_live_evaluate_all(sf_live *live);
+/* A keyframe's exposure as it is known by now: what the fit learned, before that what its light says, or
+ * its neighbours. */
 void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]);
 
 /* points.c */

@@ -218,6 +218,11 @@ static void runs_can_be_repeated(void **state) {
         assert_int_equal(run_to_end(&runs[i]), SF_ERR_END);
         assert_ok(runs[i].ctx, sf_live_snapshot(runs[i].live, &models[i]));
     }
+    sf_live_progress p[2];
+    for (int i = 0; i < 2; i++) sf_live_get_progress(runs[i].live, &p[i]);
+    assert_true(isfinite(p[0].held_out_psnr) &&
+                p[0].held_out_psnr == p[1].held_out_psnr); /* looked at in the end */
+    assert_true(p[0].first_psnr == p[1].first_psnr);
     size_t n = sf_model_count(models[0]);
     assert_int_equal(n, sf_model_count(models[1]));
     float *means[2];
