@@ -205,7 +205,7 @@ void sf_hold_mean(sf_view_states *views) {
 
 /* 5. How far it went */
 
-double sf_select(double *values, size_t n, size_t rank) {
+double sf_ranked(double *values, size_t n, size_t rank) {
     size_t first = 0, last = n ? n - 1 : 0;
     while (first < last) {
         double pivot = values[first + (last - first) / 2];
@@ -224,7 +224,7 @@ double sf_select(double *values, size_t n, size_t rank) {
     return n ? values[rank] : 0;
 }
 
-double sf_median(double *values, size_t n) { return sf_select(values, n, n / 2); }
+double sf_median(double *values, size_t n) { return sf_ranked(values, n, n / 2); }
 
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal) {
     double *values = views->scratch;

@@ -34,7 +34,7 @@ void sf_refinement(const sf_view_states *views, double *degrees, double *depths,
 
 /* The value that `rank` others are at most as great as, and the one in the middle, by Hoare's selection;
  * 0 of none. Both reorder them. */
-double sf_select(double *values, size_t n, size_t rank);
+double sf_ranked(double *values, size_t n, size_t rank);
 double sf_median(double *values, size_t n);
 
 #endif

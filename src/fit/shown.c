@@ -8,13 +8,14 @@
 #include <math.h>
 
 void sf_take_means(const sf_fitter *f, sf_model *copy) {
-    for (int field = 0; f->moments.mean_kept > 0 && sf_has_momentum(field); field++)
+    if (!(f->moments.mean_kept > 0)) return;
+    for (int field = 0; sf_has_momentum(field); field++)
         sf_mean_take(&f->moments, field, sf_field_values(field, copy->count), f->model->params.field[field],
                      copy->params.field[field]);
-    /* A step holds the parameter within what a model's file may hold; it is off by what it was before, and by
-     * rounding. */
+    /* A step holds the parameter within what a model's file may hold; the mean is off it by what it was
+     * before, and by rounding. */
     float *scales = copy->params.field[SF_FIELD_log_scale];
-    for (size_t k = 0; f->moments.mean_kept > 0 && k < sf_field_values(SF_FIELD_log_scale, copy->count); k++)
+    for (size_t k = 0; k < sf_field_values(SF_FIELD_log_scale, copy->count); k++)
         scales[k] = fminf(fmaxf(scales[k], -SF_LOG_SCALE_MOST), SF_LOG_SCALE_MOST);
 }
 

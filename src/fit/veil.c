@@ -55,7 +55,7 @@ static double nearest_of(const sf_model *model, const sf_camera *camera, double 
         depths[n] = depth_in(camera, mean);
         n += depths[n] > 0;
     }
-    return n < VEIL_LEAST ? 0 : VEIL_PART * sf_select(depths, n, (size_t)(VEIL_SHARE * (double)n));
+    return n < VEIL_LEAST ? 0 : VEIL_PART * sf_ranked(depths, n, (size_t)(VEIL_SHARE * (double)n));
 }
 
 /* Where the training views were taken from: *stands [*count], sf_free'd by the caller. */

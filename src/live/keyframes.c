@@ -355,7 +355,8 @@ static sf_status quality_of(sf_live *live, size_t at, sf_quality *quality) {
     if (!status)
         status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
                             rgb + 6 * pixels, quality);
-    if (!status && live->options.fit.exposure && exposure_of_neighbours(live, at, gain, bias)) {
+    int exposes = live->keyframes[at].held_out && live->options.fit.exposure;
+    if (!status && exposes && exposure_of_neighbours(live, at, gain, bias)) {
         double corrected = quality->psnr_corrected; /* as drawn: an exposure has no more to say of it */
         for (size_t i = 0; i < 3 * pixels; i++) rgb[i] = (float)(gain[i % 3] * (double)rgb[i] + bias[i % 3]);
         status = sf_compare(live->renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,

@@ -112,7 +112,7 @@ static void hold_poses(const keyframes *k) {
     }
     double by[3], moved[MOST_KEYFRAMES];
     for (int c = 0; c < 3; c++) {
-        memcpy(moved, shift[c], sizeof moved);
+        memcpy(moved, shift[c], k->count * sizeof *moved);
         by[c] = median(moved, k->count);
     }
     for (size_t i = 0; i < k->count; i++)
