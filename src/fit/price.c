@@ -29,7 +29,7 @@
  */
 #define GROWTH_GAIN 0.02
 enum { GROWTHS_IN_VAIN = 3 };
-/* Where Gaussians are cheap it pays to try more of them, by the root of how much cheaper, at most so many
+/* Where Gaussians are cheap it pays to try more of them, by the square of how much cheaper, at most so many
  * times as many. */
 #define MOST_GROWTH 2.5
 /* The part of its share of the squared error that a Gaussian may take away when there are two of it. */
@@ -129,7 +129,8 @@ sf_status sf_consider_growth(sf_fitter *f, double fraction) {
     sf_status status = sf_look_for_errors(f, level, LOOKED, &errors);
     if (status) return status;
     judge_growth(f, level, errors.toned);
-    f->growth_pays = fmin(fmax(sqrt(TOGETHER / sf_errs_together(&errors)), 1), MOST_GROWTH);
+    double cheaper = TOGETHER / sf_errs_together(&errors);
+    f->growth_pays = fmin(fmax(cheaper * cheaper, 1), MOST_GROWTH);
     if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);
     if (status) return status;
     return hardly_seen(&errors) ? spare_the_good(f) : SF_OK;

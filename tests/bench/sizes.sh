@@ -17,9 +17,10 @@ rm -f "$dir"/size-*.json
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 
-# The caps in eighths of `base`; the fit with the whole of it is the one that is pruned.
+# The caps in eighths of `base`, up to what a fit may have if nothing is said; the fit with the whole of it is the one
+# that is pruned.
 scenes=${SIZED:-fox tagboard studio}
-studio=sim:studio base=60000 eighths='1 2 4 6 8 12 16' steps=3000 seeds='1 2 3'
+studio=sim:studio base=60000 eighths='1 2 4 6 8 12 16 20' steps=3000 seeds='1 2 3'
 if [ "$kind" = quick ]; then
     scenes=studio studio='sim:studio?width=80&height=60&frames=20' base=400 eighths='2 4 8' steps=40 seeds=1
 fi
