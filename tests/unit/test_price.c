@@ -71,12 +71,13 @@ static const ball three[] = {{{0, 0, 0}, {0.3f, 0.3f, 0.3f}, 0.8f, 0.9f},
                              {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
 
 /* Where tiles err as a whole each is as one value; where values err by chance, each by itself. How bright a
- * view is has no part in it. */
+ * view is has no part in it. The fewer err together the more is grown, within bounds. */
 static void test_errs_together(void **state) {
     (void)state;
-    enum { E = 100 };
+    enum { E = 100, BY_CHANCE = 0, IN_PART, ALIKE };
     static uint8_t bytes[3 * PIXELS];
-    for (int alike = 0; alike < 2; alike++) {
+    for (int how = BY_CHANCE; how <= ALIKE; how++) {
+        const double odds = (double[]){0.5, 0.715, 1}[how]; /* of a pixel to be as its tile is */
         sf_context *ctx = test_context();
         sf_scene *scene;
         sf_errors errors;
@@ -92,7 +93,7 @@ static void test_errs_together(void **state) {
             double lit = 0;
             for (int px = 0; px < PIXELS; px++) {
                 int tile = px % WIDTH / SF_TILE + px / WIDTH / SF_TILE;
-                int is_lit = alike ? tile % 2 : sf_rng_uniform(&rng) < 0.5;
+                int is_lit = sf_rng_uniform(&rng) < (tile % 2 ? odds : 1 - odds);
                 for (int ch = 0; ch < 3; ch++) bytes[3 * px + ch] = (uint8_t)(10 * view + (is_lit ? E : 0));
                 lit += (double)is_lit / PIXELS;
             }
@@ -104,10 +105,17 @@ static void test_errs_together(void **state) {
         assert_true(errors.squares > 1.9 * expected);
         assert_true(fabs(errors.toned / expected - 1) < 1e-5);
         double together = sf_errs_together(&errors);
-        if (alike)
+        assert_ok(ctx, sf_consider_growth(f, 1));
+        if (how == ALIKE) {
             assert_true(fabs(together / (SF_TILE * SF_TILE) - 1) < 1e-4);
-        else
+            assert_true(f->growth_pays == 1);
+        } else if (how == IN_PART) {
+            assert_true(together > 40 && together < 58);
+            assert_true(fabs(f->growth_pays / pow(60 / together, 2) - 1) < 1e-9);
+        } else {
             assert_true(fabs(together - 1) < 0.2);
+            assert_true(f->growth_pays == 2.5);
+        }
         sf_fitter_destroy(&f);
         sf_scene_destroy(&scene);
         sf_model_destroy(&model);
