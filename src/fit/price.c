@@ -15,7 +15,7 @@
 #define NOTHING (2.25 / 255)
 /* What a float of an SH band must take away, in those of a Gaussian's: much of what bands make serves to
  * please single views. */
-#define BAND_PRICE 5
+#define BAND_PRICE 3
 /* So many times their square is hardly seen. */
 #define HARDLY_SEEN 4
 /* What goes at once may raise the squared error by this part where that is seen, and where it is hardly seen;
