@@ -116,7 +116,8 @@ static void draw_series(size_plot *p, int series) {
                      series == CHART_AUTO ? NULL : &line, &mark);
 }
 
-/* The knee of the PSNR, in each chart: an upright line, and its size in words. */
+/* The knee of the PSNR, in each chart: an upright line, and its size in words, at its foot, where no good fit
+ * is. */
 static void draw_knee(size_plot *p) {
     double plateau, knee = chart_knee(p->sizes, p->size, &plateau);
     char size[32], text[192];
@@ -124,7 +125,7 @@ static void draw_knee(size_plot *p) {
     double x = svg_axis_at(&p->x, knee);
     chart_grouped(knee, size, sizeof size);
     svg_line(p->s, x, p->y.from, x, p->y.to, SVG_INK, 1.4, "5 4");
-    svg_text(p->s, x - 5, p->y.to + 14, 12, SVG_END, SVG_INK, size);
+    svg_text(p->s, x - 5, p->y.from - 6, 12, SVG_END, SVG_INK, size);
     snprintf(text, sizeof text, "knee: %s %s, the fewest within %g dB of the caps' best PSNR, %.2f dB", size,
              p->size == CHART_BYTES ? "bytes" : "Gaussians", CHART_KNEE, plateau);
     double y = p->legend - 4;

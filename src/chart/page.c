@@ -152,7 +152,8 @@ static void add_runs(page *p, const chart_scene *scene) {
         if (!chart_same_scene(run, scene->first)) continue;
         const chart_point *end = &run->points[run->count - 1];
         char machine[3 * CHART_TEXT];
-        snprintf(machine, sizeof machine, "%s, %d threads, %s", run->cpu, run->threads, run->isa);
+        snprintf(machine, sizeof machine, "%s, %d thread%s, %s", run->cpu, run->threads,
+                 run->threads == 1 ? "" : "s", run->isa);
         sf_writer_printf(&p->out, "<tr>");
         put_cell(p, run->label);
         sf_writer_printf(&p->out,

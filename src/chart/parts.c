@@ -29,7 +29,8 @@ void chart_put_title(svg *s, const chart_input *input, const chart_run *first, c
     char line[3 * CHART_TEXT];
     snprintf(line, sizeof line, "%s - %s, %dx%d", what, first->scene, first->width, first->height);
     svg_text(s, CHART_LEFT, 24, 15, SVG_START, SVG_INK, line);
-    snprintf(line, sizeof line, "%s, %d threads", first->cpu, first->threads);
+    snprintf(line, sizeof line, "%s, %d thread%s", first->cpu, first->threads,
+             first->threads == 1 ? "" : "s");
     for (size_t i = 0; i < input->run_count; i++) {
         const chart_run *run = &input->runs[i];
         if (!chart_same_scene(run, first)) continue;
