@@ -1,4 +1,5 @@
 /* convert.c - splatfit convert: a model from one format to another, and what that costs. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -63,8 +64,9 @@ typedef struct conversion {
 } conversion;
 
 static void print_result(const conversion *c) {
-    printf("%s: %lld bytes, %s: %lld bytes: %.2f times smaller; %zu Gaussians, SH degree %d\n", c->in,
-           c->bytes_in, c->out, c->bytes_out, (double)c->bytes_in / (double)c->bytes_out,
+    double in = (double)c->bytes_in, out = (double)c->bytes_out;
+    printf("%s: %lld bytes, %s: %lld bytes: %.2f times %s; %zu Gaussians, SH degree %d\n", c->in, c->bytes_in,
+           c->out, c->bytes_out, fmax(in, out) / fmin(in, out), in < out ? "larger" : "smaller",
            sf_model_count(c->again), sf_model_sh_degree(c->again));
     compare_print(&c->compared);
 }

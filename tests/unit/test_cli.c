@@ -1154,7 +1154,7 @@ static void test_convert(void **state) {
     clear_out();
     outcome o = run_ok("convert", "good.ply", "out/m.spz", SCENE, "--json", "out/c.json");
     test_assert_contains(o.out, "good.ply: ", __FILE__, __LINE__);
-    test_assert_contains(o.out, "5 Gaussians, SH degree 1", __FILE__, __LINE__);
+    test_assert_contains(o.out, " times smaller; 5 Gaussians, SH degree 1", __FILE__, __LINE__);
     test_assert_contains(o.out, "2 views held out: PSNR ", __FILE__, __LINE__);
     test_assert_contains(o.out, "7 views to train on: PSNR ", __FILE__, __LINE__);
     free_outcome(&o);
@@ -1178,7 +1178,9 @@ static void test_convert(void **state) {
     run_quietly(ARGS("convert", "good.ply", "out/rub.spz", "--spz-frame", "rub", "--sh-bits", "8,8"));
     run_quietly(ARGS("convert", "good.ply", "out/own.spz", "--sh-bits", "8,8"));
     run_quietly(ARGS("convert", "out/rub.spz", "out/rub.ply", "--spz-frame", "rub"));
-    run_quietly(ARGS("convert", "out/own.spz", "out/own.ply"));
+    o = run_ok("convert", "out/own.spz", "out/own.ply");
+    test_assert_contains(o.out, " times larger; 5 Gaussians", __FILE__, __LINE__);
+    free_outcome(&o);
     run_quietly(ARGS("convert", "good.ply", "/dev/null"));
     assert_int_equal(count_in("out/rub.ply"), 5);
 }
