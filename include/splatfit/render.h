@@ -51,8 +51,8 @@ typedef struct sf_render_grads {
 } sf_render_grads;
 
 /* Takes dL/dimage ([H][W][3]) of the last sf_render back to the raw parameters and the camera (M.2, M.3, M.4,
- * M.6). The model must be unchanged since. Gaussians that were culled get 0. SF_ERR_ARGUMENT: no sf_render
- * came before, or the model has another count or degree. */
+ * M.6). Gaussians that were culled get 0. SF_ERR_ARGUMENT: no sf_render came before, it rendered another
+ * model (of equal values, too, or one that is destroyed by now), or the model was changed since. */
 SF_API sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                                     const sf_render_grads *grads);
 

@@ -27,6 +27,7 @@ struct sf_context {
     struct sf_libcamera *libcamera; /* src/capture/libcamera.cc's own, under `lock`; NULL: not in use */
 #ifndef __cplusplus                 /* whose atomics have other names */
     atomic_int loads_cancelled;     /* sf_scene_cancel_loads */
+    atomic_uint_least64_t versions; /* of models, handed out so far */
 #endif
 };
 

@@ -12,9 +12,9 @@ struct sf_renderer {
     sf_params grads;
     size_t grad_room[SF_BANDS]; /* Gaussians with a band, at least */
     int grad_degree, has_grads;
-    int rendered; /* the workspace holds a picture */
-    size_t banded[SF_BANDS];
-    int stored_degree;
+    int rendered;                /* the workspace holds a picture */
+    const sf_context *model_ctx; /* of the model that it shows */
+    uint64_t version;
 };
 
 sf_render_options sf_render_options_default(void) {
@@ -69,8 +69,8 @@ sf_status sf_render(sf_renderer *renderer, const sf_model *model, const sf_camer
         sf_forward(&renderer->picture, model, camera, options ? options : &defaults, out->depth != NULL);
     if (status) return status;
     renderer->rendered = 1;
-    memcpy(renderer->banded, model->banded, sizeof renderer->banded);
-    renderer->stored_degree = model->sh_degree;
+    renderer->model_ctx = model->ctx;
+    renderer->version = model->version;
     sf_copy_out(&renderer->picture, out);
     return SF_OK;
 }
@@ -104,9 +104,9 @@ static void keep_grads(void *renderer_pointer, const sf_params *grads, size_t fi
 sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                              const sf_render_grads *grads) {
     sf_workspace *ws = &renderer->picture;
-    if (!renderer->rendered || memcmp(model->banded, renderer->banded, sizeof model->banded) ||
-        model->sh_degree != renderer->stored_degree)
-        return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "model: not the one that was rendered last");
+    if (!renderer->rendered || model->ctx != renderer->model_ctx || model->version != renderer->version)
+        return sf_fail(renderer->ctx, SF_ERR_ARGUMENT,
+                       "model: not the one that was rendered last, or changed since: render it first");
     sf_status status = gradient_room(renderer, model);
     if (status) return status;
     sf_copy_in(ws, d_rgb, NULL, ws->d_rgb);

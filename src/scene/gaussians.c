@@ -42,6 +42,10 @@ static void set_neutral(const sf_params *params, int field, size_t first, size_t
     }
 }
 
+void sf_model_note_change(sf_model *model) {
+    model->version = atomic_fetch_add_explicit(&model->ctx->versions, 1, memory_order_relaxed) + 1;
+}
+
 sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS], size_t capacity,
                                  int sh_degree, sf_model **out) {
     *out = NULL;
@@ -51,6 +55,7 @@ sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS],
     if (!model) return SF_ERR_MEMORY;
     model->ctx = ctx;
     model->sh_degree = sh_degree;
+    sf_model_note_change(model);
     for (int band = 0; band <= sh_degree; band++) {
         int by_all = banded[band] == banded[0];
         sf_status status = sf_model_set_room(model, band, by_all ? capacity : banded[band]);
@@ -68,6 +73,7 @@ sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS],
 sf_status sf_model_set_room(sf_model *model, int band, size_t room) {
     sf_params *p = &model->params;
     size_t used = model->banded[band], whole = sf_blocks(room) * SF_LANES;
+    sf_model_note_change(model);
     if (model->capacity[band] > whole) model->capacity[band] = whole;
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
         if (sf_field_band(f) != band) continue;
@@ -97,6 +103,7 @@ void sf_model_destroy(sf_model **model_pointer) {
 }
 
 void sf_model_resize(sf_model *model, size_t count) {
+    sf_model_note_change(model);
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++)
         set_neutral(&model->params, f, count, model->banded[sf_field_band(f)]);
     for (int band = 0; band < SF_BANDS; band++)
@@ -136,6 +143,7 @@ void sf_model_assign(sf_model *model, const sf_model *from) {
 }
 
 void sf_model_arrange(sf_model *model, const sf_order *order) {
+    sf_model_note_change(model);
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
         size_t had = model->banded[sf_field_band(f)], now = order->banded[sf_field_band(f)];
         size_t end = sf_blocks(had > now ? had : now) * SF_LANES;
@@ -149,7 +157,10 @@ void sf_model_arrange(sf_model *model, const sf_order *order) {
 size_t sf_model_count(const sf_model *model) { return model->count; }
 int sf_model_sh_degree(const sf_model *model) { return model->sh_degree; }
 int sf_model_antialiased(const sf_model *model) { return model->antialiased; }
-void sf_model_set_antialiased(sf_model *model, int antialiased) { model->antialiased = antialiased != 0; }
+void sf_model_set_antialiased(sf_model *model, int antialiased) {
+    model->antialiased = antialiased != 0;
+    sf_model_note_change(model);
+}
 
 /* Walks one Gaussian's values beside the caller's arrays. */
 typedef void (*move_fn)(float *blocked, float *plain);
@@ -220,6 +231,7 @@ sf_status sf_model_set(sf_model *model, size_t first, size_t count, const sf_gau
     if (status) return status;
     walk w = {&model->params, model->banded, model->sh_degree, first, count, from, take};
     move_all(&w);
+    sf_model_note_change(model);
     return SF_OK;
 }
 

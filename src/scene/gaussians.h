@@ -29,7 +29,13 @@ struct sf_model {
     size_t capacity[SF_BANDS]; /* Gaussians that the arrays of a band have room for, multiples of SF_LANES;
                                   all other fields go with band 0 */
     sf_params params;          /* lanes banded[b] .. capacity[b]-1 are neutral */
+    uint64_t version;          /* of no other model of the context, nor of this one before
+                                  sf_model_note_change */
 };
+
+/* What is known of the model's values and arrays holds no longer. Steps of a fit, whose model no caller has,
+ * do not say so. */
+void sf_model_note_change(sf_model *model);
 
 /* Components of a field, whether a model of a degree stores it, and the band that it goes with. */
 int sf_field_components(int field);

@@ -95,6 +95,7 @@ sf_status sf_model_transform(sf_model *model, const sf_similarity *motion) {
         for (int degree = sf_degree_of(model, i); degree > 0; degree--)
             turn_band(&model->params, i, degree, D);
     }
+    sf_model_note_change(model);
     return SF_OK;
 }
 

@@ -289,6 +289,40 @@ static void backward_needs_its_render(void **state) {
     clear_stage(&s);
 }
 
+/* The way back reads the arrays of what was rendered: another model's are other ones, though it has as many
+ * Gaussians of the same degree, and those of a model that is gone are no more. */
+static void backward_takes_no_other_model(void **state) {
+    (void)state;
+    stage s;
+    set_stage(&s, 4);
+    sf_model *other = test_model_of(s.ctx, &s.scene);
+    sf_image_out nothing = {0};
+    sf_render_grads grads = {0};
+    float opacity = 0.25f, *d_rgb = test_d_rgb(40 * 30);
+    sf_gaussians one = {.logit_opacities = &opacity};
+    sf_similarity twice = {.scale = 2, .R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    const double low[3] = {-1e9, -1e9, -1e9}, high[3] = {1e9, 1e9, 1e9};
+    for (int change = 0; change < 5; change++) {
+        assert_ok(s.ctx, sf_render(s.renderer, s.model, &s.scene.camera, &s.options, &nothing));
+        assert_status(s.ctx, sf_render_backward(s.renderer, other, d_rgb, &grads), SF_ERR_ARGUMENT);
+        assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads));
+        if (change == 0) assert_ok(s.ctx, sf_model_set(s.model, 7, 1, &one));
+        if (change == 1) assert_ok(s.ctx, sf_model_transform(s.model, &twice));
+        if (change == 2) sf_model_set_antialiased(s.model, 1);
+        if (change == 3) assert_ok(s.ctx, sf_model_crop(s.model, low, high));
+        if (change == 4) assert_ok(s.ctx, sf_model_pack(s.model));
+        assert_status(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads), SF_ERR_ARGUMENT);
+        assert_error_names(s.ctx, "model: not the one that was rendered last");
+    }
+    assert_ok(s.ctx, sf_render(s.renderer, s.model, &s.scene.camera, &s.options, &nothing));
+    sf_model_destroy(&s.model);
+    s.model = test_model_of(s.ctx, &s.scene); /* may well stand where the other one did */
+    assert_status(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads), SF_ERR_ARGUMENT);
+    sf_model_destroy(&other);
+    free(d_rgb);
+    clear_stage(&s);
+}
+
 /* What is asked for does not change it. */
 static void outputs_are_optional(void **state) {
     (void)state;
@@ -376,11 +410,17 @@ static void renderer_can_be_used_again(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(random_scenes_match_the_reference), cmocka_unit_test(compensation_ends_at_its_least),
-        cmocka_unit_test(thread_count_does_not_matter),      cmocka_unit_test(lower_degree_leaves_bands_out),
-        cmocka_unit_test(bad_options_are_refused),           cmocka_unit_test(bad_cameras_are_refused),
-        cmocka_unit_test(backward_needs_its_render),         cmocka_unit_test(outputs_are_optional),
-        cmocka_unit_test(no_options_are_the_defaults),       cmocka_unit_test(empty_model_is_the_background),
+        cmocka_unit_test(random_scenes_match_the_reference),
+        cmocka_unit_test(compensation_ends_at_its_least),
+        cmocka_unit_test(thread_count_does_not_matter),
+        cmocka_unit_test(lower_degree_leaves_bands_out),
+        cmocka_unit_test(bad_options_are_refused),
+        cmocka_unit_test(bad_cameras_are_refused),
+        cmocka_unit_test(backward_needs_its_render),
+        cmocka_unit_test(backward_takes_no_other_model),
+        cmocka_unit_test(outputs_are_optional),
+        cmocka_unit_test(no_options_are_the_defaults),
+        cmocka_unit_test(empty_model_is_the_background),
         cmocka_unit_test(renderer_can_be_used_again),
     };
     return cmocka_run_group_tests_name("render", tests, NULL, NULL);
