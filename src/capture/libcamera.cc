@@ -8,6 +8,8 @@
  * one is kept by the kernel: whoever makes a manager holds a lock on the process's own entry in /proc, of
  * which there is one a process, however often this library is in it, and which goes with the process. */
 extern "C" {
+#include "auto_exposure.h"
+#include "dma_heaps.h"
 #include "format.h"
 #include "libcamera.h"
 }
@@ -211,6 +213,13 @@ std::string model_of(const libcamera::Camera &camera) {
     return model ? std::string(*model) : camera.id();
 }
 
+/* Why there is no memory for frames, after `what`. */
+std::string with_heaps(std::string what) {
+    char heaps[512];
+    sf_dma_heaps_explain("/dev", heaps, sizeof heaps);
+    return *heaps ? what + "; " + heaps : what;
+}
+
 /* What the camera would stream; NULL: it does not stream video. */
 std::unique_ptr<libcamera::CameraConfiguration> configuration_of(libcamera::Camera &camera) {
     auto configuration = camera.generateConfiguration({libcamera::StreamRole::VideoRecording});
@@ -357,6 +366,7 @@ class Source {
     template <typename T, typename V>
     sf_status want(const libcamera::Control<T> &control, const char *option, V value);
     sf_status want_controls(const Request &asked);
+    void put_auto(libcamera::ControlList &to, const sf_auto_set &set) const;
     void put_controls(libcamera::ControlList &to) const;
     void put_lock(libcamera::ControlList &to) const;
     sf_status start();
@@ -417,9 +427,12 @@ sf_status Source::find(const char *name, const Request &asked) {
     size_t index = number ? strtoul(asked.camera, nullptr, 10) : cameras.size();
     for (size_t i = 0; i < cameras.size(); i++)
         if (i == index || (!number && cameras[i]->id() == asked.camera)) camera = cameras[i];
-    if (!camera)
-        return sf_fail(ctx, SF_ERR_IO, "%s: libcamera has no camera \"%s\"; it has %zu", name, asked.camera,
-                       cameras.size());
+    if (!camera) {
+        /* A Raspberry Pi's are not even listed without a heap. */
+        const std::string has = "it has " + std::to_string(cameras.size());
+        return sf_fail(ctx, SF_ERR_IO, "%s: libcamera has no camera \"%s\"; %s", name, asked.camera,
+                       cameras.empty() ? with_heaps(has).c_str() : has.c_str());
+    }
     model = model_of(*camera);
     devices = devices_of(manager, camera);
     int error = camera->acquire();
@@ -528,7 +541,9 @@ sf_status Source::map_buffer(libcamera::FrameBuffer *buffer) {
 sf_status Source::map() {
     allocator = std::make_unique<libcamera::FrameBufferAllocator>(camera);
     int made = allocator->allocate(stream);
-    if (made < 0) return fail(SF_ERR_IO, "gives no buffers", made);
+    if (made < 0)
+        return fail(SF_ERR_IO,
+                    with_heaps(std::string("gives no buffers: ") + strerror(std::abs(made))).c_str());
     for (const auto &buffer : allocator->buffers(stream)) {
         sf_status status = map_buffer(buffer.get());
         if (status != SF_OK) return status;
@@ -555,10 +570,37 @@ sf_status Source::want(const libcamera::Control<T> &control, const char *option,
     return SF_OK;
 }
 
+/* The modes came with 0.5. */
+#if LIBCAMERA_VERSION_MAJOR > 0 || LIBCAMERA_VERSION_MINOR >= 5
+#define HAVE_MODES 1
+#else
+#define HAVE_MODES 0
+#endif
+
+#if HAVE_MODES
+/* Whether a mode can be both automatic and manual: a webcam's may be but one of them. */
+bool switches(const libcamera::ControlInfoMap &known, const libcamera::ControlId &mode) {
+    const auto found = known.find(mode.id());
+    return found != known.end() && found->second.values().size() > 1;
+}
+#endif
+
+sf_auto_has auto_of(const libcamera::Camera &camera) {
+    namespace c = libcamera::controls;
+    const auto &known = camera.controls();
+    sf_auto_has has = {known.count(c::AeEnable.id()) != 0, 0, 0};
+#if HAVE_MODES
+    has.exposure_mode = switches(known, c::ExposureTimeMode);
+    has.gain_mode = switches(known, c::AnalogueGainMode);
+#endif
+    return has;
+}
+
 sf_status Source::want_controls(const Request &asked) {
     namespace c = libcamera::controls;
+    const sf_auto_has has = auto_of(*camera);
     sf_status status = SF_OK;
-    if (asked.exposure_us < 0 && !camera->controls().count(c::AeEnable.id()))
+    if (asked.exposure_us < 0 && !has.enable && !has.exposure_mode)
         status = fail(SF_ERR_UNSUPPORTED, "exposure: has no automatic exposure");
     if (status == SF_OK && asked.exposure_us > 0)
         status = want(c::ExposureTime, "exposure", int32_t(asked.exposure_us));
@@ -568,11 +610,22 @@ sf_status Source::want_controls(const Request &asked) {
     return status;
 }
 
+void Source::put_auto(libcamera::ControlList &to, const sf_auto_set &set) const {
+    namespace c = libcamera::controls;
+    if (set.enable != SF_AUTO_LEAVE) to.set(c::AeEnable, set.enable == SF_AUTO_ON);
+#if HAVE_MODES
+    if (set.exposure_mode != SF_AUTO_LEAVE)
+        to.set(c::ExposureTimeMode,
+               set.exposure_mode == SF_AUTO_ON ? c::ExposureTimeModeAuto : c::ExposureTimeModeManual);
+    if (set.gain_mode != SF_AUTO_LEAVE)
+        to.set(c::AnalogueGainMode,
+               set.gain_mode == SF_AUTO_ON ? c::AnalogueGainModeAuto : c::AnalogueGainModeManual);
+#endif
+}
+
 void Source::put_controls(libcamera::ControlList &to) const {
     namespace c = libcamera::controls;
-    const auto &known = camera->controls();
-    if (asked_for.exposure_us && known.count(c::AeEnable.id()))
-        to.set(c::AeEnable, asked_for.exposure_us < 0);
+    put_auto(to, sf_auto_open(auto_of(*camera), {asked_for.exposure_us, asked_for.gain}));
     if (asked_for.exposure_us > 0) to.set(c::ExposureTime, int32_t(asked_for.exposure_us));
     if (asked_for.gain > 0) to.set(c::AnalogueGain, float(asked_for.gain));
     if (asked_for.fps > 0) {
@@ -582,17 +635,16 @@ void Source::put_controls(libcamera::ControlList &to) const {
 }
 
 bool Source::can_lock() const {
-    const auto &known = camera->controls();
-    return known.count(libcamera::controls::AeEnable.id()) ||
-           known.count(libcamera::controls::AwbEnable.id());
+    const sf_auto_has has = auto_of(*camera);
+    return has.enable || has.exposure_mode || has.gain_mode ||
+           camera->controls().count(libcamera::controls::AwbEnable.id());
 }
 
 /* What was given by hand stays so when the rest is unlocked. */
 void Source::put_lock(libcamera::ControlList &to) const {
     namespace c = libcamera::controls;
-    const auto &known = camera->controls();
-    if (known.count(c::AeEnable.id()) && asked_for.exposure_us <= 0) to.set(c::AeEnable, !locked);
-    if (known.count(c::AwbEnable.id())) to.set(c::AwbEnable, !locked);
+    put_auto(to, sf_auto_lock(auto_of(*camera), {asked_for.exposure_us, asked_for.gain}, locked));
+    if (camera->controls().count(c::AwbEnable.id())) to.set(c::AwbEnable, !locked);
 }
 
 /* Some pipelines take controls with the start, some with the first request. */

@@ -1,7 +1,115 @@
-/* test_libcamera.c - names of libcamera's cameras, where there is no camera. */
+/* test_libcamera.c - names of libcamera's cameras, what is set of them and what is said, where there is no
+ * camera. */
 #include "../testing.h"
 
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "capture/auto_exposure.h"
+#include "capture/dma_heaps.h"
+
+static void assert_set(sf_auto_set set, int enable, int exposure_mode, int gain_mode) {
+    assert_int_equal(set.enable, enable);
+    assert_int_equal(set.exposure_mode, exposure_mode);
+    assert_int_equal(set.gain_mode, gain_mode);
+}
+
+/* A switch of each kind of camera: one for all until 0.4, one for each from 0.5 on, a webcam's of 0.5. */
+static const sf_auto_has none, old = {1, 0, 0}, both = {1, 1, 1}, webcam = {1, 1, 0};
+
+static void test_auto_open(void **state) {
+    (void)state;
+    const sf_auto_asked nothing = {0, 0}, automatic = {-1, 0}, manual = {10000, 0}, gain = {0, 2},
+                        mixed = {-1, 2}, fixed = {10000, 2};
+    assert_set(sf_auto_open(none, fixed), -1, -1, -1);
+    assert_set(sf_auto_open(old, nothing), -1, -1, -1);
+    assert_set(sf_auto_open(old, automatic), 1, -1, -1);
+    assert_set(sf_auto_open(old, manual), 0, -1, -1);
+    assert_set(sf_auto_open(old, gain), -1, -1, -1);
+    assert_set(sf_auto_open(both, nothing), -1, -1, -1);
+    assert_set(sf_auto_open(both, automatic), -1, 1, -1);
+    assert_set(sf_auto_open(both, manual), -1, 0, -1);
+    assert_set(sf_auto_open(both, gain), -1, -1, 0);
+    assert_set(sf_auto_open(both, mixed), -1, 1, 0);
+    assert_set(sf_auto_open(both, fixed), -1, 0, 0);
+    assert_set(sf_auto_open(webcam, fixed), -1, 0, -1);
+}
+
+static void test_auto_lock(void **state) {
+    (void)state;
+    const sf_auto_asked nothing = {0, 0}, automatic = {-1, 0}, manual = {10000, 0}, gain = {0, 2},
+                        fixed = {10000, 2};
+    assert_set(sf_auto_lock(none, nothing, 1), -1, -1, -1);
+    assert_set(sf_auto_lock(old, nothing, 1), 0, -1, -1);
+    assert_set(sf_auto_lock(old, automatic, 0), 1, -1, -1);
+    assert_set(sf_auto_lock(old, manual, 1), -1, -1, -1);
+    assert_set(sf_auto_lock(both, nothing, 1), -1, 0, 0);
+    assert_set(sf_auto_lock(both, automatic, 0), -1, 1, 1);
+    assert_set(sf_auto_lock(both, manual, 1), -1, -1, 0);
+    assert_set(sf_auto_lock(both, gain, 0), -1, 1, -1);
+    assert_set(sf_auto_lock(both, fixed, 0), -1, -1, -1);
+    assert_set(sf_auto_lock(webcam, nothing, 1), -1, 0, -1);
+}
+
+static void make_file(const char *path, mode_t mode) {
+    int fd = open(path, O_CREAT | O_WRONLY, 0600);
+    assert_true(fd >= 0);
+    close(fd);
+    assert_int_equal(chmod(path, mode), 0);
+}
+
+/* As a user who is not root, whom no permission holds. */
+static void explain(const char *dev, char text[512]) {
+    int root = geteuid() == 0;
+    if (root) assert_int_equal(seteuid(65534), 0);
+    sf_dma_heaps_explain(dev, text, 512);
+    if (root) assert_int_equal(seteuid(0), 0);
+}
+
+static void test_heaps(void **state) {
+    (void)state;
+    char dev[64] = "/tmp/splatfit-heaps-XXXXXX", heaps[96], system_heap[128], udmabuf[96], text[512];
+    assert_non_null(mkdtemp(dev));
+    assert_int_equal(chmod(dev, 0755), 0);
+    snprintf(heaps, sizeof heaps, "%s/dma_heap", dev);
+    snprintf(system_heap, sizeof system_heap, "%s/system", heaps);
+    snprintf(udmabuf, sizeof udmabuf, "%s/udmabuf", dev);
+
+    explain(dev, text);
+    assert_non_null(strstr(text, "no DMA heap: "));
+    assert_non_null(strstr(text, "are missing"));
+    assert_non_null(strstr(text, "modprobe udmabuf"));
+
+    /* Not those that are missing are named, but the one that cannot be opened. */
+    assert_int_equal(mkdir(heaps, 0755), 0);
+    make_file(system_heap, 0);
+    explain(dev, text);
+    assert_non_null(strstr(text, system_heap));
+    assert_non_null(strstr(text, strerror(EACCES)));
+    assert_non_null(strstr(text, "GROUP="));
+
+    /* Of a group that is not root's; only root can make one. */
+    if (geteuid() == 0) {
+        assert_int_equal(chown(system_heap, 0, 12345), 0);
+        assert_int_equal(chmod(system_heap, 0660), 0);
+        explain(dev, text);
+        assert_non_null(strstr(text, "add yourself to its group"));
+    }
+
+    make_file(udmabuf, 0666);
+    explain(dev, text);
+    assert_string_equal(text, "");
+
+    unlink(udmabuf);
+    unlink(system_heap);
+    rmdir(heaps);
+    rmdir(dev);
+}
 
 static void expect(sf_context *ctx, const char *name, sf_status expected, const char *part) {
     sf_source *source;
@@ -59,6 +167,8 @@ static void test_absent(void **state) {
 #endif
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_names), cmocka_unit_test(test_absent)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_auto_open), cmocka_unit_test(test_auto_lock),
+                                       cmocka_unit_test(test_heaps), cmocka_unit_test(test_names),
+                                       cmocka_unit_test(test_absent)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
