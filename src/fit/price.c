@@ -165,7 +165,6 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, sf_errors *erro
  * come make up for: where many do the same none is worth much, and what is left of them is worth more. */
 static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
     sf_errors before, after;
-    double unseen = NOTHING * NOTHING * w->errors.values;
     double rise = fraction > charge_until(f) ? LATE_RISE : hardly_seen(&w->errors) ? UNSEEN_RISE : RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0, half = w->count / 2;
@@ -176,6 +175,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
     qsort(list, n, sizeof *list, by_effect);
     sf_status status = sf_look_for_errors(f, 0, LOOKED, &before);
     while (n && !status) {
+        double unseen = NOTHING * NOTHING * before.values; /* of the same views as the rise */
         status = try_without(f, list, n, &after);
         if (after.squares - before.squares <= (n > half ? LATE_RISE : rise) * (before.squares + unseen))
             break;

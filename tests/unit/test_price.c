@@ -41,21 +41,27 @@ static void draw(sf_context *ctx, const sf_model *model, int view, float *rgb) {
     sf_renderer_destroy(&renderer);
 }
 
-/* All views of a model. */
-static sf_scene *scene_of(sf_context *ctx, const sf_model *model) {
+/* Each view of a model so many times, one after another, the first `unmasked` of them with nothing masked and
+ * the others altogether. */
+static sf_scene *scene_of_many(sf_context *ctx, const sf_model *model, int times, int unmasked) {
     static float rgb[3 * PIXELS];
-    static uint8_t bytes[3 * PIXELS];
+    static uint8_t bytes[3 * PIXELS], masked[PIXELS];
     sf_scene *scene;
     assert_ok(ctx, sf_scene_create(ctx, &scene));
     for (int view = 0; view < VIEWS; view++) {
         sf_camera camera = camera_of(view);
         draw(ctx, model, view, rgb);
         for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
-        sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
-        assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+        for (int k = 0; k < times; k++) {
+            sf_pixels pixels = {bytes, 3 * WIDTH, k < unmasked ? NULL : masked};
+            assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+        }
     }
     return scene;
 }
+
+/* All views of a model. */
+static sf_scene *scene_of(sf_context *ctx, const sf_model *model) { return scene_of_many(ctx, model, 1, 1); }
 
 static sf_fitter *fitter_of(sf_context *ctx, sf_scene *scene, const sf_model *model) {
     sf_fit_options options = sf_fit_options_default();
@@ -275,6 +281,46 @@ static void test_price(void **state) {
     sf_model_destroy(&truth);
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
+}
+
+/* What goes at once is judged by 16 views. With more of the same in the scene it is the same that goes. */
+static void test_what_goes_at_once(void **state) {
+    (void)state;
+    enum { FAINT = 24, ALL = 2 * FAINT + 1 };
+    static const int times[] = {2, 16}; /* 16 views and 128 */
+    int going[2] = {0};
+    ball balls[ALL];
+    for (int i = 0; i < ALL; i++) {
+        float x = 0.3f * (float)(i % 6) - 0.75f, y = 0.4f * (float)(i / 6 % 4) - 0.6f;
+        balls[i] = (ball){{x, y, 0}, {0.06f, 0.06f, 0.06f}, i < FAINT ? 0.1f : 0.001f, 0.9f};
+    }
+    for (int many = 0; many < 2; many++) {
+        sf_context *ctx = test_context();
+        sf_model *model = model_of(ctx, balls, ALL, 0);
+        sf_scene *scene = scene_of_many(ctx, model, times[many], times[many]);
+        sf_fitter *f = fitter_of(ctx, scene, model);
+        sf_worth w;
+        uint8_t degrees[ALL] = {0};
+        double all = 0;
+        assert_ok(ctx, sf_weigh(f, 0, &w));
+        for (int i = 0; i < FAINT; i++) all += (double)w.effect[i];
+        double part = all / w.errors.values / pow(2.25 / 255, 2); /* of what nobody sees */
+        if (part < 0.8 || part > 3) print_message("all of them: %g\n", part);
+        assert_true(part > 0.8 && part < 3);
+        sf_worth_free(ctx, &w);
+        f->options.quality = 1e-5;                               /* none is worth its price */
+        for (int i = FAINT; i < ALL; i++) f->screen_sum[i] = -1; /* and those are going already */
+        assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
+        for (int i = 0; i < FAINT; i++) going[many] += f->screen_sum[i] < 0;
+        sf_worth_free(ctx, &w);
+        sf_fitter_destroy(&f);
+        sf_scene_destroy(&scene);
+        sf_model_destroy(&model);
+        sf_context_destroy(&ctx);
+    }
+    if (going[0] != going[1]) print_message("%d of 16 views, %d of 128\n", going[0], going[1]);
+    assert_true(going[0] > 0 && going[0] < FAINT);
+    assert_int_equal(going[0], going[1]);
 }
 
 /* A Gaussian cut in two along its longest axis becomes what it was; one that stands apart stays. */
@@ -526,6 +572,7 @@ int main(void) {
         cmocka_unit_test(test_worth_is_what_is_lost),
         cmocka_unit_test(test_weighed_by_some),
         cmocka_unit_test(test_price),
+        cmocka_unit_test(test_what_goes_at_once),
         cmocka_unit_test(test_merge),
         cmocka_unit_test(test_trial_succeeds),
         cmocka_unit_test(test_trial_fails),
