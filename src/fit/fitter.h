@@ -260,11 +260,11 @@ void sf_grow_and_prune(sf_fitter *fitter, double fraction);
 /* Removes what is not finite, and says so. */
 sf_status sf_drop_not_finite(sf_fitter *fitter);
 
-/* look.c: draws `wanted` of the views that are trained on, spread over all of them, the same each time or,
- * with `others`, others each time; 0: all. At the level, degree and background of the moment, with the
- * cameras and exposures learned. `look` is called after each that is not masked altogether, as sf_draw_view
- * leaves it, with the sum of the weights of its pixels; a failure of it ends the looking. pixels: of the full
- * resolution in one of the picture; *there (may be NULL): how many views there are. */
+/* look.c: draws `wanted` of the views that are trained on and not masked altogether, spread over all of them,
+ * the same each time or, with `others`, others each time; 0: all. At the level, degree and background of the
+ * moment, with the cameras and exposures learned. `look` is called after each, as sf_draw_view leaves it,
+ * with the sum of the weights of its pixels; a failure of it ends the looking. pixels: of the full resolution
+ * in one of the picture; *there (may be NULL): how many such views there are. */
 typedef sf_status (*sf_look_fn)(sf_fitter *fitter, sf_view_state *state, double pixels, double weight_sum,
                                 void *user);
 sf_status sf_look_at_views(sf_fitter *fitter, size_t wanted, int others, sf_look_fn look, void *user,

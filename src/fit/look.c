@@ -18,6 +18,16 @@ static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user)
     return status;
 }
 
+/* Whether a view teaches anything: one that is masked altogether does not. */
+static int shows(const sf_fitter *f, uint32_t id) {
+    sf_view *view = sf_scene_retain_id(f->scene, id);
+    if (!view) return 0; /* gone since */
+    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height, i = 0;
+    while (view->weight && i < pixels && !view->weight[i]) i++;
+    sf_view_release(view);
+    return i < pixels;
+}
+
 sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn look, void *user,
                            size_t *there) {
     uint32_t *ids;
@@ -25,7 +35,7 @@ sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn l
     sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
     if (status) return status;
     for (size_t i = 0; i < n; i++)
-        if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
+        if (!sf_validates(f, ids[i]) && shows(f, ids[i])) ids[kept++] = ids[i];
     if (there) *there = kept;
     if (!wanted || wanted > kept) wanted = kept;
     double shift = 0;

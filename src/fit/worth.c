@@ -300,6 +300,10 @@ static void scale_up(sf_worth *w, double factor) {
         w->share[i] *= (float)factor;
         w->mass[i] *= (float)factor;
         for (int band = 0; band < SF_MAX_SH_DEGREE; band++) w->bands[i][band] *= (float)factor;
+        if (!w->blame) continue;
+        w->blame[i].now *= (float)factor;
+        w->blame[i].before *= (float)factor;
+        w->blame[i].values *= (float)factor;
     }
 }
 
@@ -323,7 +327,7 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     if (!status) status = look_at_level(f, 0, views, look_at, &job, &there);
     sf_free(f->ctx, tried);
     w->whole = !views || views >= there;
-    if (!status && !w->whole) scale_up(w, (double)there / (double)views);
+    if (!status && w->views && w->views < there) scale_up(w, (double)there / (double)w->views);
     return status;
 }
 

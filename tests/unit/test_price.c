@@ -254,6 +254,68 @@ static void test_weighed_by_some(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Views that are masked altogether have no part in any sum, whichever they are. */
+static void test_masked_views_do_not_count(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    ball off[3];
+    memcpy(off, three, sizeof off);
+    off[1].gray = 0.6f;
+    sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, off, 3, 0);
+    sf_scene *scenes[] = {scene_of(ctx, truth), scene_of_many(ctx, truth, 2, 1)};
+    sf_worth w[2];
+    for (int half_masked = 0; half_masked < 2; half_masked++) {
+        sf_fitter *f = fitter_of(ctx, scenes[half_masked], model);
+        assert_ok(ctx, sf_weigh(f, VIEWS / 2, &w[half_masked]));
+        sf_fitter_destroy(&f);
+    }
+    assert_int_equal(w[1].views, VIEWS / 2);
+    assert_true(fabs(w[1].errors.values - 3.0 * VIEWS * PIXELS) < 1e-6);
+    assert_true(w[1].errors.squares > 0 && w[1].errors.squares == w[0].errors.squares);
+    assert_memory_equal(w[1].effect, w[0].effect, 3 * sizeof *w->effect);
+    for (int k = 0; k < 2; k++) {
+        sf_worth_free(ctx, &w[k]);
+        sf_scene_destroy(&scenes[k]);
+    }
+    sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* Of each view twice one will do to judge a trial by: what the pair is blamed for is the same. */
+static void test_trial_judged_by_some(void **state) {
+    (void)state;
+    enum { ALL = 2 * VIEWS };
+    sf_context *ctx = test_context();
+    ball twins[3] = {three[0], three[0], three[2]};
+    for (int i = 0; i < 2; i++) twins[i].opacity = 1 - sqrtf(1 - three[0].opacity);
+    twins[0].mean[0] = -0.2f, twins[1].mean[0] = 0.2f, twins[1].gray = 0.2f;
+    sf_model *model = model_of(ctx, twins, 3, 0);
+    sf_scene *scene = scene_of_many(ctx, model, 2, 2);
+    sf_blame blame[2];
+    for (int some = 0; some < 2; some++) {
+        sf_fitter *f = fitter_of(ctx, scene, model);
+        sf_worth w;
+        assert_ok(ctx, sf_weigh(f, some ? VIEWS : ALL, &w));
+        w.effect[2] = INFINITY;
+        f->options.merge = 1;
+        assert_ok(ctx, sf_trials_begin(f, &w));
+        sf_worth_free(ctx, &w);
+        assert_int_equal(f->trials.count, 1);
+        assert_ok(ctx, sf_weigh(f, some ? VIEWS : ALL, &w));
+        blame[some] = w.blame[f->trials.list[0].leader];
+        sf_worth_free(ctx, &w);
+        sf_fitter_destroy(&f);
+    }
+    assert_true(blame[0].now > blame[0].before);
+    assert_true(fabsf(blame[1].now / blame[0].now - 1) < 1e-5f);
+    assert_true(fabsf(blame[1].before / blame[0].before - 1) < 1e-5f);
+    assert_true(fabsf(blame[1].values / blame[0].values - 1) < 1e-5f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
 /* The useless go, more than half of all where that changes nothing, and those that make the picture stay. */
 static void test_price(void **state) {
     (void)state;
@@ -572,6 +634,8 @@ int main(void) {
         cmocka_unit_test(test_worth_is_what_is_lost),
         cmocka_unit_test(test_weighed_by_some),
         cmocka_unit_test(test_price),
+        cmocka_unit_test(test_masked_views_do_not_count),
+        cmocka_unit_test(test_trial_judged_by_some),
         cmocka_unit_test(test_what_goes_at_once),
         cmocka_unit_test(test_merge),
         cmocka_unit_test(test_trial_succeeds),
