@@ -38,6 +38,7 @@ typedef struct weigh_job {
     sf_worth *worth;
     band_sums *bands;
     tone tones[SF_CHANNELS]; /* of the picture */
+    float gain[SF_CHANNELS]; /* what the exposure makes of a Gaussian's part */
     double pixels;           /* of the full resolution in one of the picture */
     uint8_t *tried;          /* [count] whether it stands for a pair on trial; NULL: none does */
     const float *before;     /* squared errors of the tiles of the views to come; there are so many */
@@ -194,7 +195,7 @@ static sf_status weigh_tiles(weigh_job *job) {
 }
 
 /* Where each pixel has the part w of a Gaussian of which the bands above d make the colour c in this
- * direction, they make sum m w^2 |c|^2; squares: sum m w^2. */
+ * direction, as the picture is exposed, they make sum m w^2 |c|^2; squares: sum m w^2. */
 static void weigh_bands(const weigh_job *job, size_t i, double squares) {
     const sf_workspace *ws = job->ws;
     double direction[3], Y[(SF_MAX_SH_DEGREE + 1) * (SF_MAX_SH_DEGREE + 1)], rgb[SF_CHANNELS] = {0},
@@ -212,7 +213,7 @@ static void weigh_bands(const weigh_job *job, size_t i, double squares) {
         for (int c = 0; c < sf_field_components(SF_FIELD_sh0 + band); c++)
             rgb[c % SF_CHANNELS] +=
                 Y[band * band + c / SF_CHANNELS] * (double)*sf_value(&ws->params, SF_FIELD_sh0 + band, i, c);
-        for (int ch = 0; ch < SF_CHANNELS; ch++) sum += rgb[ch] * rgb[ch];
+        for (int ch = 0; ch < SF_CHANNELS; ch++) sum += pow((double)job->gain[ch] * rgb[ch], 2);
         job->worth->bands[i][band - 1] += (float)(squares * sum);
     }
 }
@@ -246,11 +247,43 @@ static void gather_task(void *job_pointer, size_t task, int thread) {
     for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < count; i++) weigh_in(job, i);
 }
 
+static void gain_row(void *job_pointer, size_t row, int thread) {
+    (void)thread;
+    const weigh_job *job = job_pointer;
+    for (int ch = 0; ch < SF_CHANNELS; ch++) {
+        float *x = job->ws->rgb[ch] + row * job->ws->stride;
+        for (size_t i = 0; i < (size_t)job->ws->eye.width; i++) x[i] *= job->gain[ch];
+    }
+}
+
+static void gain_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const weigh_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < ws->count; i++)
+        for (int ch = 0; ch < SF_CHANNELS && ws->state[i] == SF_SEEN; ch++)
+            ws->splats[i].rgb[ch] *= job->gain[ch];
+}
+
+/* The residuals are those of the exposed picture. Of that a Gaussian's part is what the render has of it
+ * times the gain, so the render and the Gaussians' colours come back with the gain in them, without the bias,
+ * which no Gaussian has a part in. */
+static void take_exposure(sf_fitter *f, const sf_view_state *state, weigh_job *job) {
+    sf_workspace *ws = job->ws;
+    int exposed = state && f->options.exposure;
+    for (int ch = 0; ch < SF_CHANNELS; ch++) job->gain[ch] = exposed ? (float)exp(state->log_gain[ch]) : 1;
+    if (!exposed) return;
+    sf_expose_swap(&f->exposure, ws);
+    sf_pool_run(f->ctx->pool, (size_t)ws->eye.height, gain_row, job);
+    sf_pool_run(f->ctx->pool, (ws->count + GATHER - 1) / GATHER, gain_task, job);
+}
+
 static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
                          void *job_pointer) {
-    (void)state, (void)weight_sum;
+    (void)weight_sum;
     weigh_job *job = job_pointer;
     sf_status status = residual(job, pixels);
+    if (!status) take_exposure(f, state, job);
     if (!status) status = sf_stage_blend_worth(job->ws);
     if (!status) status = weigh_tiles(job);
     if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);

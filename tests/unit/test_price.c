@@ -161,7 +161,8 @@ static void test_tone_is_no_error(void **state) {
 
 /* Squared error of a model, but for Gaussian `without` (-1: none), against the views of the scene: by hand.
  */
-static double squares_without(sf_context *ctx, sf_scene *scene, const ball *balls, size_t n, int without) {
+static double squares_without(sf_context *ctx, sf_scene *scene, const ball *balls, size_t n, int without,
+                              double gain, double bias) {
     static float rgb[3 * PIXELS];
     ball left[8];
     size_t count = 0;
@@ -177,7 +178,8 @@ static double squares_without(sf_context *ctx, sf_scene *scene, const ball *ball
         draw(ctx, model, (int)v, rgb);
         for (int px = 0; px < PIXELS; px++)
             for (int ch = 0; ch < 3; ch++) {
-                double r = (double)rgb[3 * px + ch] - view->rgb[ch * PIXELS + px] / 255.0;
+                double y = (1 + (gain - 1) * (1 - ch)) * (double)rgb[3 * px + ch] + bias * (1 - ch);
+                double r = y - view->rgb[ch * PIXELS + px] / 255.0;
                 squares += r * r;
             }
         sf_view_release(view);
@@ -187,9 +189,21 @@ static double squares_without(sf_context *ctx, sf_scene *scene, const ball *ball
     return squares;
 }
 
-/* What taking one out would add is known to the digits of the sum, before it is done. */
-static void test_worth_is_what_is_lost(void **state) {
-    (void)state;
+/* All views get a gain and a bias: less red, as much green, more blue. */
+static void expose(sf_context *ctx, sf_fitter *f, double by, double bias) {
+    uint32_t *ids;
+    size_t n;
+    const double gain[3] = {by, 1, 2 - by}, offset[3] = {bias, 0, -bias};
+    f->options.exposure = 1;
+    assert_ok(ctx, sf_scene_training_ids(f->scene, &ids, &n));
+    assert_ok(ctx, sf_view_states_sync(&f->views, f->scene, ids, n));
+    for (size_t i = 0; i < n; i++) assert_ok(ctx, sf_fitter_set_exposure(f, ids[i], gain, offset));
+    sf_free(ctx, ids);
+}
+
+/* What taking one out would add is known to the digits of the sum, before it is done; of exposed pictures
+ * too, which Gaussians have a part in by the gain, and no part in by the bias. */
+static void worth_is_what_is_lost(double gain, double bias) {
     sf_context *ctx = test_context();
     ball off[3];
     memcpy(off, three, sizeof off);
@@ -198,13 +212,14 @@ static void test_worth_is_what_is_lost(void **state) {
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
     sf_worth w;
+    if (gain != 1) expose(ctx, f, gain, bias);
     assert_ok(ctx, sf_weigh(f, 0, &w));
-    double before = squares_without(ctx, scene, off, 3, -1);
+    double before = squares_without(ctx, scene, off, 3, -1, gain, bias);
     assert_int_equal(w.views, VIEWS);
     assert_true(fabs(w.errors.values - 3.0 * VIEWS * PIXELS) < 1e-6);
     assert_true(fabs(w.errors.squares / before - 1) < 1e-4);
     for (int i = 0; i < 3; i++) {
-        double added = squares_without(ctx, scene, off, 3, i) - before;
+        double added = squares_without(ctx, scene, off, 3, i, gain, bias) - before;
         /* faint pairs that come or go at alpha 1/255, and pixels that were finished, are all that differs */
         if (fabs((double)w.removal[i] / added - 1) > 0.01)
             print_message("%d: %g, not %g\n", i, (double)w.removal[i], added);
@@ -224,6 +239,40 @@ static void test_worth_is_what_is_lost(void **state) {
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+static void test_worth_is_what_is_lost(void **state) {
+    (void)state;
+    worth_is_what_is_lost(1, 0);
+}
+static void test_worth_of_exposed_views(void **state) {
+    (void)state;
+    worth_is_what_is_lost(0.8, 0.1);
+}
+
+/* Exposed half as bright in one channel, bands of that one have a quarter of the effect. */
+static void test_bands_of_exposed_views(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_model *model = model_of(ctx, three, 3, 1);
+    for (size_t i = 0; i < 3; i++) *sf_value(&model->params, SF_FIELD_sh0 + 1, i, 0) = 0.3f; /* red */
+    sf_scene *scene = scene_of(ctx, model);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    sf_worth plain, exposed;
+    assert_ok(ctx, sf_weigh(f, 0, &plain));
+    expose(ctx, f, 0.5, 0.1);
+    assert_ok(ctx, sf_weigh(f, 0, &exposed));
+    for (size_t i = 0; i < 3; i++) {
+        assert_true(plain.bands[i][0] > 0);
+        assert_true(fabsf(exposed.bands[i][0] / plain.bands[i][0] - 0.25f) < 1e-5f);
+        assert_true(fabsf(exposed.mass[i] / plain.mass[i] - 1) < 1e-5f);
+    }
+    sf_worth_free(ctx, &plain);
+    sf_worth_free(ctx, &exposed);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
 }
@@ -632,6 +681,8 @@ static void test_degrees_are_paid_for(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_worth_is_what_is_lost),
+        cmocka_unit_test(test_worth_of_exposed_views),
+        cmocka_unit_test(test_bands_of_exposed_views),
         cmocka_unit_test(test_weighed_by_some),
         cmocka_unit_test(test_price),
         cmocka_unit_test(test_masked_views_do_not_count),
