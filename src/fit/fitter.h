@@ -199,8 +199,8 @@ void sf_update_background(sf_fitter *fitter, double fraction, const double *grad
 sf_status sf_take_up(sf_fitter *fitter, const uint32_t *ids, size_t count);
 /* Whether a training view is kept out of the training. */
 int sf_validates(const sf_fitter *fitter, uint32_t id);
-/* PSNR of a view, its values clamped, at full resolution with the model's present degree; NAN: masked
- * altogether. */
+/* PSNR of a view, its values clamped, at full resolution with the model's present degree, and the camera as
+ * sf_fitter_get_camera has it; NAN: masked altogether. */
 sf_status sf_view_psnr(sf_fitter *fitter, const sf_view *view, double *psnr);
 /* Mean PSNR of those views, at full resolution; *views: how many. */
 sf_status sf_validate(sf_fitter *fitter, double *psnr, size_t *views);

@@ -8,6 +8,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "refine.h"
 #include "trial.h"
 
 /* Validations in a run, and the gain in dB that counts as one. */
@@ -108,10 +109,12 @@ static void compare(const sf_workspace *ws, const sf_view *view, double *squares
 
 sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
     sf_render_options options;
+    sf_camera camera = view->camera;
     double squares = 0, weights = 0;
     sf_fitter_render_options(f, &options);
     options.sh_degree = f->sh_degree;
-    sf_status status = sf_forward(&f->workspace, f->model, &view->camera, &options, 0);
+    sf_refine_camera(&f->views, view->id, &camera);
+    sf_status status = sf_forward(&f->workspace, f->model, &camera, &options, 0);
     if (status) return status;
     compare(&f->workspace, view, &squares, &weights);
     *psnr = weights > 0 ? -10 * log10(fmax(squares / (3 * weights), 1e-10)) : NAN;

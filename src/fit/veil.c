@@ -26,7 +26,7 @@
 /* Half the width and height of what counts as in the picture, in halves of the picture's. */
 #define VEIL_WIDE 1.2
 
-/* A place that a training view was taken from. */
+/* A place that a training view was taken from, as far as is known by now. */
 typedef struct stand {
     sf_camera camera;
     double center[3];
@@ -71,8 +71,9 @@ static sf_status find_stands(const sf_fitter *f, double *depths, stand **stands,
         if (!view) continue;
         stand *s = *stands + found++;
         s->camera = view->camera;
-        sf_camera_center(&view->camera, s->center);
-        s->nearest = nearest_of(f->model, &view->camera, depths);
+        sf_refine_camera(&f->views, view->id, &s->camera);
+        sf_camera_center(&s->camera, s->center);
+        s->nearest = nearest_of(f->model, &s->camera, depths);
         sf_view_release(view);
     }
     sf_free(f->ctx, ids);

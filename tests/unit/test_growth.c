@@ -503,6 +503,17 @@ static void test_veils_go(void **state) {
     }
     assert_ok(ctx, sf_mark_veils(f));
     for (size_t i = 0; i < BALLS; i++) assert_int_equal(f->screen_sum[i] < 0, goes[i]);
+
+    /* where the camera stands is what the fit has learned of it */
+    uint32_t *ids;
+    size_t n;
+    assert_ok(ctx, sf_scene_training_ids(scene, &ids, &n));
+    assert_ok(ctx, sf_view_states_sync(&f->views, scene, ids, n));
+    for (int k = 0; k < 3; k++) f->views.states[0].t_cw[k] *= 4;
+    memset(f->screen_sum, 0, BALLS * sizeof *f->screen_sum);
+    assert_ok(ctx, sf_mark_veils(f));
+    for (size_t i = 0; i < BALLS; i++) assert_false(f->screen_sum[i] < 0);
+    sf_free(ctx, ids);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);

@@ -137,6 +137,39 @@ static void test_views_that_come_and_go(void **state) {
     sf_scene_destroy(&scene);
 }
 
+/* They are looked at as the views that are held out are in the end: with the focal lengths that were learned
+ * of their camera. */
+static void test_looks_with_refined_focal_lengths(void **state) {
+    (void)state;
+    static float rgb[3 * 48 * 36], target[3 * 48 * 36];
+    sf_fit_options options = short_fit(200);
+    options.refine_intrinsics = 1;
+    sf_fitter *fitter = start(studio, &options);
+    sf_renderer *renderer;
+    sf_image_out out = {.rgb = rgb};
+    double expected = 0, psnr;
+    size_t views;
+    take_steps(fitter, 60);
+    assert_int_equal(fitter->views.lens_count, 1);
+    for (int k = 0; k < 2; k++) fitter->views.lenses[0].log_focal[k] = 0.1;
+    fitter->sh_degree = fitter->model->sh_degree;
+    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
+    for (size_t i = 0; i < fitter->kept_out_count; i++) {
+        sf_camera camera;
+        sf_quality quality;
+        assert_ok(ctx, sf_fitter_get_camera(fitter, fitter->kept_out[i], &camera));
+        assert_ok(ctx, sf_fitter_render(fitter, &camera, &out));
+        assert_ok(ctx, sf_scene_get_pixels(studio, fitter->kept_out[i], target, NULL));
+        assert_ok(ctx, sf_compare(renderer, 48, 36, rgb, target, NULL, &quality));
+        expected += quality.psnr / (double)fitter->kept_out_count;
+    }
+    assert_ok(ctx, sf_validate(fitter, &psnr, &views));
+    assert_int_equal(views, fitter->kept_out_count);
+    assert_true(fabs(psnr - expected) < 1e-3);
+    sf_renderer_destroy(&renderer);
+    sf_fitter_destroy(&fitter);
+}
+
 /* When */
 
 static float *means_of(sf_fitter *fitter, size_t *n) {
@@ -307,6 +340,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_eighth),
         cmocka_unit_test(test_views_that_come_and_go),
+        cmocka_unit_test(test_looks_with_refined_focal_lengths),
         cmocka_unit_test(test_the_end_learns_from_all),
         cmocka_unit_test(test_who_gains_needs_no_watching),
         cmocka_unit_test(test_few_views_stop_near_the_best),
