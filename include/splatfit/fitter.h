@@ -223,7 +223,7 @@ typedef struct sf_fit_progress {
     int64_t step, steps;     /* done; planned (0: by time alone) */
     double fraction;         /* of the run, 0..1 */
     double seconds;          /* since create */
-    double loss;             /* mean of the last steps, up to 50 */
+    double loss;             /* mean of the last steps, up to 50, as far as known; 0: of none */
     double validation_psnr;  /* dB, of the views of `validate` when last looked at; NAN before */
     int64_t best_step;       /* at which it was best, to 0.01 dB; 0 before the first look */
     sf_fit_end end;          /* SF_FIT_GOES_ON while the run goes on */

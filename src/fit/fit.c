@@ -399,9 +399,10 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     *fitter_pointer = NULL;
 }
 
-/* A loss that is not finite tells nothing beyond the warning: the one before stands for it. */
+/* A loss that is not finite tells nothing beyond the warning, and a view that is masked altogether has none:
+ * the one before stands for it, NAN where none was known yet. */
 static void note_progress(sf_fitter *f, double loss) {
-    double before = f->step ? f->losses[(f->step - 1) % SF_LOSS_WINDOW] : 0;
+    double before = f->step ? f->losses[(f->step - 1) % SF_LOSS_WINDOW] : NAN;
     f->losses[f->step % SF_LOSS_WINDOW] = isfinite(loss) ? loss : before;
     f->step++;
     double now = sf_clock();
@@ -426,7 +427,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
     f->sh_degree = sf_scheduled_degree(f, fraction);
     set_step_background(f);
 
-    sf_loss_value loss = {0};
+    sf_loss_value loss = {.loss = NAN};
     step_grads d;
     sf_view_state *state = sf_view_state_of(&f->views, view->id);
     int with_camera = f->options.refine_poses || f->options.refine_intrinsics;
@@ -461,6 +462,14 @@ sf_status sf_fitter_run(sf_fitter *f, sf_fit_callback callback, void *user) {
     }
 }
 
+/* Of the last steps, as far as it is known; 0: of none. */
+static double mean_loss(const sf_fitter *f) {
+    double sum = 0, known = 0;
+    for (int64_t i = 0; i < f->step && i < SF_LOSS_WINDOW; i++)
+        if (!isnan(f->losses[i])) sum += f->losses[i], known++;
+    return known > 0 ? sum / known : 0;
+}
+
 void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
     *p = (sf_fit_progress){.step = f->step,
                            .steps = f->options.steps,
@@ -476,8 +485,7 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .validation_psnr = f->validation_psnr,
                            .best_step = f->best_step,
                            .end = (sf_fit_end)f->end};
-    int64_t window = f->step < SF_LOSS_WINDOW ? f->step : SF_LOSS_WINDOW;
-    for (int64_t i = 0; i < window; i++) p->loss += f->losses[i] / (double)window;
+    p->loss = mean_loss(f);
     double left = INFINITY;
     double end = sf_end_of_run(f), ahead = fmax(end - p->fraction, 0);
     if (f->options.steps > 0 && f->steps_per_second > 0)

@@ -32,7 +32,10 @@ enum {
 static double median_loss(const sf_fitter *f) {
     double last[MEDIAN_OF];
     if (f->step - f->guard_since < MEDIAN_OF) return 0;
-    for (int i = 0; i < MEDIAN_OF; i++) last[i] = f->losses[(f->step - 1 - i) % SF_LOSS_WINDOW];
+    for (int i = 0; i < MEDIAN_OF; i++) {
+        last[i] = f->losses[(f->step - 1 - i) % SF_LOSS_WINDOW];
+        if (isnan(last[i])) return 0; /* not known yet */
+    }
     return sf_median(last, MEDIAN_OF);
 }
 

@@ -199,6 +199,37 @@ static void test_checkpoint_after_going_back(void **state) {
     sf_fitter_destroy(&g);
 }
 
+/* Views that are masked altogether have no loss: not the least one that the others are compared with, nor a
+ * part in the mean that is shown. */
+static void test_masked_views_have_no_loss(void **state) {
+    setup *s = *state;
+    sf_scene *scene;
+    sf_fitter *f;
+    assert_ok(s->ctx, sf_scene_load(s->ctx, SCENE, NULL, &scene));
+    for (size_t i = 0; i < scene->view_count; i++) {
+        sf_view *view = scene->views[i];
+        if (view->weight || i % 4 == 2) continue; /* some stay */
+        view->weight = sf_calloc(s->ctx, (size_t)view->camera.width * (size_t)view->camera.height, 1);
+        assert_non_null(view->weight);
+    }
+    sf_fit_options o = s->options;
+    o.validate = 0;
+    assert_ok(s->ctx, sf_fitter_create(s->ctx, scene, NULL, &o, &f));
+    int known = 0;
+    for (int step = 0; step < 40; step++) {
+        take_steps(s, f, 1);
+        double last = f->losses[step];
+        known += !isnan(last);
+        assert_true(isnan(last) ? !known : last > 0.02);
+        assert_true(known ? progress_of(f).loss > 0.02 : progress_of(f).loss == 0);
+        assert_true(f->least_loss == 0 || f->least_loss > 0.02);
+    }
+    assert_true(known > 20);
+    assert_int_equal(progress_of(f).diverged, 0);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+}
+
 /* Each kind of value of some Gaussians becomes `value` in the middle of a fit. */
 static void poison(setup *s, int field, float value) {
     sf_fit_options o = s->options;
@@ -233,6 +264,7 @@ int main(void) {
         cmocka_unit_test(test_noise_is_no_divergence),
         cmocka_unit_test(test_loss_that_is_not_finite),
         cmocka_unit_test(test_checkpoint_after_going_back),
+        cmocka_unit_test(test_masked_views_have_no_loss),
         cmocka_unit_test(test_poisoned_values),
     };
     return cmocka_run_group_tests_name("guard", tests, open_setup, close_setup);
