@@ -72,11 +72,35 @@ static void carry_task(void *pointer, size_t task, int thread) {
     for (size_t i = task * CARRIED; i < end && i < blocks; i++) carry_block(j, i);
 }
 
-sf_status sf_carry(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count) {
-    job j = {.model = model, .count = count, .sights = sf_alloc(ctx, count, sizeof *j.sights)};
-    if (count && !j.sights) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < count; i++) j.sights[i] = sight_of(&corrections[i]);
-    sf_pool_run(ctx->pool, (sf_blocks(model->count) + CARRIED - 1) / CARRIED, carry_task, &j);
-    sf_free(ctx, j.sights);
+static sf_status find_sights(sf_context *ctx, job *j, const sf_correction *corrections, size_t count) {
+    *j = (job){.count = count, .sights = sf_alloc(ctx, count, sizeof *j->sights)};
+    if (count && !j->sights) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < count; i++) j->sights[i] = sight_of(&corrections[i]);
     return SF_OK;
+}
+
+static void carry(sf_context *ctx, job *j, sf_model *model) {
+    j->model = model;
+    sf_pool_run(ctx->pool, (sf_blocks(model->count) + CARRIED - 1) / CARRIED, carry_task, j);
+    sf_model_note_change(model);
+}
+
+sf_status sf_carry(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count) {
+    job j;
+    sf_status status = find_sights(ctx, &j, corrections, count);
+    if (!status) carry(ctx, &j, model);
+    sf_free(ctx, j.sights);
+    return status;
+}
+
+sf_status sf_carry_fit(sf_fitter *f, const sf_correction *corrections, size_t count) {
+    job j;
+    sf_status status = find_sights(f->ctx, &j, corrections, count);
+    if (!status) {
+        sf_trials_end(f);
+        carry(f->ctx, &j, f->model);
+        if (f->best) carry(f->ctx, &j, f->best);
+    }
+    sf_free(f->ctx, j.sights);
+    return status;
 }

@@ -4,6 +4,7 @@
 
 #include <splatfit/camera.h>
 
+#include "../fit/fitter.h"
 #include "../pose/view.h"
 #include "../scene/gaussians.h"
 
@@ -19,5 +20,9 @@ typedef struct sf_correction {
  * cameras k that see x, with w_k = 1 / depth^2, as a pixel there is that much larger in the world. What none
  * sees stays. SF_ERR_MEMORY: all stay. */
 sf_status sf_carry(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count);
+
+/* The same with all that a fit keeps of its model: the best one too, which may come back, and without pairs
+ * on trial, which would come back as they were. SF_ERR_MEMORY: all stay. */
+sf_status sf_carry_fit(sf_fitter *fitter, const sf_correction *corrections, size_t count);
 
 #endif

@@ -196,7 +196,7 @@ static sf_status adjust(sf_live *live, uint32_t id) {
     size_t count;
     if (!status && !corrections) status = SF_ERR_MEMORY;
     if (!status) status = correct_all(live, id, corrections, &count);
-    if (!status && live->fitter) status = sf_carry(live->ctx, live->fitter->model, corrections, count);
+    if (!status && live->fitter) status = sf_carry_fit(live->fitter, corrections, count);
     sf_free(live->ctx, corrections);
     return status;
 }

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "fit/trial.h"
 #include "live/carry.h"
 #include "pose/track.h"
 
@@ -132,11 +133,60 @@ static void one_motion_of_all_is_the_models(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A fit that goes back does not go back to where things were before the poses were corrected, nor does a pair
+ * on trial that is undone. */
+static void all_of_a_fit_goes_along(void **state) {
+    (void)state;
+    static float mean[3 * COUNT], carried[3 * COUNT], back[3 * COUNT];
+    static uint8_t gray[3 * SIDE * SIDE];
+    const double twist[SF_TWIST] = {0.03, -0.02, 0.05, 0.01, 0.02, -0.015};
+    sf_context *ctx = test_context_threads(2);
+    sf_correction c = correction_of(EVERYWHERE, twist);
+    sf_pixels pixels = {gray, 3 * SIDE, NULL};
+    sf_model *model = model_of(ctx, mean);
+    sf_fit_options options = sf_fit_options_default();
+    sf_scene *scene;
+    sf_fitter *f;
+    sf_worth w;
+    for (size_t i = 0; i < COUNT; i++) {
+        *sf_value(&model->params, SF_FIELD_logit_opacity, i, 0) = 0;
+        for (int k = 0; k < 3; k++) *sf_value(&model->params, SF_FIELD_log_scale, i, k) = -2.5f;
+    }
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    assert_ok(ctx, sf_scene_add_view(scene, NULL, &c.camera, &pixels, SF_SPLIT_TRAIN, NULL));
+    assert_ok(ctx, sf_fitter_create(ctx, scene, model, &options, &f));
+    assert_ok(ctx, sf_keep_best(f));
+    get_means(f->model, mean);
+    assert_ok(ctx, sf_weigh(f, 0, &w));
+    f->options.merge = 1;
+    assert_ok(ctx, sf_trials_begin(f, &w));
+    sf_worth_free(ctx, &w);
+    assert_true(f->trials.count > 0);
+
+    assert_ok(ctx, sf_carry_fit(f, &c, 1));
+    sf_trials_end(f);
+    get_means(f->model, carried);
+    for (int i = 0; i < COUNT; i++) {
+        double p[3], q[3];
+        seen_at(&c, 0, mean + 3 * i, p);
+        seen_at(&c, 1, carried + 3 * i, q);
+        for (int k = 0; k < 3; k++) assert_true(fabs(p[k] - q[k]) < 2e-6);
+    }
+    assert_ok(ctx, sf_bring_back(f));
+    get_means(f->model, back);
+    assert_memory_equal(back, carried, sizeof back);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_one_sees_stays_in_its_picture),
         cmocka_unit_test(near_ones_count_more),
         cmocka_unit_test(one_motion_of_all_is_the_models),
+        cmocka_unit_test(all_of_a_fit_goes_along),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
