@@ -4,6 +4,7 @@
 #include "../base/file.h"
 #include "colmap.h"
 #include "mask.h"
+#include "no_project.h"
 #include "opensfm.h"
 #include "transforms.h"
 #include "zip.h"
@@ -261,10 +262,7 @@ static sf_status read_folder(sf_project *p, const char *path, const sf_load_opti
     } else if (sf_holds_file(path, "opensfm/reconstruction.json")) {
         status = read_in(p, path, "opensfm/reconstruction.json", options, sf_opensfm_read);
     } else {
-        status = sf_fail(p->ctx, SF_ERR_IO,
-                         "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for "
-                         "transforms.json, transforms_train.json and reconstruction.json",
-                         path);
+        status = sf_no_project_in(p->ctx, path);
     }
     sf_free(p->ctx, model);
     return status;
@@ -283,7 +281,7 @@ static sf_status read_project(sf_project *p, const char *path, const sf_load_opt
     if (S_ISDIR(st.st_mode)) return read_folder(p, path, options);
     const char *dot = strrchr(path, '.');
     if (S_ISREG(st.st_mode) && dot && !strcmp(dot, ".json")) return read_json(p, path, options);
-    return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: is neither a folder nor a .json or .zip file", path);
+    return sf_no_project_file(p->ctx, path);
 }
 
 static sf_status load_from(sf_project *p, const char *path, const sf_load_options *options,

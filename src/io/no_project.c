@@ -1,0 +1,129 @@
+/* no_project.c - see no_project.h. */
+#include "no_project.h"
+
+#include "../base/context.h"
+#include "project.h"
+
+#include <dirent.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+static const char *const pictures[] = {".jpg", ".jpeg", ".png", NULL};
+static const char *const videos[] = {".mp4", ".mov", ".m4v", ".mkv", ".webm",
+                                     ".avi", ".mts", ".3gp", ".y4m", NULL};
+
+static int ends_with_one_of(const char *name, const char *const *endings) {
+    const char *dot = strrchr(name, '.');
+    for (; dot && *endings; endings++)
+        if (!strcasecmp(dot, *endings)) return 1;
+    return 0;
+}
+
+/* How many files of the folder end so; the name of one of them in `name`. */
+static size_t count_files(const char *path, const char *const *endings, char name[NAME_MAX + 1]) {
+    DIR *folder = opendir(path);
+    const struct dirent *e;
+    size_t count = 0;
+    while (folder && (e = readdir(folder))) {
+        if (!ends_with_one_of(e->d_name, endings) || !sf_holds_file(path, e->d_name)) continue;
+        snprintf(name, NAME_MAX + 1, "%s", e->d_name);
+        count++;
+    }
+    if (folder) closedir(folder);
+    return count;
+}
+
+static int is_on_path(const char *program) {
+    char file[PATH_MAX];
+    const char *path = getenv("PATH");
+    while (path && *path) {
+        int length = (int)strcspn(path, ":");
+        int size = snprintf(file, sizeof file, "%.*s/%s", length, path, program);
+        if (size > 0 && (size_t)size < sizeof file && !access(file, X_OK)) return 1;
+        path += length + (path[length] == ':');
+    }
+    return 0;
+}
+
+static const char *install(const char *program) {
+    if (is_on_path(program)) return "";
+    return !strcmp(program, "colmap") ? "apt install colmap && " : "apt install ffmpeg && ";
+}
+
+/* A path without the slashes at its end. */
+static int stem(const char *path) {
+    int length = (int)strlen(path);
+    while (length > 1 && path[length - 1] == '/') length--;
+    return length;
+}
+
+/* Of the folder in the shell's $P, whose images are in $P/images: COLMAP writes $P/sparse. */
+#define COLMAP                                                                                               \
+    "QT_QPA_PLATFORM=offscreen colmap automatic_reconstructor --workspace_path \"$P\" "                      \
+    "--image_path \"$P/images\" --single_camera 1 --camera_model OPENCV --dense 0 --use_gpu 0 "              \
+    "&& splatfit fit \"$P\" -o splat.ply"
+
+static sf_status tell_images(sf_context *ctx, const char *folder, size_t count) {
+    return sf_fail(
+        ctx, SF_ERR_IO,
+        "%s: no project: %zu pictures in images, but no cameras. COLMAP finds them: P='%.*s'; %s" COLMAP,
+        folder, count, stem(folder), folder, install("colmap"));
+}
+
+/* Pictures in the folder itself: a new folder beside it refers to them. */
+static sf_status tell_photos(sf_context *ctx, const char *folder, size_t count) {
+    return sf_fail(
+        ctx, SF_ERR_IO,
+        "%s: no project: %zu pictures, but no cameras. COLMAP finds them: P='%.*s.project'; %smkdir \"$P\" "
+        "&& ln -s \"$(realpath '%s')\" \"$P/images\" && " COLMAP,
+        folder, count, stem(folder), folder, install("colmap"), folder);
+}
+
+static sf_status tell_video(sf_context *ctx, sf_status status, const char *what, const char *video) {
+    const char *slash = strrchr(video, '/'), *name = slash ? slash + 1 : video;
+    int length = (int)strcspn(name, ".");
+    return sf_fail(ctx, status,
+                   "%s: no project: a video, whose cameras are not known. Take its sharpest frames: %sffmpeg "
+                   "-i '%s' -f yuv4mpegpipe - | "
+                   "splatfit capture pipe:- -o '%.*s.project' --every 10 --sharpest; then \"splatfit info "
+                   "%.*s.project\" says how COLMAP finds the cameras",
+                   what, install("ffmpeg"), video, length, name, length, name);
+}
+
+static sf_status tell_videos(sf_context *ctx, const char *folder, const char *name) {
+    char *video = sf_path_join(ctx, folder, name);
+    sf_status status = video ? tell_video(ctx, SF_ERR_IO, folder, video) : SF_ERR_MEMORY;
+    sf_free(ctx, video);
+    return status;
+}
+
+sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
+    char name[NAME_MAX + 1];
+    char *images = sf_path_join(ctx, folder, "images");
+    if (!images) return SF_ERR_MEMORY;
+    size_t in_images = count_files(images, pictures, name);
+    sf_free(ctx, images);
+    if (in_images) return tell_images(ctx, folder, in_images);
+    size_t here = count_files(folder, pictures, name);
+    if (here) return tell_photos(ctx, folder, here);
+    if (count_files(folder, videos, name)) return tell_videos(ctx, folder, name);
+    return sf_fail(
+        ctx, SF_ERR_IO,
+        "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for transforms.json, "
+        "transforms_train.json and reconstruction.json, and for pictures and videos",
+        folder);
+}
+
+sf_status sf_no_project_file(sf_context *ctx, const char *path) {
+    if (ends_with_one_of(path, videos)) return tell_video(ctx, SF_ERR_FORMAT, path, path);
+    if (ends_with_one_of(path, pictures))
+        return sf_fail(ctx, SF_ERR_FORMAT,
+                       "%s: is one picture; a project is a folder of pictures with their cameras (COLMAP, "
+                       "transforms.json), of 20 or more from all sides as a rule",
+                       path);
+    return sf_fail(ctx, SF_ERR_FORMAT, "%s: is neither a folder nor a .json or .zip file", path);
+}

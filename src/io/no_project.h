@@ -1,0 +1,14 @@
+/* no_project.h - what to do with a path that holds no cameras: photos, a video, a COLMAP database. */
+#ifndef SF_IO_NO_PROJECT_H
+#define SF_IO_NO_PROJECT_H
+
+#include <splatfit/context.h>
+
+/* Fails for a folder without a project. The message says what the folder holds and which command to run next:
+ * COLMAP's for a folder of photos, ffmpeg's for a folder of videos. SF_ERR_IO. */
+sf_status sf_no_project_in(sf_context *ctx, const char *folder);
+
+/* The same for a file that is no project. SF_ERR_FORMAT. */
+sf_status sf_no_project_file(sf_context *ctx, const char *path);
+
+#endif

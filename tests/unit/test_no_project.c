@@ -1,0 +1,85 @@
+/* test_no_project.c - photos and videos without cameras: the failure says which command to run next. */
+#include "testing.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+static void make_file(const char *name) { test_write(test_path(name), "x", 1); }
+
+static void assert_says(sf_status expected, const char *name, const char *const *parts) {
+    sf_context *ctx = test_context();
+    sf_scene *scene = NULL;
+    char path[1024];
+    snprintf(path, sizeof path, "%s", test_path(name));
+    assert_status(ctx, sf_scene_load(ctx, path, NULL, &scene), expected);
+    assert_null(scene);
+    for (; *parts; parts++) assert_error_names(ctx, *parts);
+    sf_context_destroy(&ctx);
+}
+
+static void test_photos(void **state) {
+    (void)state;
+    mkdir(test_path("photos"), 0777);
+    make_file("photos/a.jpg");
+    make_file("photos/b.JPEG");
+    make_file("photos/c.PNG");
+    make_file("photos/notes.txt");
+    assert_says(SF_ERR_IO, "photos",
+                (const char *[]){"photos: no project: 3 pictures, but no cameras", "photos.project'; ",
+                                 "ln -s", "colmap automatic_reconstructor", "splatfit fit \"$P\"", NULL});
+}
+
+static void test_images_without_cameras(void **state) {
+    (void)state;
+    mkdir(test_path("scene"), 0777);
+    mkdir(test_path("scene/images"), 0777);
+    make_file("scene/images/a.jpg");
+    assert_says(SF_ERR_IO, "scene/",
+                (const char *[]){"1 pictures in images, but no cameras", "scene'; ",
+                                 "colmap automatic_reconstructor", NULL});
+}
+
+static void test_videos(void **state) {
+    (void)state;
+    mkdir(test_path("films"), 0777);
+    make_file("films/walk.MP4");
+    const char *parts[] = {"walk.MP4: no project: a video", "ffmpeg -i '", "capture pipe:- -o 'walk.project'",
+                           NULL};
+    assert_says(SF_ERR_FORMAT, "films/walk.MP4", parts);
+    assert_says(SF_ERR_IO, "films", parts + 1);
+}
+
+/* What is not installed is installed first. */
+static void test_missing_programs(void **state) {
+    (void)state;
+    char *before = strdup(getenv("PATH"));
+    assert_int_equal(setenv("PATH", test_path("films"), 1), 0);
+    assert_says(SF_ERR_FORMAT, "films/walk.MP4", (const char *[]){"apt install ffmpeg && ffmpeg", NULL});
+    assert_says(SF_ERR_IO, "photos", (const char *[]){"apt install colmap && mkdir", NULL});
+    make_file("films/colmap");
+    chmod(test_path("films/colmap"), 0755);
+    assert_says(SF_ERR_IO, "photos", (const char *[]){"photos.project'; mkdir", NULL});
+    setenv("PATH", before, 1);
+    free(before);
+}
+
+static void test_others(void **state) {
+    (void)state;
+    make_file("one.png");
+    make_file("some.txt");
+    mkdir(test_path("empty"), 0777);
+    assert_says(SF_ERR_FORMAT, "one.png", (const char *[]){"one.png: is one picture", NULL});
+    assert_says(SF_ERR_FORMAT, "some.txt", (const char *[]){"some.txt: is neither a folder", NULL});
+    assert_says(SF_ERR_IO, "empty", (const char *[]){"empty: no project: looked for cameras.bin", NULL});
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_photos), cmocka_unit_test(test_images_without_cameras),
+        cmocka_unit_test(test_videos), cmocka_unit_test(test_missing_programs),
+        cmocka_unit_test(test_others),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
