@@ -5,7 +5,8 @@
 # make test          unit tests, golden cases, levels; installs what is missing
 # make test-golden   the golden tests alone
 # make check         the kernels at every level of this machine
-# make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes
+# make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes. LIBCAMERA=PREFIX: of an emulated
+#                    machine of this one's kind, through the libcamera that is installed there
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make check-cpus    the kernels on emulated older processors, each at the level that it chooses
 # make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; memory that ends; minutes
@@ -386,7 +387,7 @@ mutants:
 	@CC='$(CC)' MAKE='$(MAKE)' tests/mutants/run.sh
 # What runs in the emulated board: without shared libraries, and with them where there is a libcamera for it.
 BOARD_GUEST := $(addprefix $(O)/tests/capture/,guest.o guest_vivid.o guest_faults.o guest_uvc.o guest_libcamera.o \
-                 guest_live.o vivid.o webcam.o pattern.o)
+                 guest_virtual.o guest_live.o vivid.o webcam.o pattern.o)
 BOARD_UVCSIM := $(addprefix $(O)/tests/capture/,uvcsim.o uvc.o usb.o pattern.o)
 $(O)/tests/capture/guest: $(BOARD_GUEST) $(LIB) $(SPNG)
 $(O)/tests/capture/uvcsim: $(BOARD_UVCSIM) $(SPNG)
@@ -396,7 +397,7 @@ $(O)/tests/capture/guest $(O)/tests/capture/uvcsim:
 board-programs: $(O)/tests/capture/guest $(O)/tests/capture/uvcsim $(PROGRAM)
 BOARD := aarch64-linux-gnu
 test-vm:
-	@MAKE='$(MAKE)' ONLY='$(TESTS)' tests/capture/board.sh $(CACHE) $(BOARD)
+	@MAKE='$(MAKE)' ONLY='$(TESTS)' LIBCAMERA='$(LIBCAMERA)' tests/capture/board.sh $(CACHE) $(if $(LIBCAMERA),native,$(BOARD))
 # Whole fits, held to their quality; minutes. SPLATFIT_DATA names the folder of real scenes.
 test-scenes: $(SCENES) $(PROGRAM)
 	$(call show_tests,SCENES=1) $(SCENES) $(filter %/memory.sh,$(SCRIPTS))

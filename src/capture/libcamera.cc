@@ -196,7 +196,7 @@ std::string words(const libcamera::Size &size) {
 std::string list(const std::vector<libcamera::Size> &sizes) {
     std::string text;
     for (const libcamera::Size &size : sizes) text += (text.empty() ? "" : ", ") + words(size);
-    return text.empty() ? "sizes that it does not list" : text;
+    return text.empty() ? "none" : text;
 }
 
 std::string list(const std::vector<libcamera::PixelFormat> &pixels) {
@@ -477,9 +477,11 @@ sf_status Source::adjust(const Request &asked) {
     if (c.pixelFormat != format->pixel)
         return fail(SF_ERR_UNSUPPORTED, ("format: gives " + c.pixelFormat.toString() + " instead").c_str());
     if (asked.width && c.size != size)
-        return fail(
-            SF_ERR_UNSUPPORTED,
-            ("size: has no " + words(size) + "; it has " + list(c.formats().sizes(c.pixelFormat))).c_str());
+        return fail(SF_ERR_UNSUPPORTED,
+                    /* What it lists may be but examples from a range. */
+                    ("size: has no " + words(size) + ", but " + words(c.size) + "; it lists " +
+                     list(c.formats().sizes(c.pixelFormat)))
+                        .c_str());
     int error = camera->configure(configuration.get());
     if (error) return fail(SF_ERR_IO, "cannot be configured", error);
     stream = c.stream();

@@ -1,15 +1,23 @@
 #!/bin/bash
 # board.sh CACHE TOOLCHAIN - boots an emulated arm64 board and runs the tests of guest.c in it: twice, with the simulated
-# cameras alone, and with libcamera between them and us.
+# cameras alone, and with libcamera between them and us. With LIBCAMERA it boots a machine of this one's kind, once: its
+# root is this system's, its libcamera the one below that prefix.
 #
 # CACHE       where prepare.sh and tests/deps/sysroot.sh put what outlives the tree
-# TOOLCHAIN   that of the board
+# TOOLCHAIN   that of the board; native with LIBCAMERA
+# LIBCAMERA   a prefix, such as /usr/local; none where empty
 # MAKE, ONLY  make; only tests whose name holds this
 # Ends with a line of sums as tests/run.sh does.
 set -uo pipefail
 
 here=$(dirname "$0")
-cache=$1/vm-arm64 root=$1/sysroot-arm64 toolchain=$2
+toolchain=$2 arch=arm64 root=$1/sysroot-arm64 strip=aarch64-linux-gnu-strip libraries=''
+if [ -n "${LIBCAMERA:-}" ]; then arch=$(dpkg --print-architecture) root=/ strip=strip; fi
+cache=$1/vm-$arch
+case $arch in
+amd64) machine=(qemu-system-x86_64 -M q35 -cpu max) console=ttyS0 ;;
+*) machine=(qemu-system-aarch64 -M virt -cpu cortex-a72) console=ttyAMA0 ;;
+esac
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 trap 'exit 130' INT TERM
@@ -20,24 +28,21 @@ skip() {
     exit 0
 }
 
-for program in qemu-system-aarch64 cpio /sbin/modprobe aarch64-linux-gnu-strip; do
-    command -v $program >/dev/null || skip "$(basename $program) is not installed (make deps-ci)"
+for program in "${machine[0]}" cpio /sbin/modprobe $strip; do
+    command -v "$program" >/dev/null || skip "$(basename "$program") is not installed (make deps-ci)"
 done
-"$here/prepare.sh" "$cache" >"$scratch/prepare" 2>&1 || {
+"$here/prepare.sh" "$cache" "$arch" >"$scratch/prepare" 2>&1 || {
     cat "$scratch/prepare"
     skip "its kernel cannot be had"
 }
 
 echo "building for the emulated board"
-build() { # STATIC
-    "${MAKE:-make}" --no-print-directory TOOLCHAIN="$toolchain" STATIC="$1" TESTS= deps board-programs \
-        >"$scratch/build" 2>&1 && return
+build() { # WHAT...
+    "${MAKE:-make}" --no-print-directory TOOLCHAIN="$toolchain" TESTS= "$@" board-programs >"$scratch/build" 2>&1 && return
     cat "$scratch/build"
     echo "0 passed, 1 failed, 0 skipped"
     exit 1
 }
-build 1
-build 0
 
 # The programs, in a second archive that the kernel unpacks over the first.
 pack() { # FOLDER OUT
@@ -46,7 +51,7 @@ pack() { # FOLDER OUT
     mkdir -p "$files/bin"
     install -m 755 "$here/init.sh" "$files/init"
     for program in tests/capture/guest tests/capture/uvcsim splatfit; do
-        aarch64-linux-gnu-strip -o "$files/bin/$(basename $program)" "$1/$program" || return
+        $strip -o "$files/bin/$(basename $program)" "$1/$program" || return
     done
     (cd "$files" && find . | cpio -o -H newc -R 0:0 --quiet) | gzip -1 | cat "$cache/initramfs" - >"$2"
 }
@@ -58,9 +63,9 @@ boot() { # NAME GROUPS SECONDS FOLDER QEMU-OPTION...
     boards=$((boards + 1))
     pack "$4" "$scratch/initrd" || return
     shift 4
-    timeout --foreground -k 5 "$limit" qemu-system-aarch64 -M virt -accel tcg -cpu cortex-a72 -m 512 -nodefaults \
+    timeout --foreground -k 5 "$limit" "${machine[@]}" -accel tcg -m 512 -nodefaults \
         -no-user-config -display none -monitor none -serial stdio -no-reboot -kernel "$cache/vmlinuz" \
-        -initrd "$scratch/initrd" -append "console=ttyAMA0 quiet panic=-1 tests=$groups ${ONLY:+only=$ONLY}" "$@" \
+        -initrd "$scratch/initrd" -append "console=$console quiet panic=-1 tests=$groups ${ONLY:+only=$ONLY} $libraries" "$@" \
         </dev/null >"$scratch/serial" 2>&1
     status=$?
     tr -d '\r' <"$scratch/serial" >"$scratch/out"
@@ -68,15 +73,36 @@ boot() { # NAME GROUPS SECONDS FOLDER QEMU-OPTION...
         -v none="${ONLY:+1}" -v show="${SHOW:-0}" -v sums="$scratch/sums" -f "$here/../tap.awk" "$scratch/out"
 }
 
-boot "vivid, uvcvideo" vivid,faults,uvc 300 "build/$toolchain-static"
-if grep -q SF_HAVE_LIBCAMERA "build/$toolchain/flags"; then
-    boot "libcamera, live" libcamera,live 500 "build/$toolchain" -smp 2 \
-        -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
+boot_shared() { # NAME GROUPS SECONDS FOLDER
+    boot "$@" -smp 2 -fsdev "local,security_model=none,readonly=on,id=root,path=$root" \
         -device virtio-9p-pci,fsdev=root,mount_tag=root
-else
-    echo "board: libcamera: skipped: $root has none"
-    echo 0 0 1 >>"$scratch/sums"
-    boards=$((boards + 1))
-fi
+}
 
+boot_board() {
+    build STATIC=1 deps
+    build STATIC=0 deps
+    boot "vivid, uvcvideo" vivid,faults,uvc 300 "build/$toolchain-static"
+    if grep -q SF_HAVE_LIBCAMERA "build/$toolchain/flags"; then
+        boot_shared "libcamera, live" libcamera,live 500 "build/$toolchain"
+    else
+        echo "board: libcamera: skipped: $root has none"
+        echo 0 0 1 >>"$scratch/sums"
+        boards=$((boards + 1))
+    fi
+}
+
+# A folder of its own, for another libcamera than the tree is built with.
+boot_libcamera() {
+    local folder file
+    for file in "$LIBCAMERA"/lib/pkgconfig/libcamera.pc "$LIBCAMERA"/lib/*/pkgconfig/libcamera.pc; do
+        [ -e "$file" ] && folder=$(dirname "$(dirname "$file")")
+    done
+    [ -n "${folder:-}" ] || skip "there is no libcamera.pc below $LIBCAMERA/lib"
+    export PKG_CONFIG_PATH=$folder/pkgconfig
+    libraries="prefix=$LIBCAMERA libraries=$folder"
+    build STATIC=0 O=build/libcamera LDFLAGS="-Wl,-rpath-link,$folder"
+    boot_shared "libcamera $(pkg-config --modversion libcamera)" libcamera,virtual 500 build/libcamera
+}
+
+if [ -n "${LIBCAMERA:-}" ]; then boot_libcamera; else boot_board; fi
 awk -v expected=$boards -f "$here/../sums.awk" "$scratch/sums"

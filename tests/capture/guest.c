@@ -154,11 +154,8 @@ void find_node(const char *name, char node[32]) {
 static const struct {
     const char *name;
     const guest_test *tests;
-} groups[] = {{"vivid", vivid_tests},
-              {"faults", fault_tests},
-              {"uvc", uvc_tests},
-              {"libcamera", libcamera_tests},
-              {"live", live_tests}};
+} groups[] = {{"vivid", vivid_tests},         {"faults", fault_tests},    {"uvc", uvc_tests},
+              {"libcamera", libcamera_tests}, {"virtual", virtual_tests}, {"live", live_tests}};
 
 enum { GROUPS = sizeof groups / sizeof *groups };
 

@@ -10,7 +10,8 @@ typedef struct guest_test {
 } guest_test;
 
 /* Tables that end with a test without a name. */
-extern const guest_test vivid_tests[], fault_tests[], uvc_tests[], libcamera_tests[], live_tests[];
+extern const guest_test vivid_tests[], fault_tests[], uvc_tests[], libcamera_tests[], virtual_tests[],
+    live_tests[];
 
 /* Ends the test as failed, with the reason printed. */
 _Noreturn void fail(const char *format, ...) __attribute__((format(printf, 1, 2)));

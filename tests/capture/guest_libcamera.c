@@ -98,6 +98,40 @@ static void controls(void) {
     webcam_unplug(&camera);
 }
 
+/* From libcamera 0.5 on a gain counts only where its own mode is not automatic; a webcam has none. */
+static void gain(void) {
+    webcam camera;
+    plug(&camera, "");
+    sf_source *source = open_source("libcamera:0?format=YUYV&exposure=auto&gain=2");
+    sf_frame frame;
+    next_frame(source, 5000, &frame);
+    check(frame.gain == 2 && frame.exposure_s == 0, "a gain of %g, %g s", frame.gain, frame.exposure_s);
+    check(webcam_said(&camera, "exposure mode 2\n"), "not set to automatic exposure: %s", camera.said);
+    check(webcam_said(&camera, "gain 96\n"), "not set to a gain of 96: %s", camera.said);
+    sf_source_release(source, &frame);
+    sf_source_close(&source);
+    webcam_unplug(&camera);
+}
+
+/* What is automatic, until it is locked. */
+static void lock(void) {
+    webcam camera;
+    plug(&camera, "");
+    sf_source *source = open_source("libcamera:0?format=YUYV");
+    sf_source_info info;
+    sf_source_describe(source, &info);
+    check(info.can_lock_exposure, "the exposure cannot be locked");
+    take_exact(source, 2);
+    check(sf_source_lock_exposure(source, 1) == SF_OK, "%s", sf_last_error(guest_context()));
+    take_exact(source, 8);
+    check(webcam_said(&camera, "exposure mode 1\n"), "not locked: %s", camera.said);
+    check(sf_source_lock_exposure(source, 0) == SF_OK, "%s", sf_last_error(guest_context()));
+    take_exact(source, 8);
+    check(webcam_said(&camera, "exposure mode 2\n"), "not unlocked: %s", camera.said);
+    sf_source_close(&source);
+    webcam_unplug(&camera);
+}
+
 static sf_status try_open(sf_context *context, const char *name) {
     sf_source *source = NULL;
     sf_status status = sf_source_open(context, name, &source);
@@ -199,6 +233,8 @@ const guest_test libcamera_tests[] = {{"libcamera_yuyv", yuyv},
                                       {"libcamera_marked_yuyv", marked_yuyv},
                                       {"libcamera_devices", devices},
                                       {"libcamera_controls", controls},
+                                      {"libcamera_gain", gain},
+                                      {"libcamera_lock", lock},
                                       {"libcamera_refused", refused},
                                       {"libcamera_one_context", one_context},
                                       {"libcamera_newest", newest},

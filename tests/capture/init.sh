@@ -1,6 +1,6 @@
 #!/bin/sh
 # init.sh - the first process of the emulated board: loads the simulated cameras, runs the tests that the kernel's
-# command line names (tests=vivid,uvc; only=PART of a test's name), and switches the board off.
+# command line names (tests=vivid,uvc; only=PART of a test's name; prefix= and libraries= of a libcamera), and switches the board off.
 export PATH=/bin
 /bin/busybox --install -s /bin
 mount -t proc proc /proc
@@ -24,6 +24,13 @@ make_root() {
     done
     cp /bin/busybox /bin/guest /bin/uvcsim /bin/splatfit /tmp/bin
     busybox --install -s /tmp/bin
+    # What of libcamera is not below /usr, and where it looks for virtual cameras, which a test describes there.
+    if [ -n "${prefix:-}" ] && [ ! -d "/tmp$prefix" ]; then
+        mkdir -p "/tmp$prefix"
+        mount --bind "/mnt$prefix" "/tmp$prefix"
+    fi
+    virtual=/tmp${prefix:-/usr}/share/libcamera/pipeline/virtual
+    if [ -d "$virtual" ]; then mount -t tmpfs virtual "$virtual"; fi
     # libcamera names a webcam by the firmware's node of a device above it: the virtual controller has none, so one
     # is made up at the top of its /sys.
     mount -t tmpfs sys /tmp/sys
@@ -41,7 +48,7 @@ run_guest() { # GROUPS
     # shellcheck disable=SC2046 # one word a group
     set -- $(echo "$1" | tr , ' ')
     case $1 in
-    libcamera) make_root && chroot /tmp /bin/guest "$@" ;;
+    libcamera) make_root && LD_LIBRARY_PATH=${libraries:-} chroot /tmp /bin/guest "$@" ;;
     *) /bin/guest "$@" ;;
     esac
 }

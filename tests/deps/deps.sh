@@ -95,6 +95,7 @@ need_vm() {
     need qemu-system-arm program qemu-system-aarch64
     need cpio program cpio
     need kmod test -x /sbin/modprobe
+    need xz-utils program xz
     need_source
 }
 
