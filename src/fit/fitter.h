@@ -60,7 +60,7 @@ struct sf_fitter {
     uint32_t *screen_seen; /* views in which it was seen */
     int grown_out;         /* price.c: growth no longer pays */
     int growths_in_vain;   /* since the one with least_squares */
-    double least_squares;  /* error of some views, the least after a growth; 0: none yet */
+    double least_squares;  /* error of a value of some views, the least after a growth; 0: none yet */
     int least_level;       /* that of the resolution it was at */
     double growth_pays;    /* what growth is multiplied by, as errors say, or few views; 0: nothing yet */
     double least_noise;    /* what the error of a value counts for, the least so far; 0: none yet */

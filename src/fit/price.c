@@ -109,7 +109,8 @@ static sf_status spare_the_good(sf_fitter *f) {
     return status;
 }
 
-/* Pictures as coarse as those that are trained on: what coarse ones teach makes fine ones no better. */
+/* squares: of a value, for views may come. Pictures as coarse as those that are trained on: what coarse ones
+ * teach makes fine ones no better. */
 static void judge_growth(sf_fitter *f, int level, double squares) {
     int compares = f->least_squares > 0 && level == f->least_level;
     int gained = compares && squares < f->least_squares * (1 - GROWTH_GAIN);
@@ -128,7 +129,7 @@ sf_status sf_consider_growth(sf_fitter *f, double fraction) {
     int level = sf_finest_level(f, fraction);
     sf_status status = sf_look_for_errors(f, level, LOOKED, &errors);
     if (status) return status;
-    judge_growth(f, level, errors.toned);
+    if (errors.values > 0) judge_growth(f, level, errors.toned / errors.values);
     double cheaper = TOGETHER / sf_errs_together(&errors);
     f->growth_pays = fmin(fmax(cheaper * cheaper, 1), MOST_GROWTH);
     if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);

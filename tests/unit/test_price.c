@@ -129,6 +129,42 @@ static void test_errs_together(void **state) {
     }
 }
 
+/* A scene that gets more views has more to err about. Growth that made each value's error less has paid all
+ * the same. */
+static void test_growth_while_views_come(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    ball off[3];
+    memcpy(off, three, sizeof off);
+    off[0].gray = 0.3f;
+    sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, off, 3, 0);
+    sf_scene *scene = scene_of(ctx, truth);
+    sf_fitter *f = fitter_of(ctx, scene, model);
+    static float rgb[3 * PIXELS];
+    static uint8_t bytes[3 * PIXELS];
+    assert_ok(ctx, sf_consider_growth(f, 1));
+    double least = f->least_squares;
+    assert_true(least > 0);
+    for (int view = 0; view < VIEWS; view++) { /* each once more */
+        sf_camera camera = camera_of(view);
+        sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
+        draw(ctx, truth, view, rgb);
+        for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
+        assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+    }
+    assert_ok(ctx, sf_consider_growth(f, 1)); /* the same model, the same error */
+    assert_int_equal(f->growths_in_vain, 1);
+    for (int k = 0; k < 3; k++) *sf_value(&f->model->params, SF_FIELD_sh0, 0, k) = -0.35f; /* gray 0.4 */
+    assert_ok(ctx, sf_consider_growth(f, 1));
+    assert_int_equal(f->growths_in_vain, 0);
+    assert_true(f->least_squares < 0.95 * least);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_model_destroy(&truth);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
 /* A view that is brighter than the model has it, and less steep, errs; but not by what Gaussians are there
  * for. */
 static void test_tone_is_no_error(void **state) {
@@ -694,6 +730,7 @@ int main(void) {
         cmocka_unit_test(test_trial_without_its_views),
         cmocka_unit_test(test_errs_together),
         cmocka_unit_test(test_tone_is_no_error),
+        cmocka_unit_test(test_growth_while_views_come),
         cmocka_unit_test(test_charges_end_early),
         cmocka_unit_test(test_degrees_are_paid_for),
         cmocka_unit_test(test_trial_goes_on),
