@@ -18,6 +18,7 @@ static const uint64_t MAX_FILE_BYTES = (uint64_t)1 << 36;
 typedef struct camera {
     uint32_t id;
     int width, height;
+    int supported; /* 0: pictures of this camera cannot be read */
     sf_optics lens;
 } camera;
 
@@ -54,10 +55,11 @@ typedef struct point_record {
     uint8_t rgb[3];
 } point_record;
 
-static sf_status check_model(reader *r, uint32_t id, const sf_lens_model *model) {
-    if (model->layout) return SF_OK;
-    return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: camera %lu: model %s is not supported", r->file,
-                   (unsigned long)id, model->name);
+static sf_status unsupported(reader *r, const camera *c) {
+    return sf_fail(
+        r->ctx, SF_ERR_UNSUPPORTED,
+        "%s: camera %lu: model %s is not supported; colmap image_undistorter makes a PINHOLE of it", r->file,
+        (unsigned long)c->id, c->lens.model);
 }
 
 static sf_status check_side(reader *r, uint32_t id, const char *side, uint64_t value) {
@@ -73,8 +75,9 @@ static sf_status add_camera(reader *r, const camera_record *record) {
         status = sf_grow(r->ctx, &r->cameras, &r->camera_capacity, r->camera_count, r->camera_count + 1,
                          sizeof *r->cameras);
     if (!status)
-        r->cameras[r->camera_count++] = (camera){record->id, (int)record->width, (int)record->height,
-                                                 sf_optics_make(record->model, record->parameters)};
+        r->cameras[r->camera_count++] =
+            (camera){record->id, (int)record->width, (int)record->height, record->model->layout != NULL,
+                     sf_optics_make(record->model, record->parameters)};
     return status;
 }
 
@@ -112,6 +115,7 @@ static sf_status add_image(reader *r, const image_record *record) {
     if (!c)
         return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: image %lu: camera %lu does not exist", r->file,
                        (unsigned long)record->id, (unsigned long)record->camera);
+    if (!c->supported) return unsupported(r, c);
     sf_status status = sf_grow(r->ctx, &r->image_ids, &r->image_capacity, r->image_count, r->image_count + 1,
                                sizeof *r->image_ids);
     sf_entry *e;
@@ -193,17 +197,18 @@ static sf_status read_camera(reader *r, sf_bytes *b, uint64_t index, uint64_t co
     if (!record.model)
         return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: camera %lu: model: number %ld is not known", r->file,
                        (unsigned long)record.id, (long)(int32_t)model);
-    sf_status status = check_model(r, record.id, record.model);
-    if (status) return status;
     record.width = sf_bytes_u64(b);
     record.height = sf_bytes_u64(b);
-    for (size_t i = 0; record.model->layout[i]; i++) record.parameters[i] = sf_bytes_f64(b);
+    if (record.model->layout)
+        for (size_t i = 0; record.model->layout[i]; i++) record.parameters[i] = sf_bytes_f64(b);
+    else
+        sf_bytes_take(b, 8 * (size_t)record.model->unread);
     return b->failed ? cut_off(r, "camera", index, count) : add_camera(r, &record);
 }
 
 static sf_status read_cameras(reader *r, sf_bytes *b) {
     uint64_t count;
-    sf_status status = read_count(r, b, "camera", 4 + 4 + 8 + 8 + 3 * 8, &count);
+    sf_status status = read_count(r, b, "camera", 4 + 4 + 8 + 8 + 2 * 8, &count);
     for (uint64_t i = 0; !status && i < count; i++) status = read_camera(r, b, i, count);
     return status ? status : check_end(r, b, "camera", count);
 }
@@ -332,9 +337,18 @@ static sf_status read_id(text *t, const char *field, uint32_t *id) {
 static sf_status read_model(text *t, camera_record *record) {
     const char *name = next_word(t);
     record->model = sf_lens_model_named(name);
-    if (record->model) return check_model(t->r, record->id, record->model);
+    if (record->model) return SF_OK;
     return sf_fail(t->r->ctx, SF_ERR_FORMAT, "%s: line %lu: model: '%s' is not known", t->r->file, t->line,
                    name);
+}
+
+static sf_status read_parameters(text *t, camera_record *record) {
+    if (record->model->layout)
+        return read_reals(t, "parameters", (int)strlen(record->model->layout), record->parameters);
+    double unread;
+    sf_status status = SF_OK;
+    for (int i = 0; !status && i < record->model->unread; i++) status = read_real(t, "parameters", &unread);
+    return status;
 }
 
 static sf_status parse_camera(text *t) {
@@ -343,7 +357,7 @@ static sf_status parse_camera(text *t) {
     if (!status) status = read_model(t, &record);
     if (!status) status = read_integer(t, "width", UINT64_MAX, &record.width);
     if (!status) status = read_integer(t, "height", UINT64_MAX, &record.height);
-    if (!status) status = read_reals(t, "parameters", (int)strlen(record.model->layout), record.parameters);
+    if (!status) status = read_parameters(t, &record);
     if (!status && *t->at) status = bad_word(t, "end of line", t->at);
     return status ? status : add_camera(t->r, &record);
 }
@@ -474,6 +488,7 @@ static sf_status read_all(reader *r) {
 static sf_status take_one_camera(reader *r, int *width, int *height, sf_lens *lens) {
     if (!r->camera_count) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: holds no camera", r->file);
     const camera *first = r->cameras;
+    if (!first->supported) return unsupported(r, first);
     if (!sf_optics_to_lens(&first->lens, lens))
         return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: camera %lu: model %s is not supported here", r->file,
                        (unsigned long)first->id, first->lens.model);

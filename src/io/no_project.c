@@ -83,6 +83,17 @@ static sf_status tell_photos(sf_context *ctx, const char *folder, size_t count) 
         folder, count, stem(folder), folder, install("colmap"), folder);
 }
 
+/* The folder of a project's pictures in place of the project. */
+static sf_status tell_project_above(sf_context *ctx, const char *folder, char *above) {
+    sf_status status = above ? SF_OK : SF_ERR_MEMORY;
+    if (above && sf_holds_project(above))
+        status = sf_fail(ctx, SF_ERR_IO,
+                         "%s: no project: its pictures belong to the project in '%s': give that instead",
+                         folder, above);
+    sf_free(ctx, above);
+    return status;
+}
+
 static sf_status tell_video(sf_context *ctx, sf_status status, const char *what, const char *video) {
     const char *slash = strrchr(video, '/'), *name = slash ? slash + 1 : video;
     int length = (int)strcspn(name, ".");
@@ -109,7 +120,10 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
     sf_free(ctx, images);
     if (in_images) return tell_images(ctx, folder, in_images);
     size_t here = count_files(folder, pictures, name);
-    if (here) return tell_photos(ctx, folder, here);
+    if (here) {
+        sf_status status = tell_project_above(ctx, folder, sf_path_join(ctx, folder, ".."));
+        return status ? status : tell_photos(ctx, folder, here);
+    }
     if (count_files(folder, videos, name)) return tell_videos(ctx, folder, name);
     return sf_fail(
         ctx, SF_ERR_IO,

@@ -11,19 +11,26 @@ static const double PI = 3.14159265358979323846;
 
 /* Models. */
 
+/* In the order of their numbers in COLMAP 4.2. */
 static const sf_lens_model models[] = {
-    {"SIMPLE_PINHOLE", "fuv", SF_PERSPECTIVE},
-    {"PINHOLE", "xyuv", SF_PERSPECTIVE},
-    {"SIMPLE_RADIAL", "fuv1", SF_PERSPECTIVE},
-    {"RADIAL", "fuv12", SF_PERSPECTIVE},
-    {"OPENCV", "xyuv12ab", SF_PERSPECTIVE},
-    {"OPENCV_FISHEYE", "xyuv1234", SF_EQUIDISTANT},
-    {"FULL_OPENCV", "xyuv12ab3567", SF_PERSPECTIVE},
-    {"FOV", "xyuvw", SF_FIELD_OF_VIEW},
-    {"SIMPLE_RADIAL_FISHEYE", "fuv1", SF_EQUIDISTANT},
-    {"RADIAL_FISHEYE", "fuv12", SF_EQUIDISTANT},
-    {"THIN_PRISM_FISHEYE", "xyuv12ab34st", SF_EQUIDISTANT},
-    {"RAD_TAN_THIN_PRISM_FISHEYE", NULL, SF_EQUIDISTANT},
+    {"SIMPLE_PINHOLE", "fuv", SF_PERSPECTIVE, 0},
+    {"PINHOLE", "xyuv", SF_PERSPECTIVE, 0},
+    {"SIMPLE_RADIAL", "fuv1", SF_PERSPECTIVE, 0},
+    {"RADIAL", "fuv12", SF_PERSPECTIVE, 0},
+    {"OPENCV", "xyuv12ab", SF_PERSPECTIVE, 0},
+    {"OPENCV_FISHEYE", "xyuv1234", SF_EQUIDISTANT, 0},
+    {"FULL_OPENCV", "xyuv12ab3567", SF_PERSPECTIVE, 0},
+    {"FOV", "xyuvw", SF_FIELD_OF_VIEW, 0},
+    {"SIMPLE_RADIAL_FISHEYE", "fuv1", SF_EQUIDISTANT, 0},
+    {"RADIAL_FISHEYE", "fuv12", SF_EQUIDISTANT, 0},
+    {"THIN_PRISM_FISHEYE", "xyuv12ab34st", SF_EQUIDISTANT, 0},
+    {"RAD_TAN_THIN_PRISM_FISHEYE", NULL, SF_EQUIDISTANT, 16},
+    {"SIMPLE_DIVISION", NULL, SF_PERSPECTIVE, 4},
+    {"DIVISION", NULL, SF_PERSPECTIVE, 5},
+    {"SIMPLE_FISHEYE", "fuv", SF_EQUIDISTANT, 0},
+    {"FISHEYE", "xyuv", SF_EQUIDISTANT, 0},
+    {"EUCM", NULL, SF_PERSPECTIVE, 6},
+    {"EQUIRECTANGULAR", NULL, SF_PERSPECTIVE, 2},
 };
 
 enum { MODELS = sizeof models / sizeof *models };
@@ -64,7 +71,7 @@ double *sf_optics_value(sf_optics *o, char letter) {
 
 sf_optics sf_optics_make(const sf_lens_model *model, const double *parameters) {
     sf_optics o = {.model = model->name, .projection = model->projection};
-    for (size_t i = 0; model->layout[i]; i++) {
+    for (size_t i = 0; model->layout && model->layout[i]; i++) {
         double *value = sf_optics_value(&o, model->layout[i]);
         if (value)
             *value = parameters[i];

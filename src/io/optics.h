@@ -28,6 +28,7 @@ typedef struct sf_optics {
 typedef struct sf_lens_model {
     const char *name, *layout;
     sf_projection projection;
+    int unread; /* parameters of a model without a layout */
 } sf_lens_model;
 
 /* By COLMAP's number, by name; NULL: not known. */

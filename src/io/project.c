@@ -308,7 +308,7 @@ sf_status sf_load_cancelled(sf_context *ctx, const char *path) {
 
 /* In an archive. */
 
-static int is_project(const char *folder) {
+int sf_holds_project(const char *folder) {
     static const char *const files[] = {"cameras.bin",         "cameras.txt",
                                         "transforms.json",     "transforms_train.json",
                                         "reconstruction.json", "opensfm/reconstruction.json"};
@@ -338,7 +338,7 @@ static int only_entry(const char *path, char name[NAME_MAX + 1]) {
 static sf_status load_inside(sf_project *p, const char *top, int depth, const sf_load_options *options,
                              sf_scene **scene) {
     char name[NAME_MAX + 1];
-    if (depth == MOST_AROUND || is_project(top) || !only_entry(top, name))
+    if (depth == MOST_AROUND || sf_holds_project(top) || !only_entry(top, name))
         return load_from(p, top, options, scene);
     char *inside = sf_path_join(p->ctx, top, name);
     sf_status status = SF_ERR_MEMORY;

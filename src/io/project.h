@@ -78,6 +78,8 @@ char *sf_text_copy(sf_context *ctx, const char *text);
 char *sf_path_join(sf_context *ctx, const char *folder, const char *name);
 char *sf_path_folder(sf_context *ctx, const char *path);
 int sf_is_folder(const char *path);
+/* Whether there are the files by which a project of any kind is known. */
+int sf_holds_project(const char *folder);
 int sf_holds_file(const char *folder, const char *name);
 int sf_is_file(const char *path);
 int sf_name_stays_inside(const char *name);

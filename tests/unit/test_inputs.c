@@ -638,6 +638,12 @@ static const fixture fixtures[] = {
     {"thin_prism_fisheye", make_colmap,
      "THIN_PRISM_FISHEYE 24 16 20 21 12.5 8.5 0.02 0.01 0.001 -0.001 0.001 0.001 0.002 -0.002", C,
      .lens = "THIN_PRISM_FISHEYE", .wide = 1, .undistorted = 3},
+    {"fisheye", make_colmap, "FISHEYE 24 16 20 21 12.5 8.5", C, .lens = "FISHEYE", .wide = 1,
+     .undistorted = 3},
+    {"simple_fisheye", make_colmap, "SIMPLE_FISHEYE 24 16 20 12.5 8.5", C, .lens = "SIMPLE_FISHEYE",
+     .middle = 2, .wide = 1, .undistorted = 3},
+    {"unused_camera", make_colmap, "PINHOLE 24 16 20 21 12.5 8.5\n9 EUCM 24 16 20 21 12.5 8.5 0.5 1", C,
+     .lens = "PINHOLE"},
     {"binary_rigs", make_binary, "", C, .lens = "PINHOLE"},
     {"sparse_flat", make_flat, "sparse/", C},
     {"root", make_flat, "", C},
@@ -848,10 +854,10 @@ typedef struct refusal {
     .name = name_, .make = make_, .how = how_, .status = status_, .part = part_
 
 static const refusal refusals[] = {
-    {REFUSE("no_model", make_colmap, "RAD_TAN_THIN_PRISM_FISHEYE 24 16 1 1 1 1", SF_ERR_UNSUPPORTED,
-            "model RAD_TAN_THIN_PRISM_FISHEYE is not supported")},
-    {REFUSE("no_such_model", make_colmap, "SIMPLE_DIVISION 24 16 1 1 1 1", SF_ERR_FORMAT,
-            "model: 'SIMPLE_DIVISION' is not known")},
+    {REFUSE("no_model", make_colmap, "RAD_TAN_THIN_PRISM_FISHEYE 24 16 1 1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",
+            SF_ERR_UNSUPPORTED, "model RAD_TAN_THIN_PRISM_FISHEYE is not supported")},
+    {REFUSE("no_such_model", make_colmap, "SIMPLE_DIVISION 24 16 1 1 1 1", SF_ERR_UNSUPPORTED,
+            "model SIMPLE_DIVISION is not supported; colmap image_undistorter")},
     {REFUSE("no_panorama", make_ngp, "'camera_model':'EQUIRECTANGULAR',", SF_ERR_UNSUPPORTED,
             "camera_model: EQUIRECTANGULAR is not supported")},
     {REFUSE("no_field", make_ngp, "'camera_model':'FOV',", SF_ERR_UNSUPPORTED,

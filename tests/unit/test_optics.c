@@ -274,7 +274,7 @@ static void test_validity(void **state) {
     assert_false(sf_optics_is_valid(&o));
     o.projection = SF_EQUIDISTANT;
     assert_false(sf_optics_to_lens(&o, &lens));
-    assert_null(sf_lens_model_at(12));
+    assert_null(sf_lens_model_at(18));
     assert_null(sf_lens_model_named("PINWHEEL"));
 }
 
