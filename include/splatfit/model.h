@@ -86,11 +86,13 @@ SF_API sf_status sf_model_get_bounds(const sf_model *model, sf_model_bounds *bou
 
 /* Files that hold a model. */
 typedef enum sf_model_format {
-    SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, else .ply); read: .splat by the extension,
-                      .spz and .ply by their first bytes */
+    SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, .glb, else .ply); read: .splat and .gltf
+                      by the extension, the others by their first bytes */
     SF_MODEL_PLY,  /* INRIA's .ply: raw float values, exact */
     SF_MODEL_SPZ, /* .spz: quantised columns, compressed; the fields' errors are listed in src/io/README.md */
-    SF_MODEL_SPLAT /* .splat: 32 bytes a Gaussian without higher SH bands, for previews */
+    SF_MODEL_SPLAT, /* .splat: 32 bytes a Gaussian without higher SH bands, for previews */
+    SF_MODEL_GLTF   /* .glb, read also .gltf: glTF 2.0 with KHR_gaussian_splatting, floats, in glTF's own axes
+                       (a model's x and y negated) */
 } sf_model_format;
 
 /* The axes that a .spz is in: nothing in the file tells. */
@@ -113,11 +115,11 @@ typedef struct sf_model_file_options {
 SF_API sf_model_file_options sf_model_file_options_default(void);
 
 /* Reads a model: an INRIA .ply (by property name, any order, with or without normals, f_rest and comments), a
- * .spz (gzip, versions 1 to 3; version 4 where the library is built with libzstd) or a .splat. Gaussians with
- * a non-finite value, a zero quaternion or |log-scale| > 20 are left out, counted and reported to the log,
- * and so is what is not read of a .spz: band 4, extensions. options NULL: the defaults. SF_ERR_IO,
- * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT (an option out of its
- * range). */
+ * .spz (gzip, versions 1 to 3; version 4 where the library is built with libzstd), a .splat, or a glTF file
+ * with KHR_gaussian_splatting (.glb, .gltf with its buffers beside it). Gaussians with a non-finite value, a
+ * zero quaternion or |log-scale| > 20 are left out, counted and reported to the log, and so is what is not
+ * read of a .spz: band 4, extensions. options NULL: the defaults. SF_ERR_IO, SF_ERR_FORMAT,
+ * SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT (an option out of its range). */
 SF_API sf_status sf_model_load_as(sf_context *context, const char *path, const sf_model_file_options *options,
                                   sf_model **model);
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);

@@ -61,7 +61,7 @@ const char *app_output(const args *a, const char *name);
 /* The same of `output` and of the files that the options names [n] say to write; none is named twice. */
 int app_check_outputs(const args *a, const char *output, const char *const *names, int n);
 
-/* Whether a path ends as the files of models do: .ply, .spz, .splat. */
+/* Whether a path ends as the files of models do: .ply, .spz, .splat, .glb, .gltf. */
 int app_names_model(const char *path);
 
 /* The folder of a path, with its slash; "" if it has none. free() it. */

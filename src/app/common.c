@@ -181,7 +181,8 @@ int app_split_wants(const args *a, const char *otherwise, sf_split split) {
 
 int app_names_model(const char *path) {
     const char *dot = strrchr(path, '.');
-    return dot && (!strcmp(dot, ".ply") || !strcmp(dot, ".spz") || !strcmp(dot, ".splat"));
+    return dot && (!strcmp(dot, ".ply") || !strcmp(dot, ".spz") || !strcmp(dot, ".splat") ||
+                   !strcmp(dot, ".glb") || !strcmp(dot, ".gltf"));
 }
 
 char *app_folder(const char *path) {

@@ -135,7 +135,8 @@ const command command_convert = {
     .name = "convert",
     .synopsis = "IN OUT [PROJECT] [OPTIONS]",
     .summary =
-        "Converts a model between .ply, .spz and .splat, as the names end, and says what that costs. It can "
+        "Converts a model between .ply, .spz, .splat and .glb, as the names end, and says what that costs. "
+        "It can "
         "be "
         "turned, scaled, moved and cut on the way. Both "
         "files are rendered as the views of PROJECT see them, or from a ring around the model, and compared.",

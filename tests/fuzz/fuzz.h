@@ -25,6 +25,7 @@
     F(checkpoint, fuzz_repair_sections)                                                                      \
     F(colmap, NULL)                                                                                          \
     F(frames, NULL)                                                                                          \
+    F(gltf, NULL)                                                                                            \
     F(jpeg_cut, NULL)                                                                                        \
     F(list, NULL)                                                                                            \
     F(log, NULL)                                                                                             \

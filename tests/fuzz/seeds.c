@@ -67,20 +67,23 @@ static size_t unpack(const char *path, uint8_t *to, size_t room) {
 }
 
 static void put_models(sf_context *ctx) {
-    const char *ply = fuzz_path("seed.ply"), *spz = fuzz_path("seed.spz"), *splat = fuzz_path("seed.splat");
+    const char *ply = fuzz_path("seed.ply"), *spz = fuzz_path("seed.spz"), *splat = fuzz_path("seed.splat"),
+               *glb = fuzz_path("seed.glb");
     uint8_t unpacked[4096];
     size_t size;
     for (int degree = 0; degree <= SF_MAX_SH_DEGREE; degree += 3) {
         sf_model *model = make_model(ctx, degree);
         char name[16];
         snprintf(name, sizeof name, "degree%d", degree);
-        FUZZ_CHECK(!sf_model_save(model, ply) && !sf_model_save(model, spz) && !sf_model_save(model, splat),
+        FUZZ_CHECK(!sf_model_save(model, ply) && !sf_model_save(model, spz) && !sf_model_save(model, splat) &&
+                       !sf_model_save(model, glb),
                    "save: %s", sf_last_error(ctx));
         put_file("ply", name, "", 0, ply);
         put_file("spz", name, "", 1, spz);
         size = unpack(spz, unpacked, sizeof unpacked);
         put("spz", degree ? "unpacked3" : "unpacked0", "\1", 1, unpacked, size);
         put_file("splat", name, "", 0, splat);
+        put_file("gltf", name, "", 0, glb);
         sf_model_destroy(&model);
     }
 }

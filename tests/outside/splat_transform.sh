@@ -62,4 +62,12 @@ for v in 3 4; do
     check 'as we do' alike rounded "$work/theirs-$v.ply" "$work/theirs-$v-theirs.ply"
     check 'in our frame, within the steps of the format' alike steps "$work/model.ply" "$work/theirs-$v.ply"
 done
+
+# It writes glTF and reads none.
+check 'writes .glb' theirs "$work/model.ply" "$work/theirs.glb"
+check 'we read it' ours convert "$work/theirs.glb" "$work/theirs-glb.ply" -q
+check 'and it is the same' alike rounded "$work/model.ply" "$work/theirs-glb.ply"
+check 'we write .glb' ours convert "$work/theirs-glb.ply" "$work/ours.glb" -q
+check 'we read it' ours convert "$work/ours.glb" "$work/ours-glb.ply" -q
+check 'and it is the same' alike rounded "$work/model.ply" "$work/ours-glb.ply"
 finish

@@ -377,7 +377,7 @@ static void test_options(void **state) {
         {{.sh_degree = -1, .sh_bits = {9, 4}}, "sh_bits: 9"},
         {{.sh_degree = -1, .sh_bits = {0, 4}}, "sh_bits: 0 and 4"},
         {{.sh_degree = -1, .spz_frame = (sf_spz_frame)2}, "spz_frame: 2"},
-        {{.sh_degree = -1, .format = (sf_model_format)4}, "format: 4"},
+        {{.sh_degree = -1, .format = (sf_model_format)99}, "format: 99"},
     };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         assert_status(ctx, sf_model_save_as(model, path, &wrong[i].o), SF_ERR_ARGUMENT);
