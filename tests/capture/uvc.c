@@ -21,6 +21,12 @@ void uvc_init(uvc_camera *camera, int width, int height, int fps, const char *se
     memcpy(camera->controls, controls, sizeof controls);
 }
 
+void uvc_exposure_modes(uvc_camera *camera, int modes) {
+    uvc_control *mode = &camera->controls[0];
+    mode->step = modes;
+    mode->standard = mode->now = modes & 8 ? 8 : modes & 2 ? 2 : 1;
+}
+
 /* 1. Descriptors */
 
 typedef struct writer {

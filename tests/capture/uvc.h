@@ -26,6 +26,10 @@ typedef struct uvc_camera {
 
 void uvc_init(uvc_camera *camera, int width, int height, int fps, const char *serial);
 
+/* The exposure modes that it has: 1 by hand, 2 automatic, 8 automatic with a fixed aperture, as most webcams.
+ */
+void uvc_exposure_modes(uvc_camera *camera, int modes);
+
 /* usb_answer of a uvc_camera: prints each control that is set on standard output. */
 int uvc_answer(void *camera, const usb_setup *setup, const uint8_t *out, uint8_t *in);
 

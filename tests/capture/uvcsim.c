@@ -174,6 +174,7 @@ static int usage(void) {
           "  -d N       every Nth frame lacks its first payload\n"
           "  -t N       every Nth frame is cut to half\n"
           "  -u FRAMES  is unplugged after that many\n"
+          "  -m MODES   of exposure, a sum: 1 by hand, 2 automatic, 8 automatic with a fixed aperture; 3\n"
           "  -p MS      and plugged in again after that time\n",
           stderr);
     return 2;
@@ -181,9 +182,9 @@ static int usage(void) {
 
 int main(int argc, char **argv) {
     simulation s = {.replug_ms = -1};
-    int width = 640, height = 480, fps = 30, option;
+    int width = 640, height = 480, fps = 30, modes = 3, option;
     const char *serial = "0001";
-    while ((option = getopt(argc, argv, "s:r:n:e:d:t:u:p:")) != -1) {
+    while ((option = getopt(argc, argv, "s:r:n:e:d:t:u:p:m:")) != -1) {
         uint32_t number = (uint32_t)(optarg ? strtoul(optarg, NULL, 10) : 0);
         switch (option) {
         case 's':
@@ -210,12 +211,16 @@ int main(int argc, char **argv) {
         case 'p':
             s.replug_ms = (int)number;
             break;
+        case 'm':
+            modes = (int)number;
+            break;
         default:
             return usage();
         }
     }
     if (width < 16 || height < 16 || fps < 1) return usage();
     uvc_init(&s.camera, width, height, fps, serial);
+    uvc_exposure_modes(&s.camera, modes);
     if (!make_frames(&s)) {
         fputs("uvcsim: out of memory\n", stderr);
         return 1;
