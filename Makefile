@@ -68,7 +68,7 @@ INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stab
 
 # Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
 # can be had is installed before make reads on.
-OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libzip libzstd)
+OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libwebp libzip libzstd)
 ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECMDGOALS))),)
 $(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
 endif
@@ -191,7 +191,7 @@ MODULES      := libturbojpeg spng jansson zlib
 MODULES      += $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
                 $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzip,$(FOUND)),-DSF_HAVE_LIBZIP) \
-                $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) \
+                $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) $(if $(filter libwebp,$(FOUND)),-DSF_HAVE_LIBWEBP) \
                 $(if $(CIVETWEB),-DSF_HAVE_CIVETWEB)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 MODULE_FLAGS :=

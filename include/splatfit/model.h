@@ -86,13 +86,14 @@ SF_API sf_status sf_model_get_bounds(const sf_model *model, sf_model_bounds *bou
 
 /* Files that hold a model. */
 typedef enum sf_model_format {
-    SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, .glb, else .ply); read: .splat and .gltf
-                      by the extension, the others by their first bytes */
+    SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, .glb, else .ply); read: .splat, .gltf and
+                      .json by the extension, the others by their first bytes */
     SF_MODEL_PLY,  /* INRIA's .ply: raw float values, exact */
     SF_MODEL_SPZ, /* .spz: quantised columns, compressed; the fields' errors are listed in src/io/README.md */
     SF_MODEL_SPLAT, /* .splat: 32 bytes a Gaussian without higher SH bands, for previews */
-    SF_MODEL_GLTF   /* .glb, read also .gltf: glTF 2.0 with KHR_gaussian_splatting, floats, in glTF's own axes
-                       (a model's x and y negated) */
+    SF_MODEL_GLTF,  /* .glb, read also .gltf: glTF 2.0 with KHR_gaussian_splatting, floats, in glTF's own axes
+                        (a model's x and y negated) */
+    SF_MODEL_SOG    /* .sog, or its meta.json: read alone, where libzip and libwebp are there to build with */
 } sf_model_format;
 
 /* The axes that a .spz is in: nothing in the file tells. */

@@ -182,7 +182,7 @@ int app_split_wants(const args *a, const char *otherwise, sf_split split) {
 int app_names_model(const char *path) {
     const char *dot = strrchr(path, '.');
     return dot && (!strcmp(dot, ".ply") || !strcmp(dot, ".spz") || !strcmp(dot, ".splat") ||
-                   !strcmp(dot, ".glb") || !strcmp(dot, ".gltf"));
+                   !strcmp(dot, ".glb") || !strcmp(dot, ".gltf") || !strcmp(dot, ".sog"));
 }
 
 char *app_folder(const char *path) {

@@ -19,6 +19,7 @@ static const struct {
     [SF_MODEL_SPZ] = {".spz", sf_spz_load, sf_spz_put},
     [SF_MODEL_SPLAT] = {".splat", sf_splat_load, sf_splat_put},
     [SF_MODEL_GLTF] = {".glb", sf_gltf_load, sf_gltf_put},
+    [SF_MODEL_SOG] = {".sog", sf_sog_load, sf_sog_put},
 };
 
 sf_model_file_options sf_model_file_options_default(void) { return (sf_model_file_options){.sh_degree = -1}; }
@@ -29,7 +30,7 @@ static sf_status check_range(sf_context *ctx, const char *name, int value, int l
 }
 
 static sf_status check_options(sf_context *ctx, const sf_model_file_options *o) {
-    sf_status status = check_range(ctx, "format", (int)o->format, SF_MODEL_AUTO, SF_MODEL_GLTF);
+    sf_status status = check_range(ctx, "format", (int)o->format, SF_MODEL_AUTO, SF_MODEL_SOG);
     if (!status) status = check_range(ctx, "sh_degree", o->sh_degree, -1, SF_MAX_SH_DEGREE);
     for (int i = 0; i < 2 && !status; i++) status = check_range(ctx, "sh_bits", o->sh_bits[i], 0, 8);
     if (!status && !o->sh_bits[0] != !o->sh_bits[1])
@@ -50,7 +51,7 @@ static int has_extension(const char *path, const char *extension) {
 }
 
 static sf_model_format format_to_write(const char *path) {
-    for (sf_model_format f = SF_MODEL_SPZ; f <= SF_MODEL_GLTF; f++)
+    for (sf_model_format f = SF_MODEL_SPZ; f <= SF_MODEL_SOG; f++)
         if (has_extension(path, formats[f].extension)) return f;
     return has_extension(path, ".gltf") ? SF_MODEL_GLTF : SF_MODEL_PLY;
 }
@@ -60,6 +61,7 @@ static sf_model_format format_to_read(const char *path) {
     uint8_t first[4] = {0};
     if (has_extension(path, formats[SF_MODEL_SPLAT].extension)) return SF_MODEL_SPLAT;
     size_t size = sf_read_start(path, first, sizeof first);
+    if (!memcmp(first, "PK\3\4", 4) || has_extension(path, "meta.json")) return SF_MODEL_SOG;
     if (!memcmp(first, "glTF", 4) || has_extension(path, ".gltf")) return SF_MODEL_GLTF;
     if (sf_spz_begins(first, size)) return SF_MODEL_SPZ;
     return has_extension(path, formats[SF_MODEL_SPZ].extension) && memcmp(first, "ply", 3) ? SF_MODEL_SPZ

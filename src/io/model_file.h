@@ -17,6 +17,8 @@ sf_status sf_splat_load(sf_context *ctx, const char *path, const sf_model_file_o
                         sf_model **model);
 sf_status sf_gltf_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
                        sf_model **model);
+sf_status sf_sog_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                      sf_model **model);
 
 /* Writers of a model without faults to an open file that the caller commits or abandons; `sh_degree` is of
  * the bands to write. */
@@ -28,6 +30,9 @@ sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
                        const sf_model_file_options *options);
 sf_status sf_gltf_put(sf_writer *w, const sf_model *model, int sh_degree,
                       const sf_model_file_options *options);
+/* Refuses: SOG is read alone. */
+sf_status sf_sog_put(sf_writer *w, const sf_model *model, int sh_degree,
+                     const sf_model_file_options *options);
 
 /* The bytes of a .splat, SF_SPLAT_BYTES a Gaussian, into memory; what values it cannot hold is not asked. In
  * the same order, sf_splat_sh_bytes a Gaussian, what it leaves out of the colours, for viewers of our own:

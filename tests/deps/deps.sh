@@ -63,6 +63,7 @@ need_optional() {
     need g++ program "${CXX%% *}"
     need libcamera-dev pkg-config --exists libcamera
     need libapriltag-dev pkg-config --exists apriltag
+    need libwebp-dev pkg-config --exists libwebp
     need libzip-dev pkg-config --exists libzip
     need libzstd-dev pkg-config --exists libzstd
     need libcivetweb-dev compiles '#include <civetweb.h>'
