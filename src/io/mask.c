@@ -21,13 +21,17 @@ static size_t ending_of(const char *name) {
     return dot ? strlen(dot) : 0;
 }
 
+/* COLMAP's and those of others; Metashape exports {filename}_mask, RealityScan NAME.mask.png. */
+static const struct {
+    int whole; /* the picture's name with its own ending before this one */
+    const char *ending;
+} forms[] = {{1, ".png"},       {0, ".png"},      {1, ""},          {0, ".PNG"},      {0, ".jpg"},
+             {0, ".jpeg"},      {0, ".JPG"},      {1, ".PNG"},      {0, "_mask.png"}, {0, "_mask.jpg"},
+             {0, "_mask.jpeg"}, {0, "_mask.PNG"}, {0, "_mask.JPG"}, {1, ".mask.png"}, {0, ".mask.png"}};
+
 static sf_status look_for(sf_context *ctx, const char *folder, const char *name, char **mask) {
-    const struct {
-        size_t cut;
-        const char *ending;
-    } forms[] = {{0, ".png"}, {ending_of(name), ".png"}, {0, ""}};
     for (size_t i = 0; i < sizeof forms / sizeof *forms; i++) {
-        char *path = candidate(ctx, folder, name, forms[i].cut, forms[i].ending);
+        char *path = candidate(ctx, folder, name, forms[i].whole ? 0 : ending_of(name), forms[i].ending);
         if (!path) return SF_ERR_MEMORY;
         if (sf_is_file(path)) {
             *mask = path;
@@ -60,6 +64,17 @@ static sf_status find_folder(sf_project *p, const char *wanted, char **folder) {
     return *folder ? SF_OK : SF_ERR_MEMORY;
 }
 
+/* A folder that the user named must hold a mask; one that is only there is warned of. */
+static sf_status tell_of_none(sf_project *p, const char *folder, int must) {
+    static const char format[] =
+        "%s: no mask fits a picture: looked for %s.png, %.*s.png, %.*s_mask.png and .jpg";
+    const char *name = p->entries[0].name;
+    int stem = (int)(strlen(name) - ending_of(name));
+    if (must) return sf_fail(p->ctx, SF_ERR_IO, format, folder, name, stem, name, stem, name);
+    sf_log(p->ctx, SF_LOG_WARNING, format, folder, name, stem, name, stem, name);
+    return SF_OK;
+}
+
 static sf_status find_all(sf_project *p, const char *folder, int must) {
     size_t found = 0, open = 0;
     sf_status status = SF_OK;
@@ -69,12 +84,8 @@ static sf_status find_all(sf_project *p, const char *folder, int must) {
         status = find_for(p->ctx, folder, &p->entries[i], &found);
     }
     if (status || !open) return status;
-    if (!found && must)
-        return sf_fail(p->ctx, SF_ERR_IO, "%s: holds no mask: looked for %s.png among others", folder,
-                       p->entries[0].name);
-    if (found)
-        sf_log(p->ctx, SF_LOG_INFO, "%s: masks of %zu of %zu pictures: black is ignored", folder, found,
-               open);
+    if (!found) return tell_of_none(p, folder, must);
+    sf_log(p->ctx, SF_LOG_INFO, "%s: masks of %zu of %zu pictures: black is ignored", folder, found, open);
     return SF_OK;
 }
 
@@ -113,6 +124,16 @@ static int is_same_shape(const sf_picture *a, const sf_picture *b) {
     return fabs(a->height - x * b->height) <= fmax(x, 1) || fabs(a->width - y * b->width) <= fmax(y, 1);
 }
 
+/* COLMAP ignores 0 and takes what is not, so masks of 0 and 1, or of the numbers of labels, are in use: one
+ * without a value that counts for a half is such a one. */
+static void spread_labels(sf_picture *mask) {
+    size_t n = (size_t)mask->width * (size_t)mask->height;
+    for (size_t i = 0; i < n; i++)
+        if (mask->rgb[i] >= 128) return;
+    for (size_t i = 0; i < n; i++)
+        if (mask->rgb[i]) mask->rgb[i] = 255;
+}
+
 static sf_status lower_weights(sf_context *ctx, const sf_picture *mask, sf_picture *p) {
     if (!is_same_shape(mask, p)) {
         snprintf(p->fault, sizeof p->fault, "mask: size: %d x %d is not the picture's %d x %d, nor its shape",
@@ -135,6 +156,7 @@ static sf_status lower_weights(sf_context *ctx, const sf_picture *mask, sf_pictu
 sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *p) {
     sf_picture mask;
     sf_status status = sf_picture_load(ctx, path, &mask);
+    if (!status) spread_labels(&mask);
     if (status)
         snprintf(p->fault, sizeof p->fault, "mask: %.*s", SF_PICTURE_FAULT_BYTES - 7, mask.fault);
     else

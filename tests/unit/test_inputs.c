@@ -187,18 +187,22 @@ static void put_small(const char *project, const char *folder, int divisor) {
     }
 }
 
-/* Black at (PX, PY) and around it, else white. */
-static void put_mask(const char *project, const char *name, int divisor) {
+/* Black at (PX, PY) and around it, else `white` of 255. */
+static void put_mask_of(const char *project, const char *name, int divisor, int white) {
     float rgb[3 * WIDTH * HEIGHT];
     int width = WIDTH / divisor, height = HEIGHT / divisor;
     for (int i = 0; i < width * height; i++) {
         int near = abs(i % width * divisor - PX) <= 2 && abs(i / width * divisor - PY) <= 2;
-        for (int c = 0; c < 3; c++) rgb[3 * i + c] = near ? 0 : 1;
+        for (int c = 0; c < 3; c++) rgb[3 * i + c] = near ? 0 : (float)white / 255;
     }
     sf_context *ctx = test_context();
     make_folders(project, name);
     assert_ok(ctx, sf_write_png(ctx, inside(project, name), width, height, rgb));
     sf_context_destroy(&ctx);
+}
+
+static void put_mask(const char *project, const char *name, int divisor) {
+    put_mask_of(project, name, divisor, 255);
 }
 
 /* COLMAP. */
@@ -313,6 +317,14 @@ static void make_masked(const char *project, const char *form) {
         snprintf(path, sizeof path, form, names[v]);
         put_mask(project, path, 1);
     }
+}
+
+/* Of 0 and 1, and of a label's number. */
+static void make_label_masks(const char *project, const char *rest) {
+    make_colmap(project, rest);
+    put_mask_of(project, "masks/a.png", 1, 1);
+    put_mask_of(project, "masks/b.png", 1, 1);
+    put_mask_of(project, "masks/c.png", 1, 17);
 }
 
 static void make_small_masks(const char *project, const char *rest) {
@@ -659,6 +671,12 @@ static const fixture fixtures[] = {
     {"masks_stem", make_masked, "masks/%s.png", C, .masked = 3, .hidden = 1,
      .log = "masks of 3 of 3 pictures"},
     {"masks_named", make_masked, "my masks/%s.png", .masks = "my masks", C, .masked = 3, .hidden = 1},
+    {"masks_metashape", make_masked, "masks/%s_mask.jpg", C, .masked = 3, .hidden = 1},
+    {"masks_realityscan", make_masked, "masks/%s.png.mask.png", C, .masked = 3, .hidden = 1},
+    {"masks_jpeg", make_masked, "masks/%s.jpg", C, .masked = 3, .hidden = 1},
+    {"masks_labels", make_label_masks, pinhole, C, .masked = 3, .hidden = 1},
+    {"masks_of_others", make_masked, "masks/%s-other.png", C,
+     .log = "masks: no mask fits a picture: looked for a.png.png, a.png, a_mask.png and .jpg"},
     {"masks_unused", make_masked, "other/%s.png", C},
     {"masks_refused", make_masked, "masks/%s.png", .no_masks = 1, C},
     {"masks_some", make_small_masks, pinhole, C, .masked = 2, .hidden = 1, .log = "masks of 2 of 3 pictures"},
@@ -879,7 +897,7 @@ static const refusal refusals[] = {
     {REFUSE("no_masks", make_colmap, pinhole, SF_ERR_IO, "absent: no such folder of masks"),
      .masks = "absent"},
     {REFUSE("empty_masks", make_masked, "masks/%s-other.png", SF_ERR_IO,
-            "holds no mask: looked for a.png.png"),
+            "no mask fits a picture: looked for a.png.png, a.png, a_mask.png"),
      .masks = "masks"},
     {REFUSE("no_sub_model", make_several, "", SF_ERR_IO, "none of its 2 models is 7"), .sub_model = 8},
     {REFUSE("no_reconstruction", make_opensfm, "'focal':1", SF_ERR_IO, "none of its 2 reconstructions is 2"),
