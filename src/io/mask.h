@@ -1,8 +1,8 @@
 /* mask.h - which pixels of a picture count: masks and alpha channels, in one place for all kinds of projects.
  *
- * In a mask black is ignored and white counts; grey counts in part. In one without a value of 128 or more, as of 0 and 1,
- * all but 0 counts, as in COLMAP. In an alpha channel 0 is ignored and the
- * largest value counts, or, blended, 0 shows the background and the largest value the picture.
+ * In a mask black is ignored and white counts; grey counts in part. In one without a value of 128 or more, as
+ * of 0 and 1, all but 0 counts, as in COLMAP. In an alpha channel 0 is ignored and the largest value counts,
+ * or, blended, 0 shows the background and the largest value the picture.
  */
 #ifndef SF_IO_MASK_H
 #define SF_IO_MASK_H
@@ -11,8 +11,9 @@
 
 /* Gives each entry without a mask of its own the one in the folder that the options name, or, where they
  * name none, in masks/. For the picture images/a/b.jpg those are, in this order, a/b.jpg.png, a/b.png,
- * a/b.jpg, a/b.jpeg, a/b_mask.png or .jpg, a/b.jpg.mask.png and a/b.mask.png, with images/ in front or without. Takes all masks away where the options want none. SF_ERR_IO: the
- * folder that the options name is not there, or holds no picture's mask. */
+ * a/b.jpg, a/b.jpeg, a/b_mask.png or .jpg, a/b.jpg.mask.png and a/b.mask.png, with images/ in front or
+ * without. Takes all masks away where the options want none. SF_ERR_IO: the folder that the options name is
+ * not there, or holds no picture's mask. */
 sf_status sf_masks_find(sf_project *project, const sf_load_options *options);
 
 /* Lowers a picture's weights to the mask's. A mask of another size is scaled (each pixel takes the nearest
