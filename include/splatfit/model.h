@@ -86,7 +86,7 @@ SF_API sf_status sf_model_get_bounds(const sf_model *model, sf_model_bounds *bou
 
 /* Files that hold a model. */
 typedef enum sf_model_format {
-    SF_MODEL_AUTO, /* written: as the extension says (.spz, .splat, .glb, else .ply); read: .splat, .gltf and
+    SF_MODEL_AUTO, /* written: as the extension says (.ply where it has none); read: .splat, .gltf and
                       .json by the extension, the others by their first bytes */
     SF_MODEL_PLY,  /* INRIA's .ply: raw float values, exact */
     SF_MODEL_SPZ, /* .spz: quantised columns, compressed; the fields' errors are listed in src/io/README.md */
@@ -125,11 +125,16 @@ SF_API sf_status sf_model_load_as(sf_context *context, const char *path, const s
                                   sf_model **model);
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);
 
+/* Whether a model can be written under this name with SF_MODEL_AUTO: it ends in .ply, .spz, .splat or .glb,
+ * in small letters or capitals, or has no ending, which makes a .ply. SF_ERR_UNSUPPORTED where not. */
+SF_API sf_status sf_model_check_name(sf_context *context, const char *path);
+
 /* Writes a model under a temporary name and renames it; a device, a pipe and "-" (standard output) are
  * written directly. Refuses (SF_ERR_ARGUMENT) a model with values that hurt other tools: see
- * sf_model_load_as. What a .spz cannot hold is moved to the nearest that it can, counted and reported to the
- * log. The Gaussians of a .spz are in the order of their places, those of a .splat in that of their weight.
- * On failure the file that stood at `path` still stands. options NULL: the defaults. */
+ * sf_model_load_as; and (SF_ERR_UNSUPPORTED) a name that sf_model_check_name refuses. What a .spz cannot hold
+ * is moved to the nearest that it can, counted and reported to the log. The Gaussians of a .spz are in the
+ * order of their places, those of a .splat in that of their weight. On failure the file that stood at `path`
+ * still stands. options NULL: the defaults. */
 SF_API sf_status sf_model_save_as(const sf_model *model, const char *path,
                                   const sf_model_file_options *options);
 SF_API sf_status sf_model_save(const sf_model *model, const char *path);

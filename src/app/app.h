@@ -56,10 +56,14 @@ int app_lens(const args *a, sf_context *ctx, const sf_source *source, sf_lens *l
 /* Whether `path` can be written, as far as that can be told without writing. 0 or an exit code. */
 int app_check_output(const args *a, const char *path);
 
+/* The same of a model that is to be written: its name also has an ending that is known. */
+int app_check_model(const args *a, sf_context *ctx, const char *path);
+
 /* The file that option `name` says to write; NULL where it says none, or was not given. */
 const char *app_output(const args *a, const char *name);
-/* The same of `output` and of the files that the options names [n] say to write; none is named twice. */
-int app_check_outputs(const args *a, const char *output, const char *const *names, int n);
+/* The same of the model `output`, which may be NULL, and of the files that the options names [n] say to
+ * write; none is named twice. */
+int app_check_outputs(const args *a, sf_context *ctx, const char *output, const char *const *names, int n);
 
 /* Whether a path ends as the files of models do: .ply, .spz, .splat, .glb, .gltf. */
 int app_names_model(const char *path);

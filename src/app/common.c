@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -181,8 +182,8 @@ int app_split_wants(const args *a, const char *otherwise, sf_split split) {
 
 int app_names_model(const char *path) {
     const char *dot = strrchr(path, '.');
-    return dot && (!strcmp(dot, ".ply") || !strcmp(dot, ".spz") || !strcmp(dot, ".splat") ||
-                   !strcmp(dot, ".glb") || !strcmp(dot, ".gltf") || !strcmp(dot, ".sog"));
+    return dot && (!strcasecmp(dot, ".ply") || !strcasecmp(dot, ".spz") || !strcasecmp(dot, ".splat") ||
+                   !strcasecmp(dot, ".glb") || !strcasecmp(dot, ".gltf") || !strcasecmp(dot, ".sog"));
 }
 
 char *app_folder(const char *path) {
@@ -248,10 +249,17 @@ const char *app_output(const args *a, const char *name) {
     return path && strcmp(path, "none") ? path : NULL;
 }
 
-int app_check_outputs(const args *a, const char *output, const char *const *names, int n) {
+int app_check_model(const args *a, sf_context *ctx, const char *path) {
+    int error = app_check_output(a, path);
+    if (error || !sf_model_check_name(ctx, path)) return error;
+    app_fail(a, ctx);
+    return EXIT_USAGE;
+}
+
+int app_check_outputs(const args *a, sf_context *ctx, const char *output, const char *const *names, int n) {
     for (int i = -1; i < n; i++) {
         const char *path = i < 0 ? output : app_output(a, names[i]);
-        int error = path ? app_check_output(a, path) : 0;
+        int error = !path ? 0 : i < 0 ? app_check_model(a, ctx, path) : app_check_output(a, path);
         if (error) return error;
         for (int k = -1; k < i && path; k++) {
             const char *other = k < 0 ? output : app_output(a, names[k]);

@@ -107,7 +107,7 @@ static int convert(const args *a, sf_context *ctx, conversion *c) {
     all = options;
     all.sh_degree = -1; /* the comparison is with all that was there */
     const char *json = args_value(a, "json");
-    if (!error) error = app_check_output(a, c->out);
+    if (!error) error = app_check_model(a, ctx, c->out);
     if (!error && json) error = app_check_output(a, json);
     if (!error && sf_model_load_as(ctx, c->in, &all, &c->model)) error = app_fail(a, ctx);
     if (!error) error = motion_apply(a, ctx, c->model, &moved);

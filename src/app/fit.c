@@ -308,7 +308,7 @@ static int prepare(fit_run *r) {
     int error = app_context(r->a, &r->ctx);
     if (!error) error = read_options(r);
     if (!error) error = progress_start(&r->line, r->a, r->out);
-    if (!error) error = app_check_outputs(r->a, r->output, outputs, sizeof outputs / sizeof *outputs);
+    if (!error) error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
     if (!error && from_path && sf_model_load(r->ctx, from_path, &from)) error = app_fail(r->a, r->ctx);
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");

@@ -199,10 +199,8 @@ static int prepare(live_run *r) {
     r->options.steps_per_frame = r->per_frame;
     if (!error) error = read_thermal(r);
     if (!error) error = progress_start(&r->line, r->a, stdout);
-    if (!error && !app_names_model(r->output))
-        error = usage("--output", r->output, "does not end in .ply, .spz or .splat");
     static const char *const outputs[] = {"trajectory", "cameras", "log"};
-    if (!error) error = app_check_outputs(r->a, r->output, outputs, sizeof outputs / sizeof *outputs);
+    if (!error) error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
     if (!error) error = read_poses(r);
     if (!error) error = open_source(r);
     if (!error) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);

@@ -84,7 +84,7 @@ static int read_options(prune_run *r) {
 static int check_outputs(const prune_run *r) {
     static const char *const others[] = {"log"};
     const char *output = args_value(r->a, "output");
-    if (output) return app_check_outputs(r->a, output, others, 1);
+    if (output) return app_check_outputs(r->a, r->ctx, output, others, 1);
     app_say(r->a, "-o FILE", "is needed: the model to write");
     return EXIT_USAGE;
 }
@@ -156,8 +156,8 @@ static int write_log(prune_run *r) {
 static int prepare(prune_run *r) {
     const args *a = r->a;
     int error = read_options(r);
-    if (!error) error = check_outputs(r);
     if (!error) error = app_context(a, &r->ctx);
+    if (!error) error = check_outputs(r);
     if (!error && sf_model_load(r->ctx, a->positional[0], &r->model)) error = app_fail(a, r->ctx);
     if (!error && !sf_model_count(r->model)) error = app_say(a, a->positional[0], "holds no Gaussian");
     if (!error && r->options.keep > sf_model_count(r->model)) {

@@ -2,6 +2,7 @@
 #include "model_file.h"
 
 #include <string.h>
+#include <strings.h>
 
 #include "spz.h"
 
@@ -47,13 +48,26 @@ int sf_kept_degree(int sh_degree, const sf_model_file_options *options) {
 
 static int has_extension(const char *path, const char *extension) {
     size_t n = strlen(path), m = strlen(extension);
-    return n > m && !strcmp(path + n - m, extension);
+    return n > m && !strcasecmp(path + n - m, extension);
+}
+
+/* From the last dot of the name on; "" where it has none, as "-" and devices have not. */
+static const char *ending(const char *path) {
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
+    return dot && dot > name ? dot : "";
 }
 
 static sf_model_format format_to_write(const char *path) {
-    for (sf_model_format f = SF_MODEL_SPZ; f <= SF_MODEL_SOG; f++)
+    for (sf_model_format f = SF_MODEL_PLY; f < SF_MODEL_SOG; f++)
         if (has_extension(path, formats[f].extension)) return f;
-    return has_extension(path, ".gltf") ? SF_MODEL_GLTF : SF_MODEL_PLY;
+    return *ending(path) ? SF_MODEL_AUTO : SF_MODEL_PLY;
+}
+
+sf_status sf_model_check_name(sf_context *ctx, const char *path) {
+    if (format_to_write(path)) return SF_OK;
+    return sf_fail(ctx, SF_ERR_UNSUPPORTED,
+                   "%s: models are not written as %.40s: name it .ply, .spz, .splat or .glb", path,
+                   ending(path));
 }
 
 /* A .splat has nothing in it that tells. What cannot be read is the .ply reader's to refuse. */
@@ -85,6 +99,7 @@ sf_status sf_model_save_as(const sf_model *model, const char *path, const sf_mod
     sf_model_file_options o = options ? *options : sf_model_file_options_default();
     sf_writer w;
     sf_status status = check_options(model->ctx, &o);
+    if (!status && !o.format) status = sf_model_check_name(model->ctx, path);
     if (!status) status = sf_model_check(model, path);
     if (!status) status = sf_writer_open(&w, model->ctx, path);
     if (status) return status;

@@ -279,7 +279,7 @@ static void test_live_refuses(void **state) {
     static const bad_input inputs[] = {
         {USAGE, "--seconds: \"soon\" is not a number", {LIVE, "--seconds", "soon"}},
         {USAGE, "--time-limit: \"3\" is --seconds here", {LIVE, "--time-limit", "3"}},
-        {USAGE, "--output: \"m.obj\" does not end in", {LIVE, "-o", "m.obj"}},
+        {USAGE, "m.obj: models are not written as .obj", {LIVE, "-o", "m.obj"}},
         {USAGE, "--poses: \"dream\" is none of", {"live", "sim:studio", "--poses", "dream"}},
         {FAILED, "\"nope\" is none of a4-36h11", {"live", "sim:studio", "--board", "nope"}},
         {FAILED, "no/such: cannot be opened", {"live", "sim:studio", "--poses", "file:no/such"}},
