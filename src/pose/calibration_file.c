@@ -1,5 +1,4 @@
-/* calibration_file.c - calibrations as files: our JSON; OpenCV's YAML and COLMAP's cameras are read too. */
-#include <locale.h>
+/* calibration_file.c - calibrations as files: our JSON; OpenCV's and COLMAP's are read too. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +8,7 @@
 #include "../base/file.h"
 #include "../io/colmap.h"
 #include "../io/undistort.h"
+#include "opencv_file.h"
 
 #include <splatfit/calibrate.h>
 
@@ -161,121 +161,9 @@ static sf_status read_json(const reader *r) {
     json_error_t error;
     json_t *root = json_loadb((const char *)r->data, r->size, JSON_REJECT_DUPLICATES, &error);
     if (!root) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: line %d: %s", r->path, error.line, error.text);
-    sf_status status = read_object(r, root);
+    sf_status status =
+        sf_opencv_is_json(root) ? sf_opencv_read(r->ctx, r->path, NULL, root, r->c) : read_object(r, root);
     json_decref(root);
-    return status;
-}
-
-/* OpenCV's YAML: of that language as much as cv::FileStorage writes. */
-
-/* What follows "key:" at the beginning of a line; NULL: there is no such line. */
-static const char *find_key(const char *text, const char *key) {
-    size_t n = strlen(key);
-    for (const char *line = text; line; line = strchr(line, '\n')) {
-        line += *line == '\n';
-        if (!strncmp(line, key, n) && line[n] == ':') return line + n + 1;
-    }
-    return NULL;
-}
-
-/* The numbers between the brackets of the key's "data: [ ... ]", which ends before the next key. */
-static sf_status get_list(const reader *r, const char *key, double *values, size_t most, size_t *count) {
-    const char *at = find_key((const char *)r->data, key), *data = at ? strstr(at, "data:") : NULL;
-    *count = 0;
-    if (!at) return missing(r, key);
-    for (const char *line = strchr(at, '\n'); data && line && line < data; line = strchr(line + 1, '\n'))
-        if (line[1] != ' ' && line[1] != '\t') data = NULL;
-    at = data ? data + strspn(data + 5, " \t\r\n") + 5 : NULL;
-    if (!at || *at != '[') return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s: has no data: [...]", r->path, key);
-    for (at++;; at++) {
-        char *end;
-        at += strspn(at, " \t\r\n");
-        if (*at == ']' && !*count) return SF_OK;
-        if (*count == most)
-            return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s: more than %zu numbers", r->path, key, most);
-        values[*count] = strtod(at, &end);
-        if (end == at || !isfinite(values[*count])) return bad_number(r, key);
-        ++*count;
-        at = end + strspn(end, " \t\r\n");
-        if (*at == ']') return SF_OK;
-        if (*at != ',') return bad_number(r, key);
-    }
-}
-
-static sf_status get_scalar(const reader *r, const char *key, int32_t *side) {
-    const char *at = find_key((const char *)r->data, key);
-    char *end;
-    if (!at) return missing(r, key);
-    double value = strtod(at, &end);
-    if (end == at || (*end && !strchr(" \t\r\n", *end))) return bad_number(r, key);
-    return take_side(r, key, value, side);
-}
-
-static sf_status read_matrix(const reader *r) {
-    static const char key[] = "camera_matrix";
-    double m[9];
-    size_t count;
-    sf_status status = get_list(r, key, m, 9, &count);
-    if (status) return status;
-    if (count != 9 || m[3] != 0 || m[6] != 0 || m[7] != 0 || m[8] != 1)
-        return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s: is not [fx, 0, cx, 0, fy, cy, 0, 0, 1]", r->path, key);
-    if (m[1] != 0)
-        return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: %s: skew: %g is not supported, only 0", r->path, key,
-                       m[1]);
-    r->c->lens.fx = m[0];
-    r->c->lens.fy = m[4];
-    r->c->lens.cx = m[2] + 0.5; /* OpenCV's first pixel has its middle at 0 */
-    r->c->lens.cy = m[5] + 0.5;
-    return SF_OK;
-}
-
-static sf_status read_distortion(const reader *r) {
-    static const char key[] = "distortion_coefficients";
-    static const char *const higher[] = {"k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"};
-    enum { OURS = 4, MOST = 14 };
-    double d[MOST] = {0};
-    size_t count;
-    sf_status status = get_list(r, key, d, MOST, &count);
-    if (status) return status;
-    if (count < OURS)
-        return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s: %zu numbers are not 4 or 5", r->path, key, count);
-    for (size_t i = OURS; i < count; i++)
-        if (fabs(d[i]) > 1e-9)
-            return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: %s: %s: %g is not supported, only 0", r->path,
-                           key, higher[i - OURS], d[i]);
-    r->c->lens.k1 = d[0];
-    r->c->lens.k2 = d[1];
-    r->c->lens.p1 = d[2];
-    r->c->lens.p2 = d[3];
-    return SF_OK;
-}
-
-/* ROS names the model; plumb_bob is this one. */
-static sf_status check_distortion_model(const reader *r) {
-    const char *model = find_key((const char *)r->data, "distortion_model");
-    if (!model) return SF_OK;
-    model += strspn(model, " \t\"'");
-    if (!strncmp(model, "plumb_bob", 9) || !strncmp(model, "rational_polynomial", 19)) return SF_OK;
-    return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: distortion_model: %.*s is not supported", r->path,
-                   (int)strcspn(model, " \t\r\n\"'"), model);
-}
-
-static sf_status read_yaml(const reader *r) {
-    sf_status status = get_scalar(r, "image_width", &r->c->width);
-    if (!status) status = get_scalar(r, "image_height", &r->c->height);
-    if (!status) status = check_distortion_model(r);
-    if (!status) status = read_matrix(r);
-    return status ? status : read_distortion(r);
-}
-
-/* Numbers have a point in every locale of the program. */
-static sf_status read_plainly(const reader *r) {
-    locale_t plain = newlocale(LC_ALL_MASK, "C", (locale_t)0);
-    if (!plain) return sf_fail(r->ctx, SF_ERR_MEMORY, "%s: out of memory", r->path);
-    locale_t before = uselocale(plain);
-    sf_status status = read_yaml(r);
-    uselocale(before);
-    freelocale(plain);
     return status;
 }
 
@@ -299,12 +187,12 @@ static sf_status read_any(const reader *r) {
     text += strspn(text, " \t\r\n");
     if (!*text) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: is empty", r->path);
     if (*text == '{' || *text == '[') return read_json(r);
-    if (!strncmp(text, "%YAML", 5) || find_key(text, "camera_matrix") || find_key(text, "image_width"))
-        return read_plainly(r);
+    if (sf_opencv_is_text(text)) return sf_opencv_read(r->ctx, r->path, text, NULL, r->c);
     if (*text == '#' || (*text >= '0' && *text <= '9')) return read_colmap(r, 0);
-    return sf_fail(r->ctx, SF_ERR_FORMAT,
-                   "%s: is neither a calibration of splatfit, nor OpenCV's YAML, nor COLMAP's cameras",
-                   r->path);
+    return sf_fail(
+        r->ctx, SF_ERR_FORMAT,
+        "%s: is neither a calibration of splatfit, nor one of OpenCV (YAML, XML, JSON), nor COLMAP's cameras",
+        r->path);
 }
 
 sf_status sf_calibration_load(sf_context *ctx, const char *path, sf_calibration *calibration) {

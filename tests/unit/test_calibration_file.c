@@ -63,22 +63,68 @@ static sf_status load_text(sf_context *ctx, const char *text, sf_calibration *c)
     "\n"
 #define FIVE "-2.1e-01, 6.0e-02,\n       1.2e-03, -8.0e-04, 0."
 
+/* The same in the other forms that cv::FileStorage writes. */
+#define XML_HEAD                                                                                             \
+    "<?xml version=\"1.0\"?>\n<opencv_storage>\n<!-- <K>1</K> -->\n<flags>0</flags>\n"                       \
+    "<image_width>640</image_width>\n<image_height>480</image_height>\n<views><K>2</K></views>\n<board/>\n"
+#define XML_MATRIX(key, list)                                                                                \
+    "<" key " type_id=\"opencv-matrix\">\n  <rows>3</rows>\n  <cols>3</cols>\n  <dt>d</dt>\n  <data>\n    "  \
+    "" list "</data></" key ">\n"
+#define XML_LENS(K, D)                                                                                       \
+    XML_MATRIX(K, "6.134e+02 0. 3.268e+02 0.\n    6.109e+02 2.353e+02 0. 0. 1.")                             \
+    XML_MATRIX(D, "-2.1e-01 6.0e-02\n    1.2e-03 -8.0e-04 0.")
+#define XML(K, D)     XML_HEAD XML_LENS(K, D) "</opencv_storage>\n"
+#define JSON_HEAD     "{\n    \"image_width\": 640,\n    \"image_height\": 480,\n    "
+#define JSON_KEY(key) "\"" key "\": "
+#define JSON_MATRIX(key, list)                                                                               \
+    JSON_KEY(key)                                                                                            \
+    "{\n        \"type_id\": \"opencv-matrix\",\n        \"rows\": 3,\n        \"data\": [ " list " ]\n    " \
+    "}"
+#define JSON(K, D)                                                                                           \
+    JSON_HEAD                                                                                                \
+    JSON_MATRIX(K, "6.134e+02, 0.0, 3.268e+02, 0.0, 6.109e+02, 2.353e+02, 0.0, 0.0, 1.0")                    \
+    ",\n   "                                                                                                 \
+    " " JSON_MATRIX(D, "-2.1e-01, "                                                                          \
+                       "6.0e-02, "                                                                           \
+                       "1.2e-03, "                                                                           \
+                       "-8.0e-04, "                                                                          \
+                       "0.0") "\n}\n"
+#define ROWS      "[[613.4, 0, 326.8], [0, 610.9, 235.3], [0, 0, 1]]"
+#define FLAT_ROWS "[[-0.21, 0.06, 0.0012, -0.0008]]"
+
+static void assert_example(sf_context *ctx, const char *text) {
+    sf_calibration c;
+    assert_ok(ctx, load_text(ctx, text, &c));
+    for (int k = 0; k < 8; k++) assert_true(fabs((&c.lens.fx)[k] - (&example.lens.fx)[k]) < 1e-9);
+    assert_true(c.width == 640 && c.height == 480 && c.sigma.fx == 0);
+}
+
 static void test_opencv(void **state) {
     (void)state;
     sf_context *ctx = test_context();
-    sf_calibration c;
     setlocale(LC_ALL, "de_DE.UTF-8"); /* where there is one, its comma must not matter */
     const char *texts[] = {
         YAML_HEAD MATRIX YAML_COEFFICIENTS("5", FIVE),
         YAML_HEAD MATRIX YAML_COEFFICIENTS("4", "-0.21, 0.06, 0.0012, -0.0008"),
         "image_width: 640\nimage_height: 480\ncamera_name: cam\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
         "  data: [613.4, 0, 326.8, 0, 610.9, 235.3, 0, 0, 1]\ndistortion_model: plumb_bob\n"
-        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.21, 0.06, 0.0012, -0.0008, 0]\n"};
-    for (int i = 0; i < 3; i++) {
-        assert_ok(ctx, load_text(ctx, texts[i], &c));
-        for (int k = 0; k < 8; k++) assert_true(fabs((&c.lens.fx)[k] - (&example.lens.fx)[k]) < 1e-9);
-        assert_true(c.width == 640 && c.height == 480 && c.sigma.fx == 0);
-    }
+        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.21, 0.06, 0.0012, -0.0008, 0]\n",
+        YAML_HEAD MATRIX YAML_COEFFICIENTS("8", FIVE ", 0, 0, 0"),
+        YAML_HEAD MATRIX YAML_COEFFICIENTS("12", FIVE ", 0, 0, 0, 0, 0, 0, 0"),
+        YAML_HEAD MATRIX YAML_COEFFICIENTS("14", FIVE ", 0, 0, 0, 0, 0, 0, 0, 0, 0"),
+        YAML_HEAD "fisheye_model: 0\n" MATRIX YAML_COEFFICIENTS("5", FIVE),
+        "%YAML:1.0\n---\nimage_size: [ 640, 480 ]\nK: " ROWS "\nD: " FLAT_ROWS "\n",
+        "imageSize: [ 640, 480 ]\ncameraMatrix: " ROWS "\ndistCoeffs: " FLAT_ROWS "\n",
+        "image_width: 640\nimage_height: 480\ncamera_matrix: " ROWS "\ndist_coeffs: " FLAT_ROWS "\n",
+        XML("camera_matrix", "distortion_coefficients"),
+        XML("K", "D"),
+        "<opencv_storage><imageSize>\n  640 480</imageSize>" XML_LENS("cameraMatrix",
+                                                                      "distCoeffs") "</opencv_storage>",
+        JSON("camera_matrix", "distortion_coefficients"),
+        JSON("K", "D"),
+        "{\"image_size\": [640, 480], \"fisheye_model\": false, \"cameraMatrix\": " ROWS
+        ", \"dist_coeffs\": " FLAT_ROWS "}"};
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) assert_example(ctx, texts[i]);
     setlocale(LC_ALL, "C");
     sf_context_destroy(&ctx);
 }
@@ -154,11 +200,40 @@ static void test_hostile_files(void **state) {
         {SF_ERR_FORMAT, YAML_HEAD YAML_MATRIX "   data: [ 1, 2 ]\n", "camera_matrix: is not [fx"},
         {SF_ERR_FORMAT, YAML_HEAD YAML_MATRIX "   data: [ 1,0,1,0,1,1,0,0,1,5 ]\n", "more than 9"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD YAML_MATRIX "   data: [ 600,1,320,0,600,240,0,0,1 ]\n", "skew: 1"},
-        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("2", "0, 0"), "2 numbers are not 4 or 5"},
-        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("0", ""), "0 numbers are not 4 or 5"},
+        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("2", "0, 0"), "2 numbers are not 4, 5, 8"},
+        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("0", ""), "0 numbers are not 4, 5, 8"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("5", "0, 0, 0, 0, 0.2"), "k3: 0.2"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("8", "0, 0, 0, 0, 0, 0.1, 0, 0"), "k4: 0.1"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("8", "0, 0, 0, 0, 0, 0, 0, 0.3"), "k6: 0.3"},
+        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("6", "0, 0, 0, 0, 0, 0"), "6 numbers are not"},
+        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("5", "1, , 0, 0, 0"), "is not a number"},
+        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("5", "1, 0, 0, 0, "), "is not a number"},
+        {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("5", "1 0 0 0"), "is not a number"},
+        {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("12", "0,0,0,0,0,0,0,0,0,0,0.4,0"),
+         "s3: 0.4"},
+        {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("14", "0,0,0,0,0,0,0,0,0,0,0,0,0,0.5"),
+         "tau_y: 0.5"},
+        /* A fisheye's four are k1 to k4, not k1, k2, p1, p2. */
+        {SF_ERR_UNSUPPORTED, YAML_HEAD "fisheye_model: 1\n" MATRIX YAML_COEFFICIENTS("4", "0.1, 0, 0, 0"),
+         "fisheye_model: 1: the coefficients are k1 to k4"},
+        {SF_ERR_UNSUPPORTED,
+         XML_HEAD "<fisheye_model>1</fisheye_model>" XML_LENS("K", "D") "</opencv_storage>",
+         "undistort the pictures first"},
+        {SF_ERR_UNSUPPORTED, JSON_HEAD "\"fisheye_model\": true, \"K\": " ROWS ", \"D\": " FLAT_ROWS "}",
+         "fisheye_model: true"},
+        {SF_ERR_UNSUPPORTED, JSON_HEAD "\"fisheye_model\": 1, \"K\": " ROWS ", \"D\": " FLAT_ROWS "}",
+         "fisheye_model: 1"},
+        {SF_ERR_FORMAT, "K: " ROWS "\nD: " FLAT_ROWS "\n", "image_width: is missing: add image_width"},
+        {SF_ERR_FORMAT, "image_size: [ 640 ]\nK: " ROWS "\n", "image_size: is not [width, height]"},
+        {SF_ERR_FORMAT, "image_size: [ 640, 0 ]\nK: " ROWS "\n", "image_size: is not a number in its range"},
+        {SF_ERR_FORMAT, XML_HEAD "</opencv_storage>", "camera_matrix: is missing"},
+        {SF_ERR_FORMAT, XML_HEAD XML_MATRIX("K", "1 2 x"), "K: is not a number"},
+        {SF_ERR_FORMAT, XML_HEAD XML_MATRIX("K", "1 2"), "K: is not [fx"},
+        {SF_ERR_FORMAT, XML_HEAD "<K><rows>3</rows></K>", "K: has no data"},
+        {SF_ERR_FORMAT, "<svg></svg>", "is neither"},
+        {SF_ERR_FORMAT, JSON_HEAD "\"K\": 3}", "K: has no data"},
+        {SF_ERR_FORMAT, JSON_HEAD "\"K\": [\"1\"]}", "K: is not a number"},
+        {SF_ERR_FORMAT, JSON_HEAD "\"K\": " ROWS "}", "distortion_coefficients: is missing"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD "distortion_model: equidistant\n" MATRIX,
          "distortion_model: equidistant"},
         {SF_ERR_FORMAT, "# nothing\n", "holds no camera"},
@@ -183,22 +258,30 @@ static void test_hostile_files(void **state) {
 /* Whatever is cut off or changed is read or refused: never more. */
 static void test_damage(void **state) {
     (void)state;
-    static const char yaml[] = YAML_HEAD MATRIX YAML_COEFFICIENTS("5", FIVE);
+    static const struct {
+        const char *text;
+        size_t rest; /* that nothing needs */
+    } files[] = {{YAML_HEAD MATRIX YAML_COEFFICIENTS("5", FIVE), 1},
+                 {XML("K", "D"), sizeof "\n</opencv_storage>\n" - 1},
+                 {JSON("K", "D"), 1}};
     sf_context *ctx = test_context();
     sf_calibration c;
-    char copy[sizeof yaml];
-    size_t good = 0, tried = 0;
-    for (size_t i = 0; i < sizeof yaml - 1; i++) {
-        memcpy(copy, yaml, sizeof yaml);
-        sf_status status = load(ctx, copy, i, &c);
-        assert_true((status == SF_OK) == (i == sizeof yaml - 2)); /* all but the last newline */
-        copy[i] = "x9[,\n"[i % 5];
-        status = load(ctx, copy, sizeof yaml - 1, &c);
-        assert_true(status == SF_OK || status == SF_ERR_FORMAT || status == SF_ERR_UNSUPPORTED);
-        good += status == SF_OK;
-        tried++;
+    char copy[1024];
+    for (size_t f = 0; f < 3; f++) {
+        size_t good = 0, tried = 0, size = strlen(files[f].text);
+        assert_true(size < sizeof copy);
+        for (size_t i = 0; i < size; i++) {
+            memcpy(copy, files[f].text, size);
+            sf_status status = load(ctx, copy, i, &c);
+            assert_true((status == SF_OK) == (i >= size - files[f].rest));
+            copy[i] = "x9[,\n"[i % 5];
+            status = load(ctx, copy, size, &c);
+            assert_true(status == SF_OK || status == SF_ERR_FORMAT || status == SF_ERR_UNSUPPORTED);
+            good += status == SF_OK;
+            tried++;
+        }
+        assert_true(good > 0 && good < tried);
     }
-    assert_true(good > 0 && good < tried);
     sf_context_destroy(&ctx);
 }
 
