@@ -62,22 +62,11 @@ ifeq ($(origin CXX),default)
 CXX := $(patsubst %gcc,%g++,$(patsubst %clang,%clang++,$(firstword $(CC))))
 endif
 
-find_deps = CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' tests/deps/deps.sh
 # Who asks for a demo or a test gets what is missing installed; a plain build only says what is missing.
-INSTALL_DEPS := $(filter demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance coverage-run,$(MAKECMDGOALS))
+INSTALL_DEPS := $(filter deps demo test test-allocations test-golden test-scenes stability check check-cpus build-tests endurance coverage-run,$(MAKECMDGOALS))
 
-# Left out, with what it is for, where it is missing; Debian has no static one. The files to build depend on it, so what
-# can be had is installed before make reads on.
+# Left out, with what it is for, where it is missing; Debian has no static one.
 OPTIONAL     := $(if $(filter 1,$(STATIC)),,apriltag libcamera libwebp libzip libzstd)
-ifneq ($(and $(OPTIONAL),$(DEPS_OPTIONAL),$(filter deps $(INSTALL_DEPS),$(MAKECMDGOALS))),)
-$(shell $(find_deps) $(DEPS_OPTIONAL) >&2)
-endif
-FOUND        := $(foreach m,$(OPTIONAL),$(shell $(PKG_CONFIG) --exists $(m) 2>/dev/null && echo $(m)))
-# Of the program alone, and nothing but a header and a library tells of it.
-CIVETWEB     := $(if $(OPTIONAL),$(shell echo 'int main(void) { return !mg_version(); }' | $(CC) $(TARGET_CFLAGS) $(CFLAGS) \
-                  $(TARGET_LDFLAGS) $(LDFLAGS) -include civetweb.h -x c -o /dev/null - -lcivetweb 2>/dev/null && echo -lcivetweb))
-# libcamera's interface is C++.
-FOUND        := $(filter-out $(if $(shell command -v $(CXX)),,libcamera),$(FOUND))
 
 # ---- files -------------------------------------------------------------------------------------------------
 
@@ -85,6 +74,18 @@ comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
 CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)$(if $(filter 1,$(COVERAGE)),-coverage)
 O      := build/$(CONFIG)
+
+# What is installed is found out first, and after an installation, then make begins anew: FOUND (of OPTIONAL), CIVETWEB,
+# LIBS_CFLAGS, LIBS_FOUND, TEST_LIBS, PARTS (modules with their versions).
+DEPS_NOW = $(DEPS_BUILD) $(if $(INSTALL_DEPS),$(DEPS_TEST)) $(if $(filter 1,$(STATIC)),source)
+.DEFAULT_GOAL := all
+ifneq ($(filter-out clean help doc uninstall ci fuzz mutants test-vm coverage test-fresh,$(or $(MAKECMDGOALS),all)),)
+include $(O)/config.mk
+endif
+$(O)/config.mk: FORCE
+	@CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' PKG_CONFIG='$(PKG_CONFIG)' LINK='$(TARGET_CFLAGS) $(CFLAGS) $(TARGET_LDFLAGS) $(LDFLAGS)' \
+	    LOOK=$(if $(INSTALL_DEPS),,1) DEPS='$(DEPS_NOW)' DEPS_OPTIONAL='$(if $(OPTIONAL),$(DEPS_OPTIONAL))' PREPARE='$(PREPARE)' \
+	    OPTIONAL='$(OPTIONAL)' STATIC='$(STATIC)' tests/deps/config.sh $@
 
 HEADERS := $(wildcard include/splatfit/*.h)
 MACHINE := $(firstword $(subst -, ,$(shell $(CC) $(TARGET_CFLAGS) -dumpmachine)))
@@ -194,7 +195,6 @@ BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
                 $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) $(if $(filter libwebp,$(FOUND)),-DSF_HAVE_LIBWEBP) \
                 $(if $(CIVETWEB),-DSF_HAVE_CIVETWEB)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
-MODULE_FLAGS :=
 SPNG         :=
 FETCH        :=
 ifeq ($(STATIC),1)
@@ -202,20 +202,15 @@ BASE_LDFLAGS += -static
 ifeq ($(WERROR),1)
 BASE_LDFLAGS += -Wl,--fatal-warnings
 endif
-MODULE_FLAGS := --static
 # Debian has no static libspng: where there is none, it is compiled from Debian's source.
 ifeq ($(wildcard $(shell $(CC) $(BASE_LDFLAGS) -print-file-name=libspng.a)),)
 SPNG         := $(O)/libspng.a
 SPNG_SRC     := $(CACHE)/libspng
 BASE_LDFLAGS += -L$(O)
-DEPS_BUILD   += source
 FETCH        := tests/deps/libspng.sh $(SPNG_SRC)
 endif
 endif
-LIBS_CFLAGS := $(strip $(shell $(PKG_CONFIG) --cflags $(MODULES) 2>/dev/null))
-LIBS        := $(strip $(shell $(PKG_CONFIG) $(MODULE_FLAGS) --libs $(MODULES) 2>/dev/null || \
-                 echo -lturbojpeg -lspng -ljansson -lz)) $(CXX_LIBS) -lm
-TEST_LIBS   := $(strip $(shell $(PKG_CONFIG) --libs cmocka 2>/dev/null || echo -lcmocka))
+LIBS        := $(LIBS_FOUND) $(CXX_LIBS) -lm
 
 ALL_CFLAGS  = $(BASE_CFLAGS) $(LIBS_CFLAGS) $(CFLAGS)
 # The C++ file has neither warnings in others' headers nor sanitizers, whose C++ parts a program linked as C lacks.
@@ -246,7 +241,7 @@ $(LATEST): build/%: $(O)/%
 endif
 
 # Each holds what it is named for; it changes only when that does, and then all that depends on it is remade.
-$(O)/flags: TEXT = $(CC) $(CXX) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
+$(O)/flags: TEXT = $(PARTS) $(CC) $(CXX) $(ALL_CFLAGS) $(ALL_LDFLAGS) $(LIBS) $(TEST_LIBS)
 $(O)/sources: TEXT = $(LIB_OBJ) $(APP_SRC) $(BENCH_OBJ) $(PREVIEW_OBJ) $(REF_SRC)
 $(O)/flags $(O)/sources: FORCE
 	@mkdir -p $(@D)
@@ -254,12 +249,12 @@ $(O)/flags $(O)/sources: FORCE
 .PHONY: FORCE
 FORCE:
 
-$(O)/%.o: %.c $(O)/flags | have-deps
+$(O)/%.o: %.c $(O)/flags
 	$(say) CC $<
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(ALL_CFLAGS) $(if $(filter tests/%,$<),-Isrc -Itests) -MMD -MP -c -o $@ $<
 
-$(O)/%.o: %.cc $(O)/flags | have-deps
+$(O)/%.o: %.cc $(O)/flags
 	$(say) CXX $<
 	@mkdir -p $(@D)
 	$(Q)$(CXX) $(ALL_CXXFLAGS) -MMD -MP -c -o $@ $<
@@ -268,7 +263,7 @@ $(O)/%.o: %.cc $(O)/flags | have-deps
 # where it optimises it.
 KERNELS_O := $(if $(SAN)$(filter 1,$(COVERAGE)),1,3)
 define level_rule
-$(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags | have-deps
+$(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
 	$(Q)$(CC) $(ALL_CFLAGS) -O$$(if $$(and $$(SAN),$$(filter %/project.c,$$<)),0,$(KERNELS_O)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
@@ -277,7 +272,7 @@ $(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 
 # Declared where they are called, in src/bench/levels.c. Sanitizers, which make the compiler slow, see the blending itself.
 define variant_rule
-$(O)/arch/vector/blend.$(2).$(1).o: arch/vector/blend.c $(O)/flags | have-deps
+$(O)/arch/vector/blend.$(2).$(1).o: arch/vector/blend.c $(O)/flags
 	$(say) CC '$$< ($(1), $(2))'
 	@mkdir -p $$(@D)
 	$(Q)$(CC) $$(filter-out $$(SANITIZE),$$(ALL_CFLAGS)) -O$$(if $$(SAN),1,$(KERNELS_O)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) $(FLAGS_$(2)) \
@@ -294,7 +289,7 @@ $(O)/libsplatfit.so.$(SOVERSION): $(LIB_OBJ) $(O)/sources src/exports.map
 	$(say) LD $@
 	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--no-undefined -Wl,--version-script=src/exports.map $(ALL_LDFLAGS) -o $@ $(LIB_OBJ) $(LIBS)
 
-$(O)/libspng.a: $(O)/flags | have-deps
+$(O)/libspng.a: $(O)/flags | fetch
 	$(say) CC $(SPNG_SRC)/spng.c
 	$(Q)$(CC) -O2 -g -fPIC -DSPNG_DISABLE_OPT $(TARGET_CFLAGS) $(LIBS_CFLAGS) $(CFLAGS) \
 	    -c -o $(O)/spng.o $(SPNG_SRC)/spng.c
@@ -310,7 +305,8 @@ $(O)/src/preview/page_bytes.c: $(PAGE)
 $(O)/src/preview/page_bytes.o: $(O)/src/preview/page_bytes.c $(O)/flags
 	$(Q)$(CC) $(ALL_CFLAGS) -Isrc -c -o $@ $<
 
-# The program says how it was linked.
+# The program says how it was linked, and with what.
+$(O)/src/app/parts.o: BASE_CFLAGS += -DSF_PARTS='"$(PARTS)"'
 $(O)/src/app/licences.o: BASE_CFLAGS += $(if $(filter 1,$(STATIC)),-DSF_STATIC=1)
 $(PROGRAM): $(APP_OBJ) $(BENCH_OBJ) $(PREVIEW_OBJ) $(LIB) $(O)/sources $(SPNG)
 	$(say) LD $@
@@ -477,16 +473,12 @@ demo: all
 
 # ---- what must be there first ------------------------------------------------------------------------------
 
-.PHONY: have-deps deps deps-ci
-have-deps:
-	@$(find_deps) $(if $(INSTALL_DEPS),$(DEPS_BUILD) $(DEPS_TEST),--look $(DEPS_BUILD))
-	@$(PREPARE)
+.PHONY: fetch deps deps-ci
+fetch:
 	@$(FETCH)
 
-deps:
-	@$(find_deps) $(DEPS_BUILD) $(DEPS_TEST)
-	@$(PREPARE)
-	@$(FETCH)
+# What is missing was installed before make got here.
+deps: fetch
 
 CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
 deps-ci: deps

@@ -16,6 +16,9 @@ extern const command command_fit, command_render, command_eval, command_info, co
 /* Tables of options that several commands take. */
 extern const arg_option common_options[], load_options[], render_options[];
 
+/* parts.c: which libraries are built in, on standard output. */
+void app_parts(void);
+
 /* licences.c: what is linked, and under which terms, on standard output. */
 void app_licences(void);
 

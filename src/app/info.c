@@ -95,6 +95,8 @@ static int info_cpu(const sf_context *ctx) {
 }
 
 static const arg_option own_options[] = {
+    {"build", 0, NULL,
+     "print the libraries that this program was built with, and which are missing, instead"},
     {"cpu", 0, NULL, "print the threads and the kernel levels of this machine instead"},
     {"json", 0, "FILE",
      "of a project: also write it as JSON (- is standard output, and nothing else is there)"},
@@ -115,8 +117,13 @@ static int run(const args *a) {
     sf_context *ctx = NULL;
     const char *path = a->positional[0];
     int cpu = args_value(a, "cpu") != NULL;
+    if (args_value(a, "build")) {
+        int wrong = refuse_project_options(a, "--build");
+        if (!wrong) app_parts();
+        return wrong;
+    }
     if (!path && !cpu) {
-        app_say(a, "an argument is missing", "a model or a project, or --cpu");
+        app_say(a, "an argument is missing", "a model or a project, or --cpu or --build");
         return EXIT_USAGE;
     }
     int model = !cpu && app_names_model(path);

@@ -1,0 +1,91 @@
+#!/bin/sh
+# config.sh FILE - writes what make reads about this machine's libraries to FILE: each library's flags, and which of the
+# optional ones are there. FILE changes only where that has changed, and then make begins anew.
+#
+# First it installs what is missing, or with LOOK=1 only names it. From the environment: DEPS and DEPS_OPTIONAL, sets of
+# deps.sh; PREPARE, a command that brings libraries from elsewhere; CC, CXX, CFLAGS, PKG_CONFIG; LINK, the flags of a program;
+# OPTIONAL, the modules of pkg-config that may be left out; STATIC.
+set -eu
+
+file=$1
+here=$(dirname "$0")
+mkdir -p "$(dirname "$file")"
+
+# shellcheck disable=SC2086
+if [ "${LOOK:-}" = 1 ]; then
+    "$here/deps.sh" --look $DEPS
+    eval "$PREPARE"
+else
+    "$here/deps.sh" $DEPS >&2
+    eval "$PREPARE" >&2
+    [ -z "$OPTIONAL$DEPS_OPTIONAL" ] || [ -z "$DEPS_OPTIONAL" ] || "$here/deps.sh" $DEPS_OPTIONAL >&2
+fi
+
+ask() { eval "$PKG_CONFIG $*" 2>/dev/null; }
+static=
+[ "$STATIC" = 1 ] && static=--static
+
+# Of the program alone, and nothing but a header and a library tells of it.
+has_civetweb() {
+    # shellcheck disable=SC2086
+    echo 'int main(void) { return !mg_version(); }' | $CC $LINK -include civetweb.h -x c -o /dev/null - -lcivetweb 2>/dev/null
+}
+
+# What each optional module is for, and Debian's package of it.
+describe() {
+    case $1 in
+    apriltag) echo 'libapriltag-dev: boards' ;;
+    libcamera) echo 'libcamera-dev and g++: libcamera: sources' ;;
+    libzip) echo 'libzip-dev: projects in a .zip' ;;
+    libzstd) echo 'libzstd-dev: .spz of version 4' ;;
+    libwebp) echo 'libwebp-dev: .sog' ;;
+    civetweb) echo 'libcivetweb-dev: the page in the browser' ;;
+    esac
+}
+
+found= civetweb= cflags= libs= parts= missing=
+for module in $OPTIONAL; do
+    # libcamera's interface is C++.
+    if ask --exists "$module" && { [ "$module" != libcamera ] || command -v "${CXX%% *}" >/dev/null; }; then
+        found="$found $module"
+    else
+        missing="$missing $module"
+    fi
+done
+if [ -n "$OPTIONAL" ]; then
+    if has_civetweb; then civetweb=-lcivetweb; else missing="$missing civetweb"; fi
+fi
+
+# Each is asked alone: one that is not there takes nothing from the others.
+for module in libturbojpeg spng jansson zlib $found; do
+    if version=$(ask --modversion "$module"); then
+        cflags="$cflags $(ask --cflags "$module")"
+        libs="$libs $(ask $static --libs "$module")"
+        parts="$parts $module=$version"
+    else
+        case $module in
+        libturbojpeg) libs="$libs -lturbojpeg" ;;
+        zlib) libs="$libs -lz" ;;
+        *) libs="$libs -l$module" ;;
+        esac
+        parts="$parts $module=unknown"
+    fi
+done
+[ -z "$civetweb" ] || parts="$parts civetweb=unknown"
+test_libs=$(ask --libs cmocka || echo -lcmocka)
+
+plain() { echo "$*" | tr -s ' ' | sed 's/^ //; s/ $//'; }
+{
+    echo "FOUND := $(plain "$found")"
+    echo "CIVETWEB := $civetweb"
+    echo "LIBS_CFLAGS := $(plain "$cflags")"
+    echo "LIBS_FOUND := $(plain "$libs")"
+    echo "TEST_LIBS := $(plain "$test_libs")"
+    echo "PARTS := $(plain "$parts")"
+} >"$file.new"
+if cmp -s "$file.new" "$file"; then
+    rm "$file.new"
+    exit 0
+fi
+mv "$file.new" "$file"
+for module in $missing; do echo "built without $(describe "$module") (install it, then run make again)" >&2; done
