@@ -3,6 +3,7 @@
 # make               build/splatfit, build/libsplatfit.a and build/libsplatfit.so.0
 # make demo          fits a simulated scene and shows what came out; installs what is missing
 # make test          unit tests, golden cases, levels; installs what is missing
+# make test-fresh    the README's two commands on fresh Debian systems; TESTS="bookworm/bare": only these. Needs root; half an hour and more
 # make test-golden   the golden tests alone
 # make check         the kernels at every level of this machine
 # make test-vm       cameras of an emulated board: its kernel's drivers, ours, libcamera; minutes. LIBCAMERA=PREFIX: of an emulated
@@ -350,7 +351,7 @@ run_tests  = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' tests/ru
 # With the figures that passed tests print; $(call show_tests,VARIABLES).
 show_tests = @RUN='$(RUN)' SPLATFIT_PROGRAM='$(PROGRAM)' SHIM='$(SHIM)' SHOW=1 TIMEOUT=$${TIMEOUT:-1200} $(1) tests/run.sh
 
-.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance coverage coverage-run board-programs check check-cpus build-tests test-install test-outside test-static lint abi doc ci demo bench bench-quick charts charts-quick
+.PHONY: test crash test-allocations test-golden test-scenes stability test-vm fuzz fuzz-program soak endurance coverage coverage-run board-programs check check-cpus build-tests test-install test-outside test-static test-fresh lint abi doc ci demo bench bench-quick charts charts-quick
 build-tests: $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(PROGRAM) $(if $(SCRIPTS),$(SHIM))
 test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
@@ -427,6 +428,9 @@ endurance: SECONDS := 3600
 endurance: $(LONG) $(PROGRAM)
 	$(call show_tests,CYCLES=$(CYCLES) FIT_SECONDS=$(SECONDS) TIMEOUT=$$(($(SECONDS) + 3600))) $(LONG) tests/endurance/fit.sh
 
+# SUITE/START of tests/fresh/fresh.sh.
+test-fresh:
+	@CACHE='$(CACHE)' tests/fresh/fresh.sh $(TESTS)
 test-install: all
 	@CC='$(CC)' MAKE='$(MAKE)' tests/install.sh
 test-outside: $(PROGRAM)

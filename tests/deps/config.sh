@@ -14,16 +14,14 @@ mkdir -p "$(dirname "$file")"
 # shellcheck disable=SC2086
 if [ "${LOOK:-}" = 1 ]; then
     "$here/deps.sh" --look $DEPS
-    eval "$PREPARE"
 else
-    "$here/deps.sh" $DEPS >&2
-    eval "$PREPARE" >&2
-    [ -z "$OPTIONAL$DEPS_OPTIONAL" ] || [ -z "$DEPS_OPTIONAL" ] || "$here/deps.sh" $DEPS_OPTIONAL >&2
+    "$here/deps.sh" $DEPS $DEPS_OPTIONAL >&2
 fi
+eval "$PREPARE" >&2
 
 ask() { eval "$PKG_CONFIG $*" 2>/dev/null; }
-static=
-[ "$STATIC" = 1 ] && static=--static
+closure=
+[ "$STATIC" != 1 ] || closure=--static
 
 # Of the program alone, and nothing but a header and a library tells of it.
 has_civetweb() {
@@ -43,7 +41,7 @@ describe() {
     esac
 }
 
-found= civetweb= cflags= libs= parts= missing=
+found='' civetweb='' cflags='' libs='' parts='' missing=''
 for module in $OPTIONAL; do
     # libcamera's interface is C++.
     if ask --exists "$module" && { [ "$module" != libcamera ] || command -v "${CXX%% *}" >/dev/null; }; then
@@ -60,7 +58,7 @@ fi
 for module in libturbojpeg spng jansson zlib $found; do
     if version=$(ask --modversion "$module"); then
         cflags="$cflags $(ask --cflags "$module")"
-        libs="$libs $(ask $static --libs "$module")"
+        libs="$libs $(ask $closure --libs "$module")"
         parts="$parts $module=$version"
     else
         case $module in

@@ -3,9 +3,9 @@
 # arm64, armhf.
 #
 # As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
+# What is optional is installed, or named, with the rest; where it alone is missing and cannot be installed, that is no failure.
 # With --look it never installs. What is there is found by use, not by package name, so that libraries may
-# come from elsewhere; CC, CXX and CFLAGS are used for that. What is optional is installed where that can be done, and
-# never missed.
+# come from elsewhere; CC, CXX and CFLAGS are used for that.
 set -eu
 
 install=1
@@ -17,12 +17,20 @@ fi
 CC=${CC:-gcc}
 CXX=${CXX:-g++}
 missing=
+wanted=
 
 # need PACKAGE TEST...: PACKAGE is missing unless TEST succeeds.
 need() {
     package=$1
     shift
     "$@" >/dev/null 2>&1 || missing="$missing $package"
+}
+
+# want PACKAGE TEST...: the same for what is optional.
+want() {
+    package=$1
+    shift
+    "$@" >/dev/null 2>&1 || wanted="$wanted $package"
 }
 
 program() { command -v "$1"; }
@@ -60,13 +68,13 @@ need_test() {
 
 # Without them the program lacks what they are for.
 need_optional() {
-    need g++ program "${CXX%% *}"
-    need libcamera-dev pkg-config --exists libcamera
-    need libapriltag-dev pkg-config --exists apriltag
-    need libwebp-dev pkg-config --exists libwebp
-    need libzip-dev pkg-config --exists libzip
-    need libzstd-dev pkg-config --exists libzstd
-    need libcivetweb-dev compiles '#include <civetweb.h>'
+    want g++ program "${CXX%% *}"
+    want libcamera-dev pkg-config --exists libcamera
+    want libapriltag-dev pkg-config --exists apriltag
+    want libwebp-dev pkg-config --exists libwebp
+    want libzip-dev pkg-config --exists libzip
+    want libzstd-dev pkg-config --exists libzstd
+    want libcivetweb-dev compiles '#include <civetweb.h>'
 }
 
 # The tools for a Debian sysroot and programs of another machine.
@@ -88,6 +96,8 @@ need_ci() {
     need python3 program python3
     need mandoc program mandoc
     need lintian program lintian
+    need debootstrap program debootstrap
+    need debian-archive-keyring test -e /usr/share/keyrings/debian-archive-keyring.gpg
     need qemu-user-static program qemu-x86_64-static
 }
 
@@ -122,36 +132,34 @@ for name in "$@"; do
     esac
 done
 
-missing=$(echo "$missing" | tr -s ' ' '\n' | sort -u | xargs)
-[ -n "$missing" ] || exit 0
+sorted() { echo "$*" | tr -s ' ' '\n' | sort -u | xargs; }
+missing=$(sorted "$missing")
+all=$(sorted "$missing $wanted")
+[ -n "$all" ] || exit 0
 
-optional=0
-[ "$*" = optional ] && optional=1
-if [ $optional = 1 ] && { [ $install = 0 ] || ! program apt-get >/dev/null || [ "$(id -u)" != 0 ]; }; then exit 0; fi
+can_install() { [ $install = 1 ] && program apt-get >/dev/null && [ "$(id -u)" = 0 ]; }
+can_install || [ -n "$missing" ] || exit 0
 
-command="apt-get install --no-install-recommends $missing"
 if [ $install = 0 ] || ! program apt-get >/dev/null; then
     echo "missing: $missing (Debian's names); \"make deps\" installs them on Debian and Ubuntu" >&2
     exit 1
 fi
-if [ "$(id -u)" != 0 ]; then
-    printf 'missing: %s\ninstall them with: sudo %s\n' "$missing" "$command" >&2
+if ! can_install; then
+    printf 'missing: %s\ninstall them with: sudo apt-get install --no-install-recommends %s\n' "$all" "$all" >&2
     exit 1
 fi
 
-echo "installing what is missing: $missing"
+echo "installing what is missing: $all"
 export DEBIAN_FRONTEND=noninteractive
 log=$(mktemp)
-# shellcheck disable=SC2086
-install_now() { apt-get install -qq -y --no-install-recommends $missing >"$log" 2>&1; }
 trap 'rm -f "$log"' EXIT
+# shellcheck disable=SC2086
+install_now() { apt-get install -qq -y --no-install-recommends $1 >"$log" 2>&1; }
 # A fresh system has no lists, and old lists may name packages that are gone.
-if ! install_now && ! { apt-get update -qq >"$log" 2>&1 && install_now; }; then
-    if [ $optional = 1 ]; then
-        echo "deps.sh: cannot be installed, done without: $missing"
-        exit 0
-    fi
+if install_now "$all" || { apt-get update -qq >"$log" 2>&1 && install_now "$all"; }; then exit 0; fi
+if [ -n "$missing" ] && ! install_now "$missing"; then
     cat "$log" >&2
-    echo "deps.sh: $command: failed" >&2
+    echo "deps.sh: apt-get install --no-install-recommends $missing: failed" >&2
     exit 1
 fi
+echo "deps.sh: cannot be installed, done without: $(sorted "$wanted")"
