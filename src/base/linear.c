@@ -98,3 +98,10 @@ void sf_rotation_exp(const double phi[3], double R[9]) {
                       b * x * z - a * y,       b * y * z + a * x,       1 - b * (x * x + y * y)};
     for (int i = 0; i < 9; i++) R[i] = rows[i];
 }
+
+void sf_rotation_log(const double R[9], double phi[3]) {
+    double sine[3] = {(R[7] - R[5]) / 2, (R[2] - R[6]) / 2, (R[3] - R[1]) / 2};
+    double length = sqrt(sf_dot3(sine, sine)), cosine = (R[0] + R[4] + R[8] - 1) / 2;
+    double angle = atan2(length, cosine);
+    for (int k = 0; k < 3; k++) phi[k] = length > 1e-12 ? sine[k] * angle / length : sine[k];
+}

@@ -45,5 +45,7 @@ static inline void sf_mat3_mul(const double A[9], const double B[9], double C[9]
 
 /* The rotation by |phi| about phi. */
 void sf_rotation_exp(const double phi[3], double R[9]);
+/* phi for which exp(phi) = R, |phi| < pi. */
+void sf_rotation_log(const double R[9], double phi[3]);
 
 #endif

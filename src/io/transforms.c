@@ -1,6 +1,7 @@
 /* transforms.c - see transforms.h. */
 #include "transforms.h"
 
+#include "../base/linear.h"
 #include "json_read.h"
 #include "ply.h"
 
@@ -80,8 +81,12 @@ static sf_status get_side(const frame *f, const char *key, int *side) {
 
 /* The model that a file names, or that its flags mean; where it says nothing, what all terms describe. */
 static sf_status find_model(const frame *f, const sf_lens_model **model) {
+    static const char *const flags[] = {"latlong", "equirectangular", "orthographic"};
     const char *name;
     sf_status status = get_text(f, "camera_model", &name);
+    for (int i = 0; !status && i < 3; i++) /* instant-ngp's, which has no camera_model */
+        if (lookup(f, flags[i]) && !json_is_false(lookup(f, flags[i])))
+            status = frame_fail(f, SF_ERR_UNSUPPORTED, flags[i], "such pictures are not supported");
     if (status) return status;
     if (json_is_true(lookup(f, "is_fisheye"))) name = "OPENCV_FISHEYE";
     if (lookup(f, "ftheta_p0")) name = "FTHETA";
@@ -126,20 +131,41 @@ static sf_status find_size(const frame *f, sf_entry *e) {
 
 static double focal(double side, double angle) { return side / 2 / tan(angle / 2); }
 
-static sf_status find_focal(const frame *f, sf_entry *e) {
-    sf_optics *lens = &e->lens;
-    double angle_x = 0, angle_y = 0;
-    sf_status status = get_number(f, "fl_x", &lens->fx);
-    if (!status) status = get_number(f, "fl_y", &lens->fy);
-    if (!status) status = get_number(f, "camera_angle_x", &angle_x);
-    if (!status) status = get_number(f, "camera_angle_y", &angle_y);
-    if (status) return status;
-    if (!lookup(f, "fl_x")) {
-        if (!lookup(f, "camera_angle_x")) return frame_fail(f, SF_ERR_FORMAT, "fl_x", "is missing");
-        lens->fx = focal(e->width, angle_x);
+/* Along one axis, px, of what the top level or a frame says itself: the first of `keys` counts, which are an
+ * angle in degrees, a length and an angle in radians. *value stays as it is where none is there. */
+static sf_status level_focal(const frame *f, const json_t *level, const char *const keys[3], int side,
+                             double *value) {
+    const double degree = acos(-1) / 180;
+    for (int i = 0; i < 3; i++) {
+        const json_t *number = json_object_get(level, keys[i]);
+        if (!number) continue;
+        if (!json_is_number(number)) return frame_fail(f, SF_ERR_FORMAT, keys[i], "is not a number");
+        double said = json_number_value(number);
+        *value = i == 1 ? said : focal(side, i ? said : said * degree);
+        break;
     }
-    if (!lookup(f, "fl_y")) lens->fy = lookup(f, "camera_angle_y") ? focal(e->height, angle_y) : lens->fx;
     return SF_OK;
+}
+
+/* What a frame says goes before what the file says, and one axis stands for both where the other is missing:
+ * instant-ngp's order. */
+static sf_status find_focal(const frame *f, sf_entry *e) {
+    static const char *const x_keys[] = {"x_fov", "fl_x", "camera_angle_x"};
+    static const char *const y_keys[] = {"y_fov", "fl_y", "camera_angle_y"};
+    const json_t *levels[] = {f->r->root, f->json};
+    sf_optics *lens = &e->lens;
+    int found = 0;
+    for (int i = 0; i < 2; i++) {
+        double x = -INFINITY, y = -INFINITY; /* not said */
+        sf_status status = level_focal(f, levels[i], x_keys, e->width, &x);
+        if (!status) status = level_focal(f, levels[i], y_keys, e->height, &y);
+        if (status) return status;
+        if (x == -INFINITY && y == -INFINITY) continue;
+        lens->fx = x == -INFINITY ? y : x;
+        lens->fy = y == -INFINITY ? x : y;
+        found = 1;
+    }
+    return found ? SF_OK : frame_fail(f, SF_ERR_FORMAT, "fl_x", "is missing");
 }
 
 static sf_status find_lens(const frame *f, sf_entry *e) {
@@ -187,26 +213,49 @@ static int make_rotation(double M[9]) {
     return isfinite(M[0]);
 }
 
-/* Camera to world with OpenGL's axes (+y up, +z back) to ours. */
-static void set_pose(const double c2w[16], sf_entry *e) {
-    double *R = e->R_cw;
+/* Camera to world with OpenGL's axes (+y up, +z back) to ours; *bad where it is no pose. */
+static void read_pose(const double c2w[16], double R[9], double center[3], int *bad) {
     for (int row = 0; row < 3; row++)
         for (int k = 0; k < 3; k++) R[3 * row + k] = (row ? -1 : 1) * c2w[4 * k + row];
     double last_row = fabs(c2w[12]) + fabs(c2w[13]) + fabs(c2w[14]) + fabs(c2w[15] - 1);
-    e->bad_pose = !make_rotation(R) || !(last_row <= LAST_ROW_TOLERANCE);
+    if (!make_rotation(R) || !(last_row <= LAST_ROW_TOLERANCE)) *bad = 1;
+    for (int row = 0; row < 3; row++) center[row] = c2w[4 * row + 3];
+}
+
+/* From the pose R, center to R_to, to, both rotation and centre evenly in time. */
+static void move_pose(double time, const double R_to[9], const double to[3], double R[9], double center[3]) {
+    double back[9], way[9], phi[3], from[9];
+    memcpy(from, R, sizeof from);
+    for (int i = 0; i < 9; i++) back[i] = from[3 * (i % 3) + i / 3];
+    sf_mat3_mul(R_to, back, way);
+    sf_rotation_log(way, phi);
+    for (int k = 0; k < 3; k++) phi[k] *= time;
+    sf_rotation_exp(phi, way);
+    sf_mat3_mul(way, from, R);
+    for (int k = 0; k < 3; k++) center[k] += time * (to[k] - center[k]);
+}
+
+/* The pose between start and end at that time; at 0 it is the start to the last bit. */
+static void set_pose(const double start[16], const double end[16], double time, sf_entry *e) {
+    double *R = e->R_cw, center[3], R_end[9], center_end[3];
+    e->bad_pose = 0;
+    read_pose(start, R, center, &e->bad_pose);
+    if (time != 0) {
+        read_pose(end, R_end, center_end, &e->bad_pose);
+        move_pose(time, R_end, center_end, R, center);
+    }
     for (int row = 0; row < 3; row++) {
-        e->t_cw[row] = -(R[3 * row] * c2w[3] + R[3 * row + 1] * c2w[7] + R[3 * row + 2] * c2w[11]);
+        e->t_cw[row] = -sf_dot3(R + 3 * row, center);
         if (!isfinite(e->t_cw[row])) e->bad_pose = 1;
     }
 }
 
-static sf_status find_pose(const frame *f, sf_entry *e) {
-    static const char key[] = "transform_matrix";
+static sf_status read_matrix(const frame *f, const char *key, double c2w[16]) {
     const json_t *matrix = json_object_get(f->json, key);
     if (!matrix) return frame_fail(f, SF_ERR_FORMAT, key, "is missing");
     size_t rows = json_array_size(matrix);
     if (rows != 3 && rows != 4) return frame_fail(f, SF_ERR_FORMAT, key, "has not 3 or 4 rows");
-    double c2w[16] = {[15] = 1};
+    for (int k = 0; k < 4; k++) c2w[12 + k] = k == 3;
     for (size_t i = 0; i < 4 * rows; i++) {
         const json_t *row = json_array_get(matrix, i / 4), *value = json_array_get(row, i % 4);
         if (json_array_size(row) != 4)
@@ -215,8 +264,40 @@ static sf_status find_pose(const frame *f, sf_entry *e) {
             return frame_fail(f, SF_ERR_FORMAT, key, "holds a value that is no number");
         c2w[i] = json_number_value(value);
     }
-    set_pose(c2w, e);
     return SF_OK;
+}
+
+/* [A, B, C, D]: the pixel at u, v (0..1) is exposed at the time A + B u + C v and D more at most, where 0 is
+ * the start and 1 is the end. One pose stands only for A. */
+static sf_status find_time(const frame *f, double *time) {
+    static const char key[] = "rolling_shutter";
+    const json_t *shutter = lookup(f, key);
+    size_t size = json_array_size(shutter);
+    if (!shutter) return SF_OK;
+    if (size != 3 && size != 4) return frame_fail(f, SF_ERR_FORMAT, key, "has not 3 or 4 numbers");
+    for (size_t i = 0; i < size; i++) {
+        const json_t *value = json_array_get(shutter, i);
+        if (!json_is_number(value))
+            return frame_fail(f, SF_ERR_FORMAT, key, "holds a value that is no number");
+        if (i && json_number_value(value) != 0)
+            return frame_fail(f, SF_ERR_UNSUPPORTED, key,
+                              "a pose that changes within the picture is not supported, only [A, 0, 0, 0]");
+    }
+    *time = json_number_value(json_array_get(shutter, 0));
+    return SF_OK;
+}
+
+/* As instant-ngp: the start goes before the one matrix of a camera at rest. */
+static sf_status find_pose(const frame *f, sf_entry *e) {
+    static const char one[] = "transform_matrix", first[] = "transform_matrix_start",
+                      last[] = "transform_matrix_end";
+    double start[16] = {0}, end[16], time = 0;
+    sf_status status = read_matrix(f, json_object_get(f->json, first) ? first : one, start);
+    memcpy(end, start, sizeof end);
+    if (!status && json_object_get(f->json, last)) status = read_matrix(f, last, end);
+    if (!status && memcmp(start, end, sizeof end)) status = find_time(f, &time);
+    if (!status) set_pose(start, end, time, e);
+    return status;
 }
 
 /* Files. */

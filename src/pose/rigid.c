@@ -33,18 +33,10 @@ void sf_rigid_invert(const sf_rigid *a, sf_rigid *inverse) {
     *inverse = result;
 }
 
-/* phi for which exp(phi) = R, |phi| < pi. */
-static void rotation_log(const double R[9], double phi[3]) {
-    double sine[3] = {(R[7] - R[5]) / 2, (R[2] - R[6]) / 2, (R[3] - R[1]) / 2};
-    double length = sqrt(sf_dot3(sine, sine)), cosine = (R[0] + R[4] + R[8] - 1) / 2;
-    double angle = atan2(length, cosine);
-    for (int k = 0; k < 3; k++) phi[k] = length > 1e-12 ? sine[k] * angle / length : sine[k];
-}
-
 void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TWIST]) {
     sf_rigid way;
     sf_rigid_invert(from, &way);
     sf_rigid_compose(to, &way, &way);
     for (int k = 0; k < 3; k++) twist[k] = way.t[k];
-    rotation_log(way.R, twist + 3);
+    sf_rotation_log(way.R, twist + 3);
 }

@@ -113,7 +113,7 @@ static void test_lens_for_all_and_for_one(void **state) {
     assert_near(a.camera.cx, 12.5);
     assert_near(a.camera.cy, 8.25);
     assert_near(b.camera.fx, 30);
-    assert_near(b.camera.fy, 21);
+    assert_near(b.camera.fy, 30); /* as instant-ngp: of one level only */
     assert_near(b.camera.cx, 12);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -222,6 +222,83 @@ static void test_blender_angles_and_names(void **state) {
     assert_near(c.fx, 12 / tan(0.25)); /* for 48 pixels, halved with the picture */
     assert_near(c.fy, 8 / tan(0.2));
     assert_near(c.cy, 8);
+    sf_context_destroy(&ctx);
+}
+
+/* The order of instant-ngp: the frame before the file; x_fov, in degrees, before fl_x before camera_angle_x.
+ */
+static void test_focal_order(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    make_project(ctx, "one");
+#define OF_FRAME(focal) "{'file_path':'images/a.png'," focal ",'transform_matrix':" IDENTITY "}]}"
+    sf_camera c = camera_of(ctx, "{'fl_x':200,'frames':[" OF_FRAME("'camera_angle_x':0.5"));
+    assert_near(c.fx, 12 / tan(0.25));
+    assert_near(c.fy, c.fx);
+    c = camera_of(ctx, "{'x_fov':70,'fl_x':200,'frames':[" OF_FRAME("'fl_x':30,'fl_y':31"));
+    assert_near(c.fx, 30);
+    assert_near(c.fy, 31);
+    c = camera_of(ctx, "{'fl_x':1,'frames':[" OF_FRAME("'x_fov':90,'fl_x':7,'camera_angle_x':3"));
+    assert_near(c.fx, 12);
+    c = camera_of(ctx, "{'frames':[" OF_FRAME("'fl_x':7,'camera_angle_x':3,'y_fov':90,'fl_y':3"));
+    assert_near(c.fx, 7);
+    assert_near(c.fy, 8);
+    c = camera_of(ctx, "{'frames':[" OF_FRAME("'fl_y':9"));
+    assert_near(c.fx, 9);
+    sf_context_destroy(&ctx);
+}
+
+static void test_pictures_of_no_pinhole(void **state) {
+    (void)state;
+    static const char *const flags[] = {"latlong", "equirectangular", "orthographic"};
+    sf_context *ctx = test_context();
+    make_project(ctx, "flags");
+    for (int i = 0; i < 3; i++) {
+        char text[512];
+        snprintf(text, sizeof text, "{'%s':true," LENS "'frames':[" FRAME("images/a.png", IDENTITY) "]}",
+                 flags[i]);
+        assert_refused(ctx, "flags", text, SF_ERR_UNSUPPORTED, flags[i]);
+        snprintf(text, sizeof text, "{'%s':false," LENS "'frames':[" FRAME("images/a.png", IDENTITY) "]}",
+                 flags[i]);
+        sf_scene *scene = load_json(ctx, "flags", text);
+        sf_scene_destroy(&scene);
+    }
+    sf_context_destroy(&ctx);
+}
+
+#define START_END                                                                                            \
+    "'transform_matrix_start':[[1,0,0,1],[0,1,0,2],[0,0,1,3]],"                                              \
+    "'transform_matrix_end':[[0,-1,0,3],[1,0,0,2],[0,0,1,3]]"
+
+/* Half the way of a quarter turn about z that moves by 2 along x. */
+static void test_start_and_end(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    double at[3];
+    make_project(ctx, "one");
+    sf_camera c = camera_of(ctx, "{" LENS "'rolling_shutter':[0.5,0,0,0],'frames':[{'file_path':"
+                                 "'images/a.png'," START_END "}]}");
+    sf_camera_center(&c, at);
+    assert_near(at[0], 2);
+    assert_near(at[1], 2);
+    assert_near(c.R_cw[0], sqrt(0.5));
+    assert_near(c.R_cw[1], sqrt(0.5));
+    assert_near(c.R_cw[3], sqrt(0.5));
+    assert_near(c.R_cw[4], -sqrt(0.5));
+    c = camera_of(ctx, "{" LENS "'frames':[{'file_path':'images/a.png'," START_END "}]}");
+    sf_camera_center(&c, at);
+    assert_near(at[0], 1);
+    c = camera_of(ctx,
+                  "{" LENS "'rolling_shutter':[0,0,1,0],'frames':[" FRAME("images/a.png", IDENTITY) "]}");
+    sf_camera_center(&c, at);
+    assert_near(at[0], 1); /* a camera at rest */
+    assert_refused(ctx, "one",
+                   "{" LENS "'frames':[{'file_path':'images/a.png','rolling_shutter':[0,0,1,0]," START_END
+                   "}]}",
+                   SF_ERR_UNSUPPORTED, "rolling_shutter");
+    assert_refused(ctx, "one",
+                   "{" LENS "'frames':[{'file_path':'images/a.png','rolling_shutter':[0]," START_END "}]}",
+                   SF_ERR_FORMAT, "rolling_shutter");
     sf_context_destroy(&ctx);
 }
 
@@ -583,6 +660,9 @@ int main(void) {
         cmocka_unit_test(test_rotation_is_polished),
         cmocka_unit_test(test_poses_that_are_none),
         cmocka_unit_test(test_blender_angles_and_names),
+        cmocka_unit_test(test_focal_order),
+        cmocka_unit_test(test_pictures_of_no_pinhole),
+        cmocka_unit_test(test_start_and_end),
         cmocka_unit_test(test_distortion),
         cmocka_unit_test(test_masks),
         cmocka_unit_test(test_points),
