@@ -554,7 +554,7 @@ static void set_rate(sf_v4l2_device *device, const sf_v4l2_settings *settings, s
 sf_status sf_v4l2_set_picture(sf_v4l2_device *device, const sf_v4l2_settings *settings,
                               sf_v4l2_picture *picture) {
     const sf_v4l2_pixels *pixels = NULL;
-    given now;
+    given now = {0};
     int32_t width = settings->fixed_width ? settings->fixed_width : settings->width;
     int32_t height = settings->fixed_width ? settings->fixed_height : settings->height;
     memset(picture, 0, sizeof *picture);
