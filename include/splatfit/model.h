@@ -117,10 +117,12 @@ SF_API sf_model_file_options sf_model_file_options_default(void);
 
 /* Reads a model: an INRIA .ply (by property name, any order, with or without normals, f_rest and comments), a
  * .spz (gzip, versions 1 to 3; version 4 where the library is built with libzstd), a .splat, or a glTF file
- * with KHR_gaussian_splatting (.glb, .gltf with its buffers beside it). Gaussians with a non-finite value, a
- * zero quaternion or |log-scale| > 20 are left out, counted and reported to the log, and so is what is not
- * read of a .spz: band 4, extensions. options NULL: the defaults. SF_ERR_IO, SF_ERR_FORMAT,
- * SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT (an option out of its range). */
+ * with KHR_gaussian_splatting (.glb, .gltf with its buffers beside it). Opacities whose logit is
+ * infinite get +-20, log-scales below -20 get -20. Gaussians with another non-finite value, a zero quaternion
+ * or a log-scale above 20 are left out, counted and reported to the log; where all are, it is SF_ERR_FORMAT.
+ * So is what is not read: band 4 of the SH, extensions of a .spz. options NULL: the defaults. SF_ERR_IO,
+ * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT (an option out of its
+ * range). */
 SF_API sf_status sf_model_load_as(sf_context *context, const char *path, const sf_model_file_options *options,
                                   sf_model **model);
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);

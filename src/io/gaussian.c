@@ -81,6 +81,19 @@ sf_status sf_model_check(const sf_model *model, const char *path) {
 
 /* ---- In ---- */
 
+/* An opacity of 1 or 0 has no finite logit, a Gaussian without extent no finite logarithm: writers give them
+ * as infinite, or as far out as they please. Both are drawn as the nearest that a model holds. */
+static int keep_ends(float *v) {
+    int moved = isinf(v[LOGIT_OPACITY]);
+    if (moved) v[LOGIT_OPACITY] = v[LOGIT_OPACITY] > 0 ? -SF_INVISIBLE : SF_INVISIBLE;
+    for (int k = LOG_SCALE; k < LOG_SCALE + 3; k++) {
+        if (!(v[k] < -SF_LOG_SCALE_MOST)) continue;
+        v[k] = -SF_LOG_SCALE_MOST;
+        moved = 1;
+    }
+    return moved;
+}
+
 sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree) {
     *in = (sf_intake){.ctx = ctx, .path = path};
     in->values = sf_gaussian_values(sh_degree, in->list);
@@ -93,6 +106,7 @@ sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size
 sf_status sf_intake_put(sf_intake *in, sf_gaussian *g) {
     sf_fault found;
     size_t index = in->offered++;
+    in->moved += (size_t)keep_ends(g->values);
     if (sf_gaussian_is_faulty(g, in->list, in->values, &found)) {
         if (in->kept < index) return SF_OK;
         in->first_skipped = index;
@@ -103,16 +117,34 @@ sf_status sf_intake_put(sf_intake *in, sf_gaussian *g) {
     return sf_model_set(in->model, in->kept++, 1, &fields);
 }
 
-sf_model *sf_intake_end(sf_intake *in, int antialiased) {
-    sf_model *model = in->model;
+static void report_moved(const sf_intake *in) {
+    if (in->moved)
+        sf_log(
+            in->ctx, SF_LOG_INFO,
+            "%s: of %zu Gaussians infinite logits of the opacity became %g or %g, log-scales below %g became "
+            "that",
+            in->path, in->moved, (double)SF_INVISIBLE, -(double)SF_INVISIBLE, -(double)SF_LOG_SCALE_MOST);
+}
+
+sf_status sf_intake_end(sf_intake *in, int antialiased, sf_model **model) {
+    if (in->offered && !in->kept) {
+        sf_intake_abandon(in);
+        return sf_fail(
+            in->ctx, SF_ERR_FORMAT,
+            "%s: none of its %zu Gaussians can be used: their values are not finite or out of range "
+            "(first: #%zu, %s)",
+            in->path, in->offered, in->first_skipped, in->first_fault.text);
+    }
     if (in->kept < in->offered)
         sf_log(in->ctx, SF_LOG_WARNING,
                "%s: skipped %zu of %zu Gaussians with values not finite or out of range (first: #%zu, %s)",
                in->path, in->offered - in->kept, in->offered, in->first_skipped, in->first_fault.text);
-    sf_model_resize(model, in->kept);
-    sf_model_set_antialiased(model, antialiased);
+    report_moved(in);
+    *model = in->model;
+    sf_model_resize(*model, in->kept);
+    sf_model_set_antialiased(*model, antialiased);
     in->model = NULL;
-    return model;
+    return SF_OK;
 }
 
 void sf_intake_abandon(sf_intake *in) { sf_model_destroy(&in->model); }

@@ -43,22 +43,24 @@ int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_file_value *list, int v
 /* SF_ERR_ARGUMENT: a Gaussian of the model is faulty; the message says that `path` was not written. */
 sf_status sf_model_check(const sf_model *model, const char *path);
 
-/* Gaussians of a file becoming a model: faulty ones are left out and counted. */
+/* Gaussians of a file becoming a model: faulty ones are left out and counted, infinite opacities and
+ * log-scales below the least are moved to the ends of what a model holds, and counted. */
 typedef struct sf_intake {
     sf_context *ctx;
     const char *path;
     sf_model *model;
     sf_file_value list[SF_GAUSSIAN_MOST];
     int values;
-    size_t offered, kept, first_skipped;
+    size_t offered, kept, moved, first_skipped;
     sf_fault first_fault;
 } sf_intake;
 
 /* A model with room for `count` Gaussians of a degree. */
 sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree);
 sf_status sf_intake_put(sf_intake *in, sf_gaussian *g);
-/* After the last one: reports what was left out, and gives the model away. */
-sf_model *sf_intake_end(sf_intake *in, int antialiased);
+/* After the last one: reports what was left out, and gives the model away. SF_ERR_FORMAT where there were
+ * Gaussians and all were left out; the intake is abandoned then. */
+sf_status sf_intake_end(sf_intake *in, int antialiased, sf_model **model);
 /* After a failure. */
 void sf_intake_abandon(sf_intake *in);
 

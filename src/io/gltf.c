@@ -284,7 +284,7 @@ static sf_status read_piece(const sf_gltf *in, const piece *p, int logs, int kep
     if (status)
         sf_intake_abandon(&intake);
     else
-        *model = sf_intake_end(&intake, 0);
+        status = sf_intake_end(&intake, 0, model);
     if (!status && memcmp(p->M, identity, sizeof identity)) status = sf_model_transform(*model, &motion);
     return status;
 }

@@ -51,6 +51,12 @@ static int has_extension(const char *path, const char *extension) {
     return n > m && !strcasecmp(path + n - m, extension);
 }
 
+int sf_file_degree(sf_context *ctx, const char *path, int sh_degree, const sf_model_file_options *options) {
+    if (sh_degree <= SF_MAX_SH_DEGREE) return sf_kept_degree(sh_degree, options);
+    sf_log(ctx, SF_LOG_WARNING, "%s: band %d of the SH is left out", path, sh_degree);
+    return sf_kept_degree(SF_MAX_SH_DEGREE, options);
+}
+
 /* From the last dot of the name on; "" where it has none, as "-" and devices have not. */
 static const char *ending(const char *path) {
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');

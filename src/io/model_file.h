@@ -43,7 +43,13 @@ enum { SF_SPLAT_BYTES = 32, SF_SPLAT_SH_MOST = 48 };
 size_t sf_splat_sh_bytes(int sh_degree);
 sf_status sf_splat_encode(const sf_model *model, uint8_t *data, int sh_degree, uint8_t *sh);
 
-/* The bands to keep of a file or model that has `sh_degree`. */
+/* The bands to keep of a model that has `sh_degree`. */
 int sf_kept_degree(int sh_degree, const sf_model_file_options *options);
+
+/* The highest degree of files that are read: of 4 the last band is left out. */
+enum { SF_FILE_SH_DEGREE = 4 };
+
+/* The bands to keep of a file that has `sh_degree`; what no model holds is reported to the log. */
+int sf_file_degree(sf_context *ctx, const char *path, int sh_degree, const sf_model_file_options *options);
 
 #endif

@@ -1,4 +1,5 @@
 /* model_ply.c - Gaussians in and out, as INRIA's .ply. */
+#include <stdio.h>
 #include <string.h>
 
 #include "model_file.h"
@@ -10,22 +11,29 @@ enum { MEAN_VALUES = 3, NORMAL_VALUES = 3 };
 
 static sf_status find_degree(sf_context *ctx, const char *path, const sf_ply *ply, int *degree) {
     size_t rest = sf_ply_properties(ply, "f_rest_");
-    for (*degree = 0; *degree <= SF_MAX_SH_DEGREE; ++*degree)
+    for (*degree = 0; *degree <= SF_FILE_SH_DEGREE; ++*degree)
         if (rest == 3 * (size_t)(sf_coefficients(*degree) - 1)) return SF_OK;
-    return sf_fail(ctx, SF_ERR_FORMAT, "%s: element vertex: %zu properties f_rest, not 0, 9, 24 or 45", path,
-                   rest);
+    return sf_fail(ctx, SF_ERR_FORMAT, "%s: element vertex: %zu properties f_rest, not 0, 9, 24, 45 or 72",
+                   path, rest);
 }
 
-/* A property is read into its place among the values. The colours of the bands that are not wanted lie
- * between those that are: the names are the file's, of its own degree. */
+/* Of the bands that are not wanted there are colours between those that are: the number that a wanted one has
+ * in the file. */
+static void name_in_file(sf_file_value *v, int file_degree, int degree) {
+    int i, all = sf_coefficients(file_degree) - 1, kept = sf_coefficients(degree) - 1;
+    if (sscanf(v->name, "f_rest_%d", &i) == 1)
+        snprintf(v->name, sizeof v->name, "f_rest_%d", i / kept * all + i % kept);
+}
+
+/* A property is read into its place among the values. */
 static sf_status bind_values(sf_ply *ply, int file_degree, int degree) {
-    sf_file_value list[SF_GAUSSIAN_MOST], kept[SF_GAUSSIAN_MOST];
-    int values = sf_gaussian_values(file_degree, list), most = 0;
-    int kept_values = sf_gaussian_values(degree, kept);
+    sf_file_value list[SF_GAUSSIAN_MOST];
+    int values = sf_gaussian_values(degree, list);
     sf_status status = SF_OK;
-    for (int i = 0; i < kept_values; i++) most = kept[i].at > most ? kept[i].at : most;
-    for (int i = 0; i < values && !status; i++)
-        if (list[i].at <= most) status = sf_ply_bind(ply, list[i].name, list[i].at);
+    for (int i = 0; i < values && !status; i++) {
+        name_in_file(&list[i], file_degree, degree);
+        status = sf_ply_bind(ply, list[i].name, list[i].at);
+    }
     return status;
 }
 
@@ -45,7 +53,7 @@ static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
     int file_degree, degree = 0;
     sf_intake in = {0};
     sf_status status = find_degree(ctx, path, ply, &file_degree);
-    if (!status) degree = sf_kept_degree(file_degree, options);
+    if (!status) degree = sf_file_degree(ctx, path, file_degree, options);
     if (!status) status = bind_values(ply, file_degree, degree);
     if (!status) status = sf_intake_begin(&in, ctx, path, sf_ply_vertices(ply), degree);
     if (!status) status = load_all(&in, ply);
@@ -53,9 +61,9 @@ static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
         sf_intake_abandon(&in);
         return status;
     }
-    *model = sf_intake_end(&in, sf_ply_antialiased(ply));
-    sf_ply_report_rest(ply);
-    return SF_OK;
+    status = sf_intake_end(&in, sf_ply_antialiased(ply), model);
+    if (!status) sf_ply_report_rest(ply);
+    return status;
 }
 
 sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_options *options,

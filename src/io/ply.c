@@ -403,8 +403,11 @@ sf_status sf_ply_bind(sf_ply *p, const char *name, int target) {
     return SF_OK;
 }
 
-/* The conversion of what a float cannot hold is undefined. */
-static float to_float(double v) { return fabs(v) <= FLT_MAX ? (float)v : NAN; }
+/* The conversion of what a float cannot hold is undefined: it becomes infinite. */
+static float to_float(double v) {
+    if (isnan(v)) return NAN;
+    return fabs(v) <= FLT_MAX ? (float)v : copysignf(INFINITY, v > 0 ? 1.0f : -1.0f);
+}
 
 sf_status sf_ply_next(sf_ply *p, float *values) {
     const property *q = p->properties + p->vertex->first, *end = q + p->vertex->properties;

@@ -274,7 +274,7 @@ static sf_status decode_all(const sog *s, const sf_model_file_options *options, 
     if (status)
         sf_intake_abandon(&in);
     else
-        *model = sf_intake_end(&in, s->antialiased);
+        status = sf_intake_end(&in, s->antialiased, model);
     return status;
 }
 

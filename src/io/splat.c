@@ -53,7 +53,7 @@ sf_status sf_splat_load(sf_context *ctx, const char *path, const sf_model_file_o
     if (status)
         sf_intake_abandon(&in);
     else
-        *model = sf_intake_end(&in, 0);
+        status = sf_intake_end(&in, 0, model);
     sf_free(ctx, data);
     return status;
 }

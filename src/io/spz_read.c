@@ -11,7 +11,6 @@
 #include "spz.h"
 
 enum {
-    DEGREE_MOST = 4,
     FRACTION_MOST = 30,
     FLAG_ANTIALIASED = 1,
     FLAG_EXTENDED = 2,
@@ -53,7 +52,7 @@ static sf_status parse_header(spz_in *s, const uint8_t *data) {
     h->extended = (flags & FLAG_EXTENDED) != 0;
     if (h->version < 1 || h->version > SF_SPZ_STREAMS)
         return refuse(s, SF_ERR_UNSUPPORTED, "version", h->version, "is none of 1 to 4");
-    if (h->sh_degree > DEGREE_MOST)
+    if (h->sh_degree > SF_FILE_SH_DEGREE)
         return refuse(s, SF_ERR_FORMAT, "SH degree", (unsigned long)h->sh_degree, "is not in 0..4");
     if (h->fraction > FRACTION_MOST)
         return refuse(s, SF_ERR_FORMAT, "fractional bits", (unsigned long)h->fraction, "are more than 30");
@@ -269,16 +268,13 @@ static sf_status decode_all(const spz_in *s, int sh_degree, int turned, sf_intak
 
 static sf_status make_model(const spz_in *s, const sf_model_file_options *options, sf_model **model) {
     sf_intake in = {0};
-    int kept = s->header.sh_degree > SF_MAX_SH_DEGREE ? SF_MAX_SH_DEGREE : s->header.sh_degree;
-    if (kept < s->header.sh_degree)
-        sf_log(s->ctx, SF_LOG_WARNING, "%s: band %d of the SH is left out", s->path, s->header.sh_degree);
-    kept = sf_kept_degree(kept, options);
+    int kept = sf_file_degree(s->ctx, s->path, s->header.sh_degree, options);
     sf_status status = sf_intake_begin(&in, s->ctx, s->path, s->header.count, kept);
     if (!status) status = decode_all(s, kept, options->spz_frame == SF_SPZ_FRAME_RUB, &in);
     if (status)
         sf_intake_abandon(&in);
     else
-        *model = sf_intake_end(&in, s->header.antialiased);
+        status = sf_intake_end(&in, s->header.antialiased, model);
     return status;
 }
 

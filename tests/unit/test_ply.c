@@ -542,7 +542,7 @@ static void test_skips_faulty_gaussians(void **state) {
     static const struct {
         int at;
         float value;
-    } faults[] = {{1, NAN}, {4, INFINITY}, {6, -INFINITY}, {7, 20.5f}, {9, -20.5f}, {13, NAN}};
+    } faults[] = {{1, NAN}, {4, INFINITY}, {6, NAN}, {7, 20.5f}, {9, INFINITY}, {13, NAN}};
     sf_context *ctx = test_context();
     file f = {0};
     put_text(&f,
@@ -573,17 +573,72 @@ static void test_skips_what_a_float_cannot_hold(void **state) {
     sf_context_destroy(&ctx);
 }
 
-static void test_all_skipped_is_an_empty_model(void **state) {
+/* Opaque and invisible Gaussians have infinite logits, needles and points log-scales as low as can be. */
+static void test_keeps_the_ends(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    const char *path =
+        write_text("ply\nformat ascii 1.0\nelement vertex 3\n" GAUSSIAN_PROPERTIES "end_header\n"
+                   "1 2 3 0.5 0.25 0.125 inf -2 -3 -4 1 -7 0.5 0\n"
+                   "1 2 3 0.5 0.25 0.125 -inf -30 -inf -4 1 -7 0.5 0\n"
+                   "1 2 3 0.5 0.25 0.125 1e300 -1e300 -20 20 1 -7 0.5 0\n");
+    static const float logits[] = {20, -20, 20};
+    static const float scales[] = {-2, -3, -4, -20, -20, -4, -20, -20, 20};
+    float got_logits[3], got_scales[9];
+    sf_gaussians got = {.logit_opacities = got_logits, .log_scales = got_scales};
+    sf_model *model;
+    test_log_clear();
+    assert_ok(ctx, sf_model_load(ctx, path, &model));
+    assert_int_equal(sf_model_count(model), 3);
+    assert_ok(ctx, sf_model_get(model, 0, 3, &got));
+    for (int i = 0; i < 3; i++) assert_true(got_logits[i] == logits[i]);
+    for (int i = 0; i < 9; i++) assert_true(got_scales[i] == scales[i]);
+    assert_null(strstr(test_log, "skipped"));
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* Colours of band 4 lie between those of the channels: the others keep their places. */
+static void test_leaves_band_4_out(void **state) {
+    (void)state;
+    enum { REST = 72, HIGHER = 24, KEPT = 16 };
+    sf_context *ctx = test_context();
+    file f = {0};
+    put_text(&f, "ply\nformat binary_little_endian 1.0\nelement vertex 1\n" GAUSSIAN_PROPERTIES);
+    for (int i = 0; i < REST; i++) {
+        char line[40];
+        snprintf(line, sizeof line, "property float f_rest_%d\n", i);
+        put_text(&f, line);
+    }
+    put_text(&f, "end_header\n");
+    put_one_gaussian(&f);
+    for (int i = 0; i < REST; i++) put_f32(&f, (float)i);
+    for (int degree = 3; degree >= 1; degree--) {
+        const sf_model_file_options options = {.sh_degree = degree == 3 ? -1 : degree};
+        float sh[3 * KEPT];
+        sf_gaussians got = {.sh = sh};
+        sf_model *model;
+        test_log_clear();
+        assert_ok(ctx, sf_model_load_as(ctx, write_file(&f), &options, &model));
+        assert_int_equal(sf_model_sh_degree(model), degree);
+        assert_ok(ctx, sf_model_get(model, 0, 1, &got));
+        for (int k = 1; k < (degree + 1) * (degree + 1); k++)
+            for (int c = 0; c < 3; c++) assert_true(sh[3 * k + c] == (float)(HIGHER * c + k - 1));
+        assert_non_null(strstr(test_log, "band 4 of the SH is left out"));
+        sf_model_destroy(&model);
+    }
+    sf_context_destroy(&ctx);
+}
+
+static void test_all_skipped_is_refused(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     file f = {0};
     put_text(&f,
              "ply\nformat binary_little_endian 1.0\nelement vertex 1\n" GAUSSIAN_PROPERTIES "end_header\n");
     for (int i = 0; i < GAUSSIAN_VALUES; i++) put_f32(&f, NAN);
-    sf_model *model;
-    assert_ok(ctx, sf_model_load(ctx, write_file(&f), &model));
-    assert_int_equal(sf_model_count(model), 0);
-    sf_model_destroy(&model);
+    assert_refused(ctx, write_file(&f), SF_ERR_FORMAT, "none of its 1 Gaussians can be used");
+    assert_error_names(ctx, "first: #0, x is nan");
     sf_context_destroy(&ctx);
 }
 
@@ -975,7 +1030,7 @@ static void test_points_refused(void **state) {
          "ends before property z of vertex 1"},
         {ASCII_POINTS "1 2 3 255 0 1\n1 2 3 0 -1 0\n", "vertex 1: property green: -1 is not in 0..255"},
         {ASCII_POINTS "1 2 3 255 0 256\n1 2 3 0 1 0\n", "vertex 0: property blue: 256 is not in 0..255"},
-        {ASCII_POINTS "1 2 3 1e99 0 1\n1 2 3 0 1 0\n", "vertex 0: property red: nan is not in 0..255"},
+        {ASCII_POINTS "1 2 3 1e99 0 1\n1 2 3 0 1 0\n", "vertex 0: property red: inf is not in 0..255"},
         {"", "not a .ply file"},
     };
     sf_context *ctx = test_context();
@@ -1010,7 +1065,9 @@ int main(void) {
         cmocka_unit_test(test_ascii_in_a_locale_with_commas),
         cmocka_unit_test(test_skips_faulty_gaussians),
         cmocka_unit_test(test_skips_what_a_float_cannot_hold),
-        cmocka_unit_test(test_all_skipped_is_an_empty_model),
+        cmocka_unit_test(test_keeps_the_ends),
+        cmocka_unit_test(test_leaves_band_4_out),
+        cmocka_unit_test(test_all_skipped_is_refused),
         cmocka_unit_test(test_bytes_after_the_end_are_reported),
         cmocka_unit_test(test_refuses_to_read),
         cmocka_unit_test(test_names_the_missing_property),
