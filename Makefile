@@ -1,6 +1,6 @@
 # Makefile - builds, tests and installs splatfit.
 #
-# make               build/splatfit, build/libsplatfit.a and build/libsplatfit.so.0
+# make               build/splatfit, build/libsplatfit.a and build/libsplatfit.so.1
 # make demo          fits a simulated scene and shows what came out; installs what is missing
 # make test          unit tests, golden cases, levels; installs what is missing
 # make test-fresh    the README's two commands on fresh Debian systems; TESTS="bookworm/bare": only these. Needs root; half an hour and more

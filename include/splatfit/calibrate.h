@@ -183,11 +183,11 @@ SF_API sf_status sf_calibration_save(sf_context *context, const sf_calibration *
 
 /* Reads a calibration, told apart by content: JSON as sf_calibration_save writes it; OpenCV's YAML,
  * XML and JSON (camera_matrix, cameraMatrix or K; distortion_coefficients, dist_coeffs, distCoeffs or D, of
- * 4, or 5 to 14 with 0 from k3 on; image_width and image_height, or image_size or imageSize, [width, height];
+ * 4, or 5 to 14 with 0 from k4 on; image_width and image_height, or image_size or imageSize, [width, height];
  * OpenCV counts from the first pixel's middle: 0.5 is added to cx and cy); COLMAP's cameras.txt and
  * cameras.bin, of models that are an sf_lens and where all cameras are one. SF_ERR_IO; SF_ERR_FORMAT:
  * damaged, a field is missing, not finite or out of range; SF_ERR_UNSUPPORTED: another lens model
- * (fisheye_model: 1), k3..k6, several cameras. */
+ * (fisheye_model: 1), k4..k6, several cameras. */
 SF_API sf_status sf_calibration_load(sf_context *context, const char *path, sf_calibration *calibration);
 
 #ifdef __cplusplus

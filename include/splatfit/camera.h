@@ -20,12 +20,13 @@ typedef struct sf_camera {
     double t_cw[3];        /* world units */
 } sf_camera;
 
-/* COLMAP's PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV in one. A ray (x, y, 1), with
- * r2 = x^2 + y^2 and d = 1 + k1 r2 + k2 r2^2, is seen at pixel (fx x' + cx, fy y' + cy), where
+/* COLMAP's PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV in one,
+ * and FULL_OPENCV without k4 to k6. A ray (x, y, 1), with
+ * r2 = x^2 + y^2 and d = 1 + k1 r2 + k2 r2^2 + k3 r2^3, is seen at pixel (fx x' + cx, fy y' + cy), where
  *     x' = x d + 2 p1 x y + p2 (r2 + 2 x^2)        y' = y d + 2 p2 x y + p1 (r2 + 2 y^2). */
 typedef struct sf_lens {
     double fx, fy, cx, cy; /* px */
-    double k1, k2, p1, p2;
+    double k1, k2, p1, p2, k3;
 } sf_lens;
 
 /* The camera's centre in the world, o_c = -R_cw^T t_cw. */

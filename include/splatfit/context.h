@@ -88,7 +88,7 @@ SF_API sf_status sf_kernel_describe(const sf_context *context, size_t index, sf_
 
 /* The version of the binary interface that these headers describe: N of libsplatfit.so.N. README.md beside
  * them says what is promised. */
-#define SF_ABI 0
+#define SF_ABI 1
 
 /* The version of the library that is in use, as SF_VERSION. */
 SF_API const char *sf_version(void);

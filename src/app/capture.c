@@ -101,10 +101,10 @@ static int read_options(capture *c) {
 /* As transforms.json has it, for the pictures that are written. */
 static json_t *lens_json(const sf_lens *lens, const sf_source_info *info, int downscale) {
     double n = downscale;
-    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "camera_model", "OPENCV", "w",
-                     (int)info->width / downscale, "h", (int)info->height / downscale, "fl_x", lens->fx / n,
-                     "fl_y", lens->fy / n, "cx", lens->cx / n, "cy", lens->cy / n, "k1", lens->k1, "k2",
-                     lens->k2, "p1", lens->p1, "p2", lens->p2);
+    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "camera_model", "OPENCV",
+                     "w", (int)info->width / downscale, "h", (int)info->height / downscale, "fl_x",
+                     lens->fx / n, "fl_y", lens->fy / n, "cx", lens->cx / n, "cy", lens->cy / n, "k1",
+                     lens->k1, "k2", lens->k2, "p1", lens->p1, "p2", lens->p2, "k3", lens->k3);
 }
 
 static int read_lens(capture *c) {

@@ -30,6 +30,7 @@ typedef struct tap {
 struct sf_remap {
     sf_context *ctx;
     sf_optics optics;
+    double limit;          /* sf_optics_limit of these */
     sf_camera camera;      /* of the result */
     int32_t width, height; /* px, of the source */
     int downscale;
@@ -50,10 +51,10 @@ static int split(double at, int32_t size, uint16_t *pixel, uint16_t *part) {
     return 1;
 }
 
-static tap find_tap(const sf_remap *r, double limit, size_t x, size_t y) {
+static tap find_tap(const sf_remap *r, size_t x, size_t y) {
     double source[2];
     tap t = {0};
-    if (!sf_optics_source(&r->optics, limit, (double)x + 0.5, (double)y + 0.5, source) ||
+    if (!sf_optics_source(&r->optics, r->limit, (double)x + 0.5, (double)y + 0.5, source) ||
         !split(source[0], r->width, &t.x, &t.right) || !split(source[1], r->height, &t.y, &t.down))
         return (tap){.x = NOWHERE};
     return t;
@@ -65,8 +66,7 @@ static void map_row(void *arg, size_t row, int thread) {
     const sf_remap *r = arg;
     (void)thread;
     size_t n = samples_a_row(r);
-    double limit = sf_optics_limit(&r->optics);
-    for (size_t x = 0; x < n; x++) r->map[row * n + x] = find_tap(r, limit, x, row);
+    for (size_t x = 0; x < n; x++) r->map[row * n + x] = find_tap(r, x, row);
 }
 
 static sf_status make_map(sf_remap *r) {
@@ -86,10 +86,11 @@ static sf_status check(sf_context *ctx, const sf_lens *lens, int32_t width, int3
                        "remap: downscale: %d is not 1 to %d, or more than a side of %ld x %ld", downscale,
                        MAX_DOWNSCALE, (long)width, (long)height);
     if (!sf_lens_is_valid(lens))
-        return sf_fail(
-            ctx, SF_ERR_ARGUMENT,
-            "remap: lens: fx %g fy %g cx %g cy %g k1 %g k2 %g p1 %g p2 %g: not finite or no focal length",
-            lens->fx, lens->fy, lens->cx, lens->cy, lens->k1, lens->k2, lens->p1, lens->p2);
+        return sf_fail(ctx, SF_ERR_ARGUMENT,
+                       "remap: lens: fx %g fy %g cx %g cy %g k1 %g k2 %g p1 %g p2 %g k3 %g: not finite or no "
+                       "focal length",
+                       lens->fx, lens->fy, lens->cx, lens->cy, lens->k1, lens->k2, lens->p1, lens->p2,
+                       lens->k3);
     return SF_OK;
 }
 
@@ -104,6 +105,7 @@ sf_status sf_remap_create(sf_context *ctx, const sf_lens *lens, int32_t width, i
                        {0}};
     r->ctx = ctx;
     r->optics = sf_optics_of(lens);
+    r->limit = sf_optics_limit(&r->optics);
     r->camera = sf_camera_downscaled(&whole, downscale);
     r->width = width;
     r->height = height;

@@ -87,20 +87,20 @@ sf_optics sf_optics_of(const sf_lens *l) {
                        .fy = l->fy,
                        .cx = l->cx,
                        .cy = l->cy,
-                       .k = {l->k1, l->k2},
+                       .k = {l->k1, l->k2, l->k3},
                        .p = {l->p1, l->p2}};
 }
 
 int sf_optics_to_lens(const sf_optics *o, sf_lens *lens) {
-    *lens = (sf_lens){o->fx, o->fy, o->cx, o->cy, o->k[0], o->k[1], o->p[0], o->p[1]};
-    return o->projection == SF_PERSPECTIVE && o->k[2] == 0 && o->k[3] == 0 && o->q[0] == 0 && o->q[1] == 0 &&
-           o->q[2] == 0 && o->s[0] == 0 && o->s[1] == 0;
+    *lens = (sf_lens){o->fx, o->fy, o->cx, o->cy, o->k[0], o->k[1], o->p[0], o->p[1], o->k[2]};
+    return o->projection == SF_PERSPECTIVE && o->k[3] == 0 && o->q[0] == 0 && o->q[1] == 0 && o->q[2] == 0 &&
+           o->s[0] == 0 && o->s[1] == 0;
 }
 
 int sf_optics_is_distorted(const sf_optics *o) {
     sf_lens lens;
     if (!sf_optics_to_lens(o, &lens)) return 1;
-    return lens.k1 != 0 || lens.k2 != 0 || lens.p1 != 0 || lens.p2 != 0;
+    return lens.k1 != 0 || lens.k2 != 0 || lens.p1 != 0 || lens.p2 != 0 || lens.k3 != 0;
 }
 
 int sf_optics_is_valid(const sf_optics *optics) {
@@ -163,7 +163,7 @@ int sf_optics_source(const sf_optics *o, double limit, double u, double v, doubl
 
 /* How far it holds. */
 
-/* The least positive root of the derivative of r d(r), 1 + 3 k1 r2 + 5 k2 r2^2. */
+/* Without k3: the least positive root of the derivative of r d(r), 1 + 3 k1 r2 + 5 k2 r2^2. */
 static double limit_of_two(const sf_optics *o) {
     double a = 5 * o->k[1], b = 3 * o->k[0], inside = b * b - 4 * a;
     if (a == 0) return b < 0 ? -1 / b : INFINITY;
@@ -218,7 +218,7 @@ static double growth_end(const sf_optics *o, double most) {
 
 double sf_optics_limit(const sf_optics *o) {
     sf_lens lens;
-    if (sf_optics_to_lens(o, &lens)) return limit_of_two(o);
+    if (sf_optics_to_lens(o, &lens) && lens.k3 == 0) return limit_of_two(o);
     double end = growth_end(o, PI / 2), r = tan(end);
     return end < PI / 2 ? r * r : INFINITY;
 }

@@ -68,7 +68,9 @@ static void find_lens(sf_intake *in, const sf_frame *frame) {
            "no lens is known: taken as %.0f px of focal length; splatfit calibrate measures it", f);
 }
 
-static int is_pinhole(const sf_lens *l) { return l->k1 == 0 && l->k2 == 0 && l->p1 == 0 && l->p2 == 0; }
+static int is_pinhole(const sf_lens *l) {
+    return l->k1 == 0 && l->k2 == 0 && l->p1 == 0 && l->p2 == 0 && l->k3 == 0;
+}
 
 static sf_status prepare(sf_intake *in, const sf_frame *frame) {
     if (in->remap) return SF_OK;

@@ -19,13 +19,13 @@ static const uint64_t MAX_FILE_BYTES = 1 << 20;
 /* Writing. */
 
 static json_t *lens_json(const sf_lens *l) {
-    return json_pack("{s:f s:f s:f s:f s:f s:f s:f s:f}", "fx", l->fx, "fy", l->fy, "cx", l->cx, "cy", l->cy,
-                     "k1", l->k1, "k2", l->k2, "p1", l->p1, "p2", l->p2);
+    return json_pack("{s:f s:f s:f s:f s:f s:f s:f s:f s:f}", "fx", l->fx, "fy", l->fy, "cx", l->cx, "cy",
+                     l->cy, "k1", l->k1, "k2", l->k2, "p1", l->p1, "p2", l->p2, "k3", l->k3);
 }
 
 static json_t *calibration_json(const sf_calibration *c) {
-    json_t *root =
-        json_pack("{s:s s:i s:i}", "model", "OPENCV", "width", (int)c->width, "height", (int)c->height);
+    json_t *root = json_pack("{s:s s:i s:i}", "model", c->lens.k3 != 0 ? "FULL_OPENCV" : "OPENCV", "width",
+                             (int)c->width, "height", (int)c->height);
     json_t *lens = lens_json(&c->lens);
     int failed = json_object_update(root, lens) || json_object_set_new(root, "sigma", lens_json(&c->sigma));
     json_decref(lens);
@@ -113,12 +113,26 @@ static sf_status get_count(const reader *r, const json_t *object, const char *ke
 
 /* What a lens must have: all that is before k1. */
 static sf_status get_lens(const reader *r, const json_t *object, int must, sf_lens *lens) {
-    const char *const keys[] = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"};
-    double *const values[] = {&lens->fx, &lens->fy, &lens->cx, &lens->cy,
-                              &lens->k1, &lens->k2, &lens->p1, &lens->p2};
+    const char *const keys[] = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"};
+    double *const values[] = {&lens->fx, &lens->fy, &lens->cx, &lens->cy, &lens->k1,
+                              &lens->k2, &lens->p1, &lens->p2, &lens->k3};
     sf_status status = SF_OK;
-    for (int i = 0; i < 8 && !status; i++) status = get_real(r, object, keys[i], must && i < 4, values[i]);
+    for (int i = 0; i < 9 && !status; i++) status = get_real(r, object, keys[i], must && i < 4, values[i]);
     return status;
+}
+
+/* Of FULL_OPENCV, what an sf_lens does not have. */
+static sf_status check_higher(const reader *r, const json_t *root) {
+    static const char *const keys[] = {"k4", "k5", "k6"};
+    for (int i = 0; i < 3; i++) {
+        double value;
+        sf_status status = get_real(r, root, keys[i], 0, &value);
+        if (status) return status;
+        if (value != 0)
+            return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: %s: %g is not supported, only 0", r->path,
+                           keys[i], value);
+    }
+    return SF_OK;
 }
 
 static sf_status get_rest(const reader *r, const json_t *root) {
@@ -144,14 +158,17 @@ static sf_status read_object(const reader *r, const json_t *root) {
     const char *name = json_string_value(model);
     double width, height;
     if (!json_is_object(root)) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: is not an object", r->path);
-    if (model && (!name || (strcmp(name, "OPENCV") && strcmp(name, "PINHOLE"))))
-        return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: model: \"%.40s\" is neither OPENCV nor PINHOLE",
-                       r->path, name ? name : "(no text)");
+    if (model &&
+        (!name || (strcmp(name, "OPENCV") && strcmp(name, "FULL_OPENCV") && strcmp(name, "PINHOLE"))))
+        return sf_fail(r->ctx, SF_ERR_UNSUPPORTED,
+                       "%s: model: \"%.40s\" is none of OPENCV, FULL_OPENCV, PINHOLE", r->path,
+                       name ? name : "(no text)");
     sf_status status = get_real(r, root, "width", 1, &width);
     if (!status) status = take_side(r, "width", width, &r->c->width);
     if (!status) status = get_real(r, root, "height", 1, &height);
     if (!status) status = take_side(r, "height", height, &r->c->height);
     if (!status) status = get_lens(r, root, 1, &r->c->lens);
+    if (!status) status = check_higher(r, root);
     const json_t *sigma = json_object_get(root, "sigma");
     if (!status && sigma) status = get_lens(r, sigma, 0, &r->c->sigma);
     return status ? status : get_rest(r, root);

@@ -256,8 +256,8 @@ static sf_status read_matrix(const storage *s, sf_lens *lens) {
 }
 
 static sf_status read_distortion(const storage *s, sf_lens *lens) {
-    static const char *const higher[] = {"k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"};
-    enum { OURS = 4, MOST = 14 };
+    static const char *const higher[] = {"k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"};
+    enum { OURS = 5, MOST = 14 };
     const char *key = first_of(s, distortion_keys);
     double d[MOST] = {0};
     size_t count;
@@ -275,6 +275,7 @@ static sf_status read_distortion(const storage *s, sf_lens *lens) {
     lens->k2 = d[1];
     lens->p1 = d[2];
     lens->p2 = d[3];
+    lens->k3 = d[4];
     return SF_OK;
 }
 

@@ -34,8 +34,8 @@ void sf_rigid_move(sf_rigid *T, const double twist[SF_TWIST]) {
 
 /* x', y' of camera.h, and their derivatives by x, y: d [2][2]. */
 static void distort(const sf_lens *lens, double x, double y, double out[2], double d[4]) {
-    double r2 = x * x + y * y, factor = 1 + r2 * (lens->k1 + r2 * lens->k2);
-    double slope = 2 * (lens->k1 + 2 * lens->k2 * r2); /* d factor / dx = slope x */
+    double r2 = x * x + y * y, factor = 1 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
+    double slope = 2 * (lens->k1 + r2 * (2 * lens->k2 + r2 * 3 * lens->k3)); /* d factor / dx = slope x */
     double p1 = lens->p1, p2 = lens->p2;
     out[0] = x * factor + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
     out[1] = y * factor + 2 * p2 * x * y + p1 * (r2 + 2 * y * y);

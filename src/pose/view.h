@@ -7,7 +7,7 @@
 
 #include <splatfit/calibrate.h>
 
-/* Parameters of a lens, in the order of sf_lens: fx, fy, cx, cy, k1, k2, p1, p2; of a pose: its left twist.
+/* Parameters of a lens that are estimated, in the order of sf_lens: all but k3; of a pose: its left twist.
  */
 enum { SF_LENS_PARAMETERS = 8, SF_TWIST = 6 };
 

@@ -23,7 +23,7 @@ class ImageOut(c.Structure):
 
 def load_library():
     """The library of the interface that these structs belong to."""
-    sf = c.CDLL("libsplatfit.so.0")
+    sf = c.CDLL("libsplatfit.so.1")
     sf.sf_last_error.restype = sf.sf_status_text.restype = sf.sf_version.restype = c.c_char_p
     sf.sf_last_error.argtypes = [c.c_void_p]
     sf.sf_model_count.restype = c.c_size_t

@@ -10,8 +10,8 @@
 static const sf_calibration example = {
     .width = 640,
     .height = 480,
-    .lens = {613.4, 610.9, 327.3, 235.8, -0.21, 0.06, 0.0012, -0.0008},
-    .sigma = {0.5, 0.6, 0.7, 0.8, 0.001, 0.002, 0.0001, 0.0002},
+    .lens = {613.4, 610.9, 327.3, 235.8, -0.21, 0.06, 0.0012, -0.0008, -0.11},
+    .sigma = {0.5, 0.6, 0.7, 0.8, 0.001, 0.002, 0.0001, 0.0002, 0},
     .rms = 0.21,
     .worst_rms = 0.4,
     .coverage = 0.875,
@@ -61,7 +61,7 @@ static sf_status load_text(sf_context *ctx, const char *text, sf_calibration *c)
 #define YAML_COEFFICIENTS(n, list)                                                                           \
     "distortion_coefficients: !!opencv-matrix\n   rows: " n "\n   cols: 1\n   dt: d\n   data: [ " list " ]"  \
     "\n"
-#define FIVE "-2.1e-01, 6.0e-02,\n       1.2e-03, -8.0e-04, 0."
+#define FIVE "-2.1e-01, 6.0e-02,\n       1.2e-03, -8.0e-04, -1.1e-01"
 
 /* The same in the other forms that cv::FileStorage writes. */
 #define XML_HEAD                                                                                             \
@@ -72,7 +72,7 @@ static sf_status load_text(sf_context *ctx, const char *text, sf_calibration *c)
     "" list "</data></" key ">\n"
 #define XML_LENS(K, D)                                                                                       \
     XML_MATRIX(K, "6.134e+02 0. 3.268e+02 0.\n    6.109e+02 2.353e+02 0. 0. 1.")                             \
-    XML_MATRIX(D, "-2.1e-01 6.0e-02\n    1.2e-03 -8.0e-04 0.")
+    XML_MATRIX(D, "-2.1e-01 6.0e-02\n    1.2e-03 -8.0e-04 -1.1e-01")
 #define XML(K, D)     XML_HEAD XML_LENS(K, D) "</opencv_storage>\n"
 #define JSON_HEAD     "{\n    \"image_width\": 640,\n    \"image_height\": 480,\n    "
 #define JSON_KEY(key) "\"" key "\": "
@@ -88,14 +88,14 @@ static sf_status load_text(sf_context *ctx, const char *text, sf_calibration *c)
                        "6.0e-02, "                                                                           \
                        "1.2e-03, "                                                                           \
                        "-8.0e-04, "                                                                          \
-                       "0.0") "\n}\n"
+                       "-1.1e-01") "\n}\n"
 #define ROWS      "[[613.4, 0, 326.8], [0, 610.9, 235.3], [0, 0, 1]]"
-#define FLAT_ROWS "[[-0.21, 0.06, 0.0012, -0.0008]]"
+#define FLAT_ROWS "[[-0.21, 0.06, 0.0012, -0.0008, -0.11]]"
 
 static void assert_example(sf_context *ctx, const char *text) {
     sf_calibration c;
     assert_ok(ctx, load_text(ctx, text, &c));
-    for (int k = 0; k < 8; k++) assert_true(fabs((&c.lens.fx)[k] - (&example.lens.fx)[k]) < 1e-9);
+    for (int k = 0; k < 9; k++) assert_true(fabs((&c.lens.fx)[k] - (&example.lens.fx)[k]) < 1e-9);
     assert_true(c.width == 640 && c.height == 480 && c.sigma.fx == 0);
 }
 
@@ -105,10 +105,9 @@ static void test_opencv(void **state) {
     setlocale(LC_ALL, "de_DE.UTF-8"); /* where there is one, its comma must not matter */
     const char *texts[] = {
         YAML_HEAD MATRIX YAML_COEFFICIENTS("5", FIVE),
-        YAML_HEAD MATRIX YAML_COEFFICIENTS("4", "-0.21, 0.06, 0.0012, -0.0008"),
         "image_width: 640\nimage_height: 480\ncamera_name: cam\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
         "  data: [613.4, 0, 326.8, 0, 610.9, 235.3, 0, 0, 1]\ndistortion_model: plumb_bob\n"
-        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.21, 0.06, 0.0012, -0.0008, 0]\n",
+        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.21, 0.06, 0.0012, -0.0008, -0.11]\n",
         YAML_HEAD MATRIX YAML_COEFFICIENTS("8", FIVE ", 0, 0, 0"),
         YAML_HEAD MATRIX YAML_COEFFICIENTS("12", FIVE ", 0, 0, 0, 0, 0, 0, 0"),
         YAML_HEAD MATRIX YAML_COEFFICIENTS("14", FIVE ", 0, 0, 0, 0, 0, 0, 0, 0, 0"),
@@ -125,6 +124,10 @@ static void test_opencv(void **state) {
         "{\"image_size\": [640, 480], \"fisheye_model\": false, \"cameraMatrix\": " ROWS
         ", \"dist_coeffs\": " FLAT_ROWS "}"};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) assert_example(ctx, texts[i]);
+    sf_calibration c;
+    assert_ok(ctx, load_text(ctx, YAML_HEAD MATRIX YAML_COEFFICIENTS("4", "1e-1, 2e-2, 3e-3, 4e-4"), &c));
+    assert_true(c.lens.k1 == 1e-1 && c.lens.k2 == 2e-2 && c.lens.p1 == 3e-3 && c.lens.p2 == 4e-4 &&
+                c.lens.k3 == 0);
     setlocale(LC_ALL, "C");
     sf_context_destroy(&ctx);
 }
@@ -137,8 +140,14 @@ static void test_colmap(void **state) {
               load_text(ctx,
                         "# Camera list\n1 OPENCV 640 480 613.4 610.9 327.3 235.8 -0.21 0.06 0.0012 -0.0008\n",
                         &c));
+    assert_memory_equal(&c.lens, &example.lens, 8 * sizeof(double));
+    assert_true(c.width == 640 && c.height == 480 && c.lens.k3 == 0);
+    assert_ok(ctx,
+              load_text(ctx,
+                        "1 FULL_OPENCV 640 480 613.4 610.9 327.3 235.8 -0.21 0.06 0.0012 -0.0008 -0.11 0 "
+                        "0 0\n",
+                        &c));
     assert_memory_equal(&c.lens, &example.lens, sizeof c.lens);
-    assert_true(c.width == 640 && c.height == 480);
     assert_ok(ctx,
               load_text(ctx,
                         "7 SIMPLE_RADIAL 640 480 600 320 240 0.1\n8 SIMPLE_RADIAL 640 480 600 320 240 0.1\n",
@@ -159,6 +168,26 @@ static void test_colmap(void **state) {
         assert_status(ctx, load(ctx, binary, cut, &c), SF_ERR_FORMAT);
         assert_true(c.width == 0);
     }
+    sf_context_destroy(&ctx);
+}
+
+/* Files of before k3 are of lenses without it. */
+static void test_lens_without_k3(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_calibration c;
+    assert_ok(ctx,
+              load_text(ctx,
+                        "{\"model\": \"OPENCV\", \"width\": 640, \"height\": 480, \"fx\": 600, \"fy\": 601, "
+                        "\"cx\": 320, \"cy\": 240, \"k1\": 0.1, \"k2\": 0.2, \"p1\": 0.3, \"p2\": 0.4}",
+                        &c));
+    const sf_lens want = {600, 601, 320, 240, 0.1, 0.2, 0.3, 0.4, 0};
+    assert_memory_equal(&c.lens, &want, sizeof want);
+    assert_ok(ctx, sf_calibration_save(ctx, &example, test_path("k3.json")));
+    size_t size;
+    char *text = (char *)test_read(test_path("k3.json"), &size);
+    assert_non_null(strstr(text, "\"FULL_OPENCV\"")); /* a program that knows no k3 refuses it */
+    free(text);
     sf_context_destroy(&ctx);
 }
 
@@ -188,6 +217,10 @@ static void test_hostile_files(void **state) {
         {SF_ERR_FORMAT, "{\"width\": 640, \"height\": 480, " LENS ", \"sigma\": {\"fx\": []}}", "fx"},
         {SF_ERR_UNSUPPORTED, "{\"model\": \"OPENCV_FISHEYE\", \"width\": 640, \"height\": 480, " LENS "}",
          "model: \"OPENCV_FISHEYE\""},
+        {SF_ERR_UNSUPPORTED,
+         "{\"model\": \"FULL_OPENCV\", \"width\": 6, \"height\": 4, " LENS ", \"k4\": 0.2}",
+         "k4: 0.2 is not supported"},
+        {SF_ERR_FORMAT, "{\"width\": 640, \"height\": 480, " LENS ", \"k3\": \"0\"}", "k3: is not a number"},
         {SF_ERR_FORMAT, "%YAML:1.0\n", "image_width: is missing"},
         {SF_ERR_FORMAT, "%YAML:1.0\nimage_width: 640\n", "image_height: is missing"},
         {SF_ERR_FORMAT, "%YAML:1.0\nimage_width: abc\n", "image_width: is not a number"},
@@ -202,7 +235,8 @@ static void test_hostile_files(void **state) {
         {SF_ERR_UNSUPPORTED, YAML_HEAD YAML_MATRIX "   data: [ 600,1,320,0,600,240,0,0,1 ]\n", "skew: 1"},
         {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("2", "0, 0"), "2 numbers are not 4, 5, 8"},
         {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("0", ""), "0 numbers are not 4, 5, 8"},
-        {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("5", "0, 0, 0, 0, 0.2"), "k3: 0.2"},
+        {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("8", "0, 0, 0, 0, 0.2, 0, 0.1, 0"),
+         "k5: 0.1"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("8", "0, 0, 0, 0, 0, 0.1, 0, 0"), "k4: 0.1"},
         {SF_ERR_UNSUPPORTED, YAML_HEAD MATRIX YAML_COEFFICIENTS("8", "0, 0, 0, 0, 0, 0, 0, 0.3"), "k6: 0.3"},
         {SF_ERR_FORMAT, YAML_HEAD MATRIX YAML_COEFFICIENTS("6", "0, 0, 0, 0, 0, 0"), "6 numbers are not"},
@@ -287,8 +321,9 @@ static void test_damage(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),    cmocka_unit_test(test_opencv), cmocka_unit_test(test_colmap),
-        cmocka_unit_test(test_hostile_files), cmocka_unit_test(test_damage),
+        cmocka_unit_test(test_round_trip), cmocka_unit_test(test_opencv),
+        cmocka_unit_test(test_colmap),     cmocka_unit_test(test_hostile_files),
+        cmocka_unit_test(test_damage),     cmocka_unit_test(test_lens_without_k3),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -274,6 +274,11 @@ static void test_validity(void **state) {
     assert_false(sf_optics_is_valid(&o));
     o.projection = SF_EQUIDISTANT;
     assert_false(sf_optics_to_lens(&o, &lens));
+    o = (sf_optics){.fx = 1, .fy = 1, .k = {0, 0, -1.0 / 7, 0}}; /* r d(r) turns back at r = 1 */
+    assert_true(sf_optics_to_lens(&o, &lens) && lens.k3 == o.k[2] && sf_lens_is_distorted(&lens));
+    assert_true(sf_optics_of(&lens).k[2] == o.k[2] && fabs(sf_optics_limit(&o) - 1) < 1e-9);
+    o.k[3] = 0.1;
+    assert_false(sf_optics_to_lens(&o, &lens));
     assert_null(sf_lens_model_at(18));
     assert_null(sf_lens_model_named("PINWHEEL"));
 }

@@ -9,8 +9,8 @@
 
 enum { WIDTH = 83, HEIGHT = 61, STRIDE = WIDTH + 5, PIXELS = STRIDE * HEIGHT };
 
-static const sf_lens mild = {80, 76, 43, 29, -0.15, 0.03, 0.004, -0.003};
-static const sf_lens plain = {80, 76, 43, 29, 0, 0, 0, 0};
+static const sf_lens mild = {80, 76, 43, 29, -0.15, 0.03, 0.004, -0.003, 0};
+static const sf_lens plain = {80, 76, 43, 29, 0, 0, 0, 0, 0};
 
 static float *planes(size_t values, float *rgb[3]) {
     float *all = malloc(3 * values * sizeof *all);
@@ -35,7 +35,7 @@ static float *noise(float *rgb[3]) {
  */
 
 static void distort(const sf_lens *l, double x, double y, double out[2]) {
-    double r2 = x * x + y * y, d = 1 + l->k1 * r2 + l->k2 * r2 * r2;
+    double r2 = x * x + y * y, d = 1 + l->k1 * r2 + l->k2 * r2 * r2 + l->k3 * r2 * r2 * r2;
     out[0] = x * d + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
     out[1] = y * d + 2 * l->p2 * x * y + l->p1 * (r2 + 2 * y * y);
 }
@@ -44,7 +44,7 @@ static void distort(const sf_lens *l, double x, double y, double out[2]) {
 static int grows(const sf_lens *l, double x, double y) {
     for (int k = 1; k <= 64; k++) {
         double s = (x * x + y * y) * k * k / (64 * 64);
-        if (1 + 3 * l->k1 * s + 5 * l->k2 * s * s < 0) return 0;
+        if (1 + 3 * l->k1 * s + 5 * l->k2 * s * s + 7 * l->k3 * s * s * s < 0) return 0;
     }
     return 1;
 }
@@ -142,10 +142,15 @@ static void check_lens(const sf_lens *lens, int factor, int least_inside, int le
 
 static void test_known_lenses(void **state) {
     (void)state;
-    const sf_lens barrel = {80, 80, 41.5, 30.5, -0.1, 0, 0, 0};
-    const sf_lens pincushion = {80, 80, 41, 30, 0.3, 0.1, 0, 0};
-    const sf_lens tangential = {80, 80, 41, 30, 0, 0, 0.02, -0.015};
-    const sf_lens turning = {30, 30, 41, 30, -1.0 / 3, 0, 0, 0}; /* back at r = 1 */
+    const sf_lens barrel = {80, 80, 41.5, 30.5, -0.1, 0, 0, 0, 0};
+    const sf_lens pincushion = {80, 80, 41, 30, 0.3, 0.1, 0, 0, 0};
+    const sf_lens tangential = {80, 80, 41, 30, 0, 0, 0.02, -0.015, 0};
+    const sf_lens turning = {30, 30, 41, 30, -1.0 / 3, 0, 0, 0, 0}; /* back at r = 1 */
+    const sf_lens six = {80, 76, 43, 29, 0.05, 0.02, 0.002, -0.001, -0.11};
+    const sf_lens turning_six = {30, 30, 41, 30, 0, 0, 0, 0, -1.0 / 7}; /* back at r = 1 */
+    check_lens(&six, 1, 4500, 0);
+    check_lens(&six, 3, 450, 0);
+    check_lens(&turning_six, 1, 2000, 2000);
     check_lens(&mild, 1, 4500, 0);
     check_lens(&barrel, 1, 4500, 0);
     check_lens(&pincushion, 1, 3000, 500);
@@ -272,7 +277,7 @@ static void test_smallest_pictures(void **state) {
     static const int32_t sizes[][2] = {{1, 1}, {1, 2}, {2, 1}};
     sf_context *ctx = test_context();
     for (int s = 0; s < 3; s++) {
-        sf_lens tiny = {1, 1, sizes[s][0] / 2.0, sizes[s][1] / 2.0, -0.01, 0, 0, 0};
+        sf_lens tiny = {1, 1, sizes[s][0] / 2.0, sizes[s][1] / 2.0, -0.01, 0, 0, 0, 0};
         float in[2] = {0.25f, 0.25f}, out[2] = {9, 9}, weight[2];
         float *rgb[3] = {in, in, in}, *to[3] = {out, out, out};
         sf_remap *r;
@@ -322,9 +327,9 @@ static void test_bad_arguments(void **state) {
 /* A lens that throws all far out of the picture, or to infinity. */
 static void test_wild_lenses(void **state) {
     (void)state;
-    const sf_lens wild[] = {{1e-3, 1e-3, 40, 30, 1e300, 1e300, 0, 0},
-                            {80, 76, 1e9, 29, 0.1, 0, 0, 0},
-                            {80, 76, 43, 29, 0, 1e6, 1e5, -1e5}};
+    const sf_lens wild[] = {{1e-3, 1e-3, 40, 30, 1e300, 1e300, 0, 0, 0},
+                            {80, 76, 1e9, 29, 0.1, 0, 0, 0, 0},
+                            {80, 76, 43, 29, 0, 1e6, 1e5, -1e5, 0}};
     sf_context *ctx = test_context();
     float *rgb[3], *all = noise(rgb);
     for (size_t i = 0; i < sizeof wild / sizeof *wild; i++) {

@@ -8,7 +8,7 @@
 
 enum { WIDTH = 160, HEIGHT = 120, PIXELS = WIDTH * HEIGHT };
 
-static const sf_lens mild = {150, 140, 83, 57, -0.15, 0.03, 0.004, -0.003};
+static const sf_lens mild = {150, 140, 83, 57, -0.15, 0.03, 0.004, -0.003, 0};
 
 /* The scene, by direction: smooth, so that bilinear interpolation is good to a grey level. */
 static double shade(double x, double y, int channel) {
@@ -16,7 +16,7 @@ static double shade(double x, double y, int channel) {
 }
 
 static void distort(const sf_lens *l, double x, double y, double out[2]) {
-    double r2 = x * x + y * y, d = 1 + l->k1 * r2 + l->k2 * r2 * r2;
+    double r2 = x * x + y * y, d = 1 + l->k1 * r2 + l->k2 * r2 * r2 + l->k3 * r2 * r2 * r2;
     out[0] = x * d + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
     out[1] = y * d + 2 * l->p2 * x * y + l->p1 * (r2 + 2 * y * y);
 }
@@ -86,13 +86,15 @@ static void check_lens(const sf_lens *l, int least_inside) {
 
 static void test_matches_the_scene(void **state) {
     (void)state;
-    const sf_lens barrel = {150, 150, 80, 60, -0.1, 0, 0, 0},
-                  pincushion = {150, 150, 80, 60, 0.1, 0.02, 0, 0};
-    const sf_lens tangential = {150, 150, 80, 60, 0, 0, 0.01, -0.008};
+    const sf_lens barrel = {150, 150, 80, 60, -0.1, 0, 0, 0, 0},
+                  pincushion = {150, 150, 80, 60, 0.1, 0.02, 0, 0, 0};
+    const sf_lens tangential = {150, 150, 80, 60, 0, 0, 0.01, -0.008, 0};
     check_lens(&barrel, 16000);
     check_lens(&pincushion, 16000);
     check_lens(&tangential, 16000);
+    const sf_lens six = {150, 140, 83, 57, 0.05, 0.02, 0.002, -0.001, -0.11};
     check_lens(&mild, 16000);
+    check_lens(&six, 16000);
 }
 
 /* A bright line through the scene, x = 0.4 + 0.1 y, soft over about two pixels. */
@@ -105,7 +107,7 @@ static double line(double x, double y, int channel) {
 /* In each row the centre of brightness is where the straight line is, to a fifth of a pixel. */
 static void test_straight_lines_come_out_straight(void **state) {
     (void)state;
-    const sf_lens strong = {150, 150, 80, 60, -0.2, 0.05, 0, 0};
+    const sf_lens strong = {150, 150, 80, 60, -0.2, 0.05, 0, 0, 0};
     sf_context *ctx = test_context();
     sf_picture p = photograph(ctx, &strong, line);
     double worst_before = 0, worst = 0;
@@ -132,7 +134,7 @@ static void test_straight_lines_come_out_straight(void **state) {
 
 static void test_no_distortion_changes_nothing(void **state) {
     (void)state;
-    const sf_lens plain = {150, 150, 80, 60, 0, 0, 0, 0};
+    const sf_lens plain = {150, 150, 80, 60, 0, 0, 0, 0, 0};
     sf_context *ctx = test_context();
     sf_picture p = photograph(ctx, &plain, shade);
     uint8_t before[3 * PIXELS];
@@ -173,9 +175,11 @@ static void check_turning_back(const sf_lens *l, double limit) {
 
 static void test_nothing_beyond_the_turning_point(void **state) {
     (void)state;
-    const sf_lens cubic = {60, 60, 80, 60, -1.0 / 3, 0, 0, 0};
-    const sf_lens quintic = {60, 60, 80, 60, 0, -0.2, 0, 0}; /* 1 - 5 0.2 r^4 */
-    const sf_lens both = {60, 60, 80, 60, -0.5, 0.05, 0, 0}; /* 1 - 1.5 s + 0.25 s^2: s = 3 - sqrt(5) */
+    const sf_lens cubic = {60, 60, 80, 60, -1.0 / 3, 0, 0, 0, 0};
+    const sf_lens quintic = {60, 60, 80, 60, 0, -0.2, 0, 0, 0};    /* 1 - 5 0.2 r^4 */
+    const sf_lens both = {60, 60, 80, 60, -0.5, 0.05, 0, 0, 0};    /* 1 - 1.5 s + 0.25 s^2: s = 3 - sqrt(5) */
+    const sf_lens septic = {60, 60, 80, 60, 0, 0, 0, 0, -1.0 / 7}; /* 1 - 7/7 r^6 */
+    check_turning_back(&septic, 1);
     check_turning_back(&cubic, 1);
     check_turning_back(&quintic, 1);
     check_turning_back(&both, sqrt(3 - sqrt(5)));
@@ -207,7 +211,7 @@ static void test_weights_come_along(void **state) {
 
 static void test_smallest_picture(void **state) {
     (void)state;
-    const sf_lens tiny = {1, 1, 0.5, 0.5, 0.1, 0, 0, 0};
+    const sf_lens tiny = {1, 1, 0.5, 0.5, 0.1, 0, 0, 0, 0};
     sf_context *ctx = test_context();
     sf_picture p = {.width = 1, .height = 1, .orientation = 1};
     p.rgb = sf_alloc(ctx, 1, 3);
@@ -221,7 +225,7 @@ static void test_smallest_picture(void **state) {
 
 static void test_lens_questions(void **state) {
     (void)state;
-    sf_lens l = {100, 100, 50, 50, 0, 0, 0, 0};
+    sf_lens l = {100, 100, 50, 50, 0, 0, 0, 0, 0};
     assert_false(sf_lens_is_distorted(&l));
     assert_true(sf_lens_is_valid(&l));
     l.p2 = 1e-9;
