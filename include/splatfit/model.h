@@ -96,9 +96,10 @@ typedef enum sf_model_format {
     SF_MODEL_SOG    /* .sog, or its meta.json: read alone, where libzip and libwebp are there to build with */
 } sf_model_format;
 
-/* The axes that a .spz is in: nothing in the file tells. */
+/* The axes that a .spz is in: most files do not tell, an extension may. */
 typedef enum sf_spz_frame {
-    SF_SPZ_FRAME_OWN, /* the model's, as in a .ply: what widespread writers and readers do */
+    SF_SPZ_FRAME_OWN, /* read: what the extension 0xADBE0003 says, else, and written, the model's, as in a
+                         .ply */
     SF_SPZ_FRAME_RUB  /* right, up, back of a model with right, down, front: y and z are negated on the way */
 } sf_spz_frame;
 

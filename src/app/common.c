@@ -44,6 +44,41 @@ const arg_option render_options[] = {
     {0},
 };
 
+const arg_option model_options[] = {
+    {"spz-frame", 0, "own|rub",
+     "axes in a .spz: own, as the file says or else as in a .ply, or rub (right, up, back): y and z are "
+     "negated "
+     "on the way (own)"},
+    {"antialiased", 0, "yes|no",
+     "whether the model was fitted with opacity compensation, whatever its file says (as it says)"},
+    {0},
+};
+
+/* Which of two words an option has: 0 the first, which goes for none, 1 the second. 0 or an exit code. */
+static int read_word(const args *a, const char *name, const char *first, const char *second, int *is_second) {
+    const char *text = args_value(a, name);
+    *is_second = text && !strcmp(text, second);
+    if (!text || *is_second || !strcmp(text, first)) return 0;
+    args_error(a->command, "--%s: \"%s\" is neither %s nor %s", name, text, first, second);
+    return EXIT_USAGE;
+}
+
+int app_model_options(const args *a, sf_model_file_options *options) {
+    int is_rub, is_no, error = read_word(a, "spz-frame", "own", "rub", &is_rub);
+    if (!error) error = read_word(a, "antialiased", "yes", "no", &is_no);
+    if (!error) options->spz_frame = is_rub ? SF_SPZ_FRAME_RUB : SF_SPZ_FRAME_OWN;
+    return error;
+}
+
+int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model) {
+    sf_model_file_options options = sf_model_file_options_default();
+    const char *antialiased = args_value(a, "antialiased");
+    int error = app_model_options(a, &options);
+    if (!error && sf_model_load_as(ctx, path, &options, model)) error = app_fail(a, ctx);
+    if (!error && antialiased) sf_model_set_antialiased(*model, !strcmp(antialiased, "yes"));
+    return error;
+}
+
 int app_fail(const args *a, const sf_context *ctx) {
     const char *message = sf_last_error(ctx);
     return args_error(a->command, "%s", *message ? message : "out of memory");

@@ -12,8 +12,6 @@ static const arg_option own_options[] = {
     {"sh-degree", 0, "N", "leave out the SH bands above N, 0..3"},
     {"sh-bits", 0, "A,B",
      "bits of the SH in a .spz: of band 1, of those above, 1..8 (more of Gaussians that cover much)"},
-    {"spz-frame", 0, "own|rub",
-     "axes in a .spz: own, as in a .ply, or rub (right, up, back): y and z are negated on the way (own)"},
     {"json", 0, "FILE", "also write bytes, ratio and what was compared as JSON"},
     {0},
 };
@@ -37,17 +35,10 @@ static int read_bits(const args *a, int bits[2]) {
 }
 
 static int read_options(const args *a, sf_model_file_options *options) {
-    const char *frame = args_value(a, "spz-frame");
     *options = sf_model_file_options_default();
     int error = args_int(a, "sh-degree", 0, SF_MAX_SH_DEGREE, &options->sh_degree);
     if (!error) error = read_bits(a, options->sh_bits);
-    if (error || !frame || !strcmp(frame, "own")) return error;
-    if (strcmp(frame, "rub")) {
-        app_say(a, "--spz-frame", "is neither own nor rub");
-        return EXIT_USAGE;
-    }
-    options->spz_frame = SF_SPZ_FRAME_RUB;
-    return 0;
+    return error ? error : app_model_options(a, options);
 }
 
 /* Bytes of a regular file; -1: it is none. */
@@ -96,7 +87,7 @@ static int check_result(const args *a, sf_context *ctx, const sf_model_file_opti
 }
 
 static int convert(const args *a, sf_context *ctx, conversion *c) {
-    sf_model_file_options options, all;
+    sf_model_file_options options;
     int error = read_options(a, &options), moved = 0;
     if (!error) error = motion_apply(a, ctx, NULL, &moved);
     if (!error && moved && c->project) {
@@ -104,12 +95,10 @@ static int convert(const args *a, sf_context *ctx, conversion *c) {
                 "its views do not see the model where --up, --rotate, --scale or --move put it");
         error = EXIT_USAGE;
     }
-    all = options;
-    all.sh_degree = -1; /* the comparison is with all that was there */
     const char *json = args_value(a, "json");
     if (!error) error = app_check_model(a, ctx, c->out);
     if (!error && json) error = app_check_output(a, json);
-    if (!error && sf_model_load_as(ctx, c->in, &all, &c->model)) error = app_fail(a, ctx);
+    if (!error) error = app_load_model(a, ctx, c->in, &c->model);
     if (!error) error = motion_apply(a, ctx, c->model, &moved);
     if (!error && sf_model_save_as(c->model, c->out, &options)) error = app_fail(a, ctx);
     /* What went down a pipe cannot be read again. */
@@ -128,8 +117,8 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,  motion_options, compare_options,
-                                           load_options, common_options, NULL};
+static const arg_option *const tables[] = {
+    own_options, model_options, motion_options, compare_options, load_options, common_options, NULL};
 
 const command command_convert = {
     .name = "convert",

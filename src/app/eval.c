@@ -46,7 +46,7 @@ static int run(const args *a) {
     int error = app_split_check(a);
     if (!error && json) error = app_check_output(a, json);
     if (!error) error = app_context(a, &ctx);
-    if (!error && sf_model_load(ctx, a->positional[0], &model)) error = app_fail(a, ctx);
+    if (!error) error = app_load_model(a, ctx, a->positional[0], &model);
     if (!error) error = app_load(a, ctx, a->positional[1], &scene);
     if (!error) error = app_render_options(a, scene, &d.options);
     if (!error && sf_renderer_create(ctx, &d.renderer)) error = app_fail(a, ctx);
@@ -64,7 +64,8 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, render_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options,  model_options,  render_options,
+                                           load_options, common_options, NULL};
 
 const command command_eval = {
     .name = "eval",

@@ -309,7 +309,7 @@ static int prepare(fit_run *r) {
     if (!error) error = read_options(r);
     if (!error) error = progress_start(&r->line, r->a, r->out);
     if (!error) error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
-    if (!error && from_path && sf_model_load(r->ctx, from_path, &from)) error = app_fail(r->a, r->ctx);
+    if (!error && from_path) error = app_load_model(r->a, r->ctx, from_path, &from);
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");
     if (!error) error = app_load(r->a, r->ctx, r->a->positional[0], &r->scene);
@@ -389,7 +389,8 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, watch_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options,  watch_options,  model_options,
+                                           load_options, common_options, NULL};
 
 const command command_fit = {
     .name = "fit",

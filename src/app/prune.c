@@ -158,7 +158,7 @@ static int prepare(prune_run *r) {
     int error = read_options(r);
     if (!error) error = app_context(a, &r->ctx);
     if (!error) error = check_outputs(r);
-    if (!error && sf_model_load(r->ctx, a->positional[0], &r->model)) error = app_fail(a, r->ctx);
+    if (!error) error = app_load_model(a, r->ctx, a->positional[0], &r->model);
     if (!error && !sf_model_count(r->model)) error = app_say(a, a->positional[0], "holds no Gaussian");
     if (!error && r->options.keep > sf_model_count(r->model)) {
         char what[96];
@@ -212,7 +212,7 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options, model_options, load_options, common_options, NULL};
 
 const command command_prune = {
     .name = "prune",

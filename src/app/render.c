@@ -97,7 +97,7 @@ static int run(const args *a) {
     if (!error) error = args_int(a, "fps", 1, 1000, &rate);
     if (!error) error = app_context(a, &j.ctx);
     if (!error) error = pictures_begin(a, j.ctx, rate, &j.to);
-    if (!error && sf_model_load(j.ctx, a->positional[0], &j.model)) error = app_fail(a, j.ctx);
+    if (!error) error = app_load_model(a, j.ctx, a->positional[0], &j.model);
     if (!error && a->positionals > 1) error = app_load(a, j.ctx, a->positional[1], &j.scene);
     if (!error) error = render_all(&j);
     shots_free(&j.along);
@@ -108,7 +108,7 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {picture_options, shot_options,   render_options,
+static const arg_option *const tables[] = {picture_options, shot_options,   model_options, render_options,
                                            load_options,    common_options, NULL};
 
 const command command_render = {

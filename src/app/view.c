@@ -92,14 +92,14 @@ static int run(const args *a) {
     sf_context *ctx = NULL;
     sf_model *model = NULL;
     int error = app_context(a, &ctx);
-    if (!error && sf_model_load(ctx, a->positional[0], &model)) error = app_fail(a, ctx);
+    if (!error) error = app_load_model(a, ctx, a->positional[0], &model);
     if (!error) error = serve(a, ctx, model);
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options, model_options, common_options, NULL};
 
 const command command_view = {
     .name = "view",

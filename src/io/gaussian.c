@@ -35,18 +35,25 @@ int sf_gaussian_values(int sh_degree, sf_file_value list[SF_GAUSSIAN_MOST]) {
     return (int)(to - list);
 }
 
-/* What each SH coefficient is odd in, of y and z together. With D = diag(1, -1, -1) the covariance becomes
- * D R S S R^T D, which D R D has as its rotation: the quaternion's y and z change their signs too. */
-static const unsigned char sh_is_odd[SF_MAX_COEFFICIENTS] = {0, 1, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0};
+/* What each SH coefficient is odd in: a bit for each axis, as SF_FLIP_X has them. With D the diagonal of
+ * signs the covariance becomes D R S S R^T D, which D R D has as its rotation: the quaternion's vector
+ * changes its signs as the products of two axes do. */
+static const unsigned char sh_is_odd[SF_MAX_COEFFICIENTS] = {0, 2, 4, 1, 3, 6, 0, 5, 0, 2, 7, 2, 4, 1, 4, 1};
+static const unsigned char quat_is_odd[4] = {0, 6, 5, 3};
 
-void sf_gaussian_turn(sf_gaussian *g, int sh_degree) {
+static int changes_sign(unsigned odd, unsigned axes) {
+    unsigned both = odd & axes;
+    return (both ^ both >> 1 ^ both >> 2) & 1;
+}
+
+void sf_gaussian_flip(sf_gaussian *g, int sh_degree, unsigned axes) {
     float *v = g->values;
-    for (int k = 1; k < 3; k++) {
-        v[MEAN + k] = -v[MEAN + k];
-        v[QUAT + 1 + k] = -v[QUAT + 1 + k];
-    }
+    for (int k = 0; k < 3; k++)
+        if (changes_sign(1u << k, axes)) v[MEAN + k] = -v[MEAN + k];
+    for (int k = 1; k < 4; k++)
+        if (changes_sign(quat_is_odd[k], axes)) v[QUAT + k] = -v[QUAT + k];
     for (int i = 0; i < 3 * sf_coefficients(sh_degree); i++)
-        if (sh_is_odd[i / 3]) v[SH + i] = -v[SH + i];
+        if (changes_sign(sh_is_odd[i / 3], axes)) v[SH + i] = -v[SH + i];
 }
 
 int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_file_value *list, int values, sf_fault *found) {

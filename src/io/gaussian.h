@@ -30,8 +30,9 @@ typedef struct sf_file_value {
  * many. */
 int sf_gaussian_values(int sh_degree, sf_file_value list[SF_GAUSSIAN_MOST]);
 
-/* Turns a Gaussian by half a turn about x: y and z of its frame are negated. */
-void sf_gaussian_turn(sf_gaussian *g, int sh_degree);
+/* Negates axes of a Gaussian's frame: y and z together are half a turn about x. */
+enum { SF_FLIP_X = 1, SF_FLIP_Y = 2, SF_FLIP_Z = 4 };
+void sf_gaussian_flip(sf_gaussian *g, int sh_degree, unsigned axes);
 
 /* Whether a Gaussian would hurt whoever reads it, and by which value. */
 typedef struct sf_fault {

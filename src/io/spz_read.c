@@ -14,6 +14,9 @@ enum {
     FRACTION_MOST = 30,
     FLAG_ANTIALIASED = 1,
     FLAG_EXTENDED = 2,
+    EXTENSION_HEAD = 8,        /* of an extension: its type, its bytes after these */
+    AXES_MOST = 16,            /* coordinate systems that have a number, */
+    AXES_READ = 8,             /* and those whose axes are a model's or their opposites */
     EXTENSIONS_MOST = 1 << 20, /* bytes that are read over behind the columns */
     STREAMS_HEADER = 32,
     STREAM_ENTRY = 16,       /* of the table of streams: packed and unpacked bytes */
@@ -21,12 +24,16 @@ enum {
     UNPACKED_RATIO = 200     /* or so many times itself: Gaussians that differ pack by 2 to 4 */
 };
 
+/* The type of the extension that says which axes there are, in a uint32: SPZ_ADOBE_coordinate_system. */
+static const uint32_t axes_type = 0xADBE0003;
+
 typedef struct spz_in {
     sf_context *ctx;
     const char *path;
     const uint8_t *data; /* of the file */
     size_t size;
     sf_spz_header header;
+    uint32_t axes; /* as an extension numbers them; 0: nothing says */
     const uint8_t *columns[SF_SPZ_COLUMNS];
     uint8_t *body; /* the columns, one behind the other */
 } spz_in;
@@ -100,25 +107,47 @@ static sf_status allocate_body(spz_in *s) {
     return SF_OK;
 }
 
+/* Extensions lie one behind the other; `more` bytes of them are not at hand. */
+static void read_extensions(spz_in *s, const uint8_t *data, size_t size, size_t more) {
+    sf_bytes b = {.data = data, .size = size};
+    size_t ignored = more;
+    while (size - b.at >= EXTENSION_HEAD) {
+        uint32_t type = sf_bytes_u32(&b), bytes = sf_bytes_u32(&b);
+        if (bytes > size - b.at) {
+            b.at -= EXTENSION_HEAD;
+            break;
+        }
+        if (type == axes_type && bytes == sizeof s->axes) {
+            s->axes = sf_bytes_u32(&b);
+            continue;
+        }
+        b.at += bytes;
+        ignored += EXTENSION_HEAD + bytes;
+    }
+    ignored += size - b.at;
+    if (ignored) sf_log(s->ctx, SF_LOG_WARNING, "%s: extensions ignored: %zu bytes", s->path, ignored);
+}
+
 /* ---- Versions 1 to 3 ---- */
 
 /* Whatever more there is behind the columns: extensions where the header says so, else none may be. */
-static sf_status read_over(const spz_in *s, sf_gzip_in *in) {
-    uint8_t scratch[4096];
-    size_t got, over = 0;
+static sf_status read_over(spz_in *s, sf_gzip_in *in) {
+    uint8_t scratch[4096], first[4096];
+    size_t got, over = 0, kept = 0;
     while (!in->ended) {
         sf_status status = sf_gzip_take(in, scratch, sizeof scratch, &got);
         if (status) return status;
         if (!got && !in->ended)
             return sf_fail(s->ctx, SF_ERR_FORMAT, "%s: truncated: the end of the gzip stream is missing",
                            s->path);
+        if (!over) memcpy(first, scratch, kept = got);
         over += got;
         if (over > (s->header.extended ? EXTENSIONS_MOST : 0))
             return sf_fail(s->ctx, SF_ERR_FORMAT,
                            "%s: gzip: unpacks to more than the %llu bytes of its %lu Gaussians", s->path,
                            (unsigned long long)body_bytes(s), (unsigned long)s->header.count);
     }
-    if (over) sf_log(s->ctx, SF_LOG_WARNING, "%s: extensions ignored: %zu bytes", s->path, over);
+    read_extensions(s, first, kept, over - kept);
     if (sf_gzip_rest(in))
         sf_log(s->ctx, SF_LOG_WARNING, "%s: %zu bytes after the end ignored", s->path, sf_gzip_rest(in));
     return SF_OK;
@@ -160,7 +189,7 @@ typedef struct streams {
     size_t table, number, at;
 } streams;
 
-static sf_status find_streams(const spz_in *s, streams *found) {
+static sf_status find_streams(spz_in *s, streams *found) {
     sf_bytes b = {.data = s->data, .size = s->size, .at = SF_SPZ_HEADER - 1};
     found->number = sf_bytes_u8(&b);
     found->table = sf_bytes_u32(&b);
@@ -174,9 +203,7 @@ static sf_status find_streams(const spz_in *s, streams *found) {
         return refuse(s, SF_ERR_FORMAT, "table of streams at", found->table,
                       "is not in the file: truncated, or damaged");
     found->at = found->table + found->number * STREAM_ENTRY;
-    if (found->table > STREAMS_HEADER)
-        sf_log(s->ctx, SF_LOG_WARNING, "%s: extensions ignored: %zu bytes", s->path,
-               found->table - STREAMS_HEADER);
+    read_extensions(s, s->data + STREAMS_HEADER, found->table - STREAMS_HEADER, 0);
     return SF_OK;
 }
 
@@ -252,7 +279,22 @@ static sf_status unpack(spz_in *s) {
     return status ? status : unpack_streams(s);
 }
 
-static sf_status decode_all(const spz_in *s, int sh_degree, int turned, sf_intake *in) {
+/* Which axes to negate. A model's are right, down, front; less one, the number of a frame has a bit each for
+ * right, up and front. */
+static sf_status find_flips(const spz_in *s, const sf_model_file_options *options, unsigned *flips) {
+    unsigned bits = s->axes - 1;
+    *flips = SF_FLIP_Y | SF_FLIP_Z;
+    if (options->spz_frame == SF_SPZ_FRAME_RUB) return SF_OK;
+    *flips = 0;
+    if (!s->axes) return SF_OK;
+    if (s->axes > AXES_MOST) return refuse(s, SF_ERR_FORMAT, "axes", s->axes, "are not in 0..16");
+    if (s->axes > AXES_READ)
+        return refuse(s, SF_ERR_UNSUPPORTED, "axes", s->axes, "are a frame that is not read: 0 to 8 are");
+    *flips = (bits & 1 ? 0u : SF_FLIP_X) | (bits & 2 ? SF_FLIP_Y : 0u) | (bits & 4 ? 0u : SF_FLIP_Z);
+    return SF_OK;
+}
+
+static sf_status decode_all(const spz_in *s, int sh_degree, unsigned flips, sf_intake *in) {
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);
     sf_status status = SF_OK;
@@ -260,7 +302,7 @@ static sf_status decode_all(const spz_in *s, int sh_degree, int turned, sf_intak
         for (sf_spz_column c = SF_SPZ_MEANS; c < SF_SPZ_COLUMNS; c++)
             sf_spz_decode(&s->header, c, sh_degree, s->columns[c] + i * (size_t)sf_spz_width(&s->header, c),
                           &fields);
-        if (turned) sf_gaussian_turn(&g, sh_degree);
+        sf_gaussian_flip(&g, sh_degree, flips);
         status = sf_intake_put(in, &g);
     }
     return status;
@@ -268,9 +310,11 @@ static sf_status decode_all(const spz_in *s, int sh_degree, int turned, sf_intak
 
 static sf_status make_model(const spz_in *s, const sf_model_file_options *options, sf_model **model) {
     sf_intake in = {0};
+    unsigned flips;
     int kept = sf_file_degree(s->ctx, s->path, s->header.sh_degree, options);
-    sf_status status = sf_intake_begin(&in, s->ctx, s->path, s->header.count, kept);
-    if (!status) status = decode_all(s, kept, options->spz_frame == SF_SPZ_FRAME_RUB, &in);
+    sf_status status = find_flips(s, options, &flips);
+    if (!status) status = sf_intake_begin(&in, s->ctx, s->path, s->header.count, kept);
+    if (!status) status = decode_all(s, kept, flips, &in);
     if (status)
         sf_intake_abandon(&in);
     else

@@ -34,7 +34,8 @@ static sf_status put_column(spz_out *o, sf_spz_column column) {
         sf_status status = sf_model_get(o->model, o->plan.order[i], 1, &fields);
         if (status) return status;
         sf_spz_sh_bits(&o->plan, o->plan.order[i], sh_bits);
-        if (o->options->spz_frame == SF_SPZ_FRAME_RUB) sf_gaussian_turn(&g, sf_model_sh_degree(o->model));
+        if (o->options->spz_frame == SF_SPZ_FRAME_RUB)
+            sf_gaussian_flip(&g, sf_model_sh_degree(o->model), SF_FLIP_Y | SF_FLIP_Z);
         sf_spz_encode(&o->header, column, sh_bits, &fields, bytes, &o->clips);
         sf_gzip_put(&o->gzip, bytes, width);
     }

@@ -228,6 +228,8 @@ static void test_wrong_values(void **state) {
          {"convert", "good.ply", "out/x.sog"}},
         {USAGE, "out/x.ksplat: models are not written", {"fit", SCENE, "-o", "out/x.ksplat"}},
         {USAGE, "out/x.obj: models are not written", {"prune", "good.ply", SCENE, "-o", "out/x.obj"}},
+        {USAGE, "--spz-frame: \"luf\" is neither own nor rub", {"view", "good.ply", "--spz-frame", "luf"}},
+        {USAGE, "--antialiased: \"1\" is neither", {"eval", "good.ply", SCENE, "--antialiased", "1"}},
         {USAGE, "--split: \"foo\"", {"eval", "good.ply", SCENE, "--split", "foo"}},
         {USAGE, "--split: \"foo\"", {"render", "good.ply", SCENE, "--out", "out/r", "--split", "foo"}},
         {USAGE, "--background", {"eval", "good.ply", SCENE, "--background", "purple"}},

@@ -477,6 +477,43 @@ static void put_version_4(file *f, size_t extension) {
     for (int i = 0; i < 5; i++) put(f, streams[i].data, streams[i].size);
 }
 
+/* An extension of another kind, then the one that says which axes there are. */
+static void put_axes(file *f, uint32_t axes) {
+    put_uint(f, 0xadbe0002, 4), put_uint(f, 2, 4), put_uint(f, 0, 2);
+    put_uint(f, 0xadbe0003, 4), put_uint(f, 4, 4), put_uint(f, axes, 4);
+}
+
+/* Each number of a coordinate system and which of the axes differ from a model's right, down, front. */
+static void test_axes_of_the_extension(void **state) {
+    (void)state;
+    static const float signs[9][3] = {{1, 1, 1},  {-1, 1, -1}, {1, 1, -1},  {-1, -1, -1}, {1, -1, -1},
+                                      {-1, 1, 1}, {1, 1, 1},   {-1, -1, 1}, {1, -1, 1}};
+    sf_context *ctx = test_context();
+    static file f;
+    float plain[3] = {0}, mean[3];
+    for (uint32_t axes = 0; axes <= 8; axes++) {
+        sf_model *model;
+        put_header(&f, 3, 1, 0, 8, 2);
+        put_columns(&f, 3);
+        f.data[HEADER + 7] = 3; /* z: 3 */
+        put_axes(&f, axes);
+        test_log_clear();
+        assert_ok(ctx, sf_model_load(ctx, write_gzip(&f), &model));
+        assert_non_null(strstr(test_log, "extensions ignored: 10 bytes"));
+        assert_ok(ctx, sf_model_get(model, 0, 1, &(sf_gaussians){.means = mean}));
+        if (!axes) memcpy(plain, mean, sizeof plain);
+        for (int k = 0; k < 3; k++) assert_true(plain[k] != 0 && mean[k] == signs[axes][k] * plain[k]);
+        sf_model_destroy(&model);
+    }
+    for (uint32_t axes = 9; axes <= 17; axes += 8) {
+        put_header(&f, 3, 1, 0, 8, 2);
+        put_columns(&f, 3);
+        put_axes(&f, axes);
+        assert_refused(ctx, write_gzip(&f), axes > 16 ? SF_ERR_FORMAT : SF_ERR_UNSUPPORTED, "axes: ");
+    }
+    sf_context_destroy(&ctx);
+}
+
 static void test_version_4(void **state) {
     (void)state;
     static file f;
@@ -496,6 +533,16 @@ static void test_version_4(void **state) {
         assert_true(mean[0] == 1 && mean[1] == -2.5f && scale[2] == 5.9375f);
         sf_model_destroy(&model);
     }
+    file axes = {0}; /* right, up, back: a model's y and z negated */
+    put_uint(&axes, 0xadbe0003, 4), put_uint(&axes, 4, 4), put_uint(&axes, 4, 4);
+    put_version_4(&f, 12);
+    memcpy(f.data + 32, axes.data, axes.size);
+    sf_model *turned;
+    float mean[3];
+    assert_ok(ctx, sf_model_load(ctx, write_plain(f.data, f.size), &turned));
+    assert_ok(ctx, sf_model_get(turned, 0, 1, &(sf_gaussians){.means = mean}));
+    assert_true(mean[0] == 1 && mean[1] == 2.5f);
+    sf_model_destroy(&turned);
     put_version_4(&f, 0);
     for (size_t cut = 0; cut < f.size; cut++)
         assert_refused(ctx, write_plain(f.data, cut), SF_ERR_FORMAT, "");
@@ -653,13 +700,21 @@ static void test_no_memory(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_bytes),           cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_frame),           cmocka_unit_test(test_bits_by_weight),
-        cmocka_unit_test(test_clips),           cmocka_unit_test(test_options),
-        cmocka_unit_test(test_empty_model),     cmocka_unit_test(test_versions),
-        cmocka_unit_test(test_version_4),       cmocka_unit_test(test_band_4_is_left_out),
-        cmocka_unit_test(test_refuses_headers), cmocka_unit_test(test_bomb),
-        cmocka_unit_test(test_cut_and_changed), cmocka_unit_test(test_no_memory),
+        cmocka_unit_test(test_bytes),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_frame),
+        cmocka_unit_test(test_bits_by_weight),
+        cmocka_unit_test(test_clips),
+        cmocka_unit_test(test_options),
+        cmocka_unit_test(test_empty_model),
+        cmocka_unit_test(test_versions),
+        cmocka_unit_test(test_version_4),
+        cmocka_unit_test(test_axes_of_the_extension),
+        cmocka_unit_test(test_band_4_is_left_out),
+        cmocka_unit_test(test_refuses_headers),
+        cmocka_unit_test(test_bomb),
+        cmocka_unit_test(test_cut_and_changed),
+        cmocka_unit_test(test_no_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
