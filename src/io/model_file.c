@@ -94,6 +94,12 @@ sf_status sf_model_load_as(sf_context *ctx, const char *path, const sf_model_fil
     *model = NULL;
     sf_status status = check_options(ctx, &o);
     if (status) return status;
+    if (!o.format && has_extension(path, ".ksplat"))
+        return sf_fail(
+            ctx, SF_ERR_UNSUPPORTED,
+            "%s: .ksplat, of GaussianSplats3D, is not read: npx @playcanvas/splat-transform IN OUT.ply "
+            "makes a .ply of it",
+            path);
     return formats[o.format ? o.format : format_to_read(path)].load(ctx, path, &o, model);
 }
 

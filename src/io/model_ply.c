@@ -37,6 +37,21 @@ static sf_status bind_values(sf_ply *ply, int file_degree, int degree) {
     return status;
 }
 
+/* Files of the same name that hold Gaussians of another kind. */
+static sf_status check_kind(sf_context *ctx, const char *path, const sf_ply *ply) {
+    if (sf_ply_properties(ply, "packed_position"))
+        return sf_fail(ctx, SF_ERR_UNSUPPORTED,
+                       "%s: a compressed .ply of PlayCanvas or SuperSplat (packed_position) is not read: "
+                       "npx @playcanvas/splat-transform IN OUT.ply makes a plain one of it",
+                       path);
+    if (sf_ply_properties(ply, "scale_0") && sf_ply_properties(ply, "scale_1") &&
+        !sf_ply_properties(ply, "scale_2"))
+        return sf_fail(
+            ctx, SF_ERR_UNSUPPORTED,
+            "%s: element vertex: property scale_2 is missing: the flat Gaussians of 2DGS are not read", path);
+    return SF_OK;
+}
+
 static sf_status load_all(sf_intake *in, sf_ply *ply) {
     sf_gaussian g;
     sf_status status = SF_OK;
@@ -52,7 +67,8 @@ static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
                            const sf_model_file_options *options, sf_model **model) {
     int file_degree, degree = 0;
     sf_intake in = {0};
-    sf_status status = find_degree(ctx, path, ply, &file_degree);
+    sf_status status = check_kind(ctx, path, ply);
+    if (!status) status = find_degree(ctx, path, ply, &file_degree);
     if (!status) degree = sf_file_degree(ctx, path, file_degree, options);
     if (!status) status = bind_values(ply, file_degree, degree);
     if (!status) status = sf_intake_begin(&in, ctx, path, sf_ply_vertices(ply), degree);

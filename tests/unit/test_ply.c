@@ -737,6 +737,25 @@ static void test_refuses_to_read(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* What tools call a model too is named, with what to do next. */
+static void test_names_other_kinds(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    const char *ksplat = test_path("model.ksplat");
+    test_write(ksplat, "\0\1", 2);
+    assert_refused(ctx, ksplat, SF_ERR_UNSUPPORTED, "GaussianSplats3D");
+    assert_error_names(ctx, "@playcanvas/splat-transform");
+    assert_refused(
+        ctx,
+        write_text("ply\nformat binary_little_endian 1.0\nelement chunk 0\nproperty float min_x\n"
+                   "element vertex 0\nproperty uint packed_position\nproperty uint packed_rotation\n"
+                   "property uint packed_scale\nproperty uint packed_color\n" END),
+        SF_ERR_UNSUPPORTED, "a compressed .ply of PlayCanvas");
+    assert_refused(ctx, write_text(VERTEX("0") POINT "property float scale_0\nproperty float scale_1\n" END),
+                   SF_ERR_UNSUPPORTED, "2DGS");
+    sf_context_destroy(&ctx);
+}
+
 /* Each property in turn gets another name. */
 static void test_names_the_missing_property(void **state) {
     (void)state;
@@ -754,7 +773,7 @@ static void test_names_the_missing_property(void **state) {
         }
         put_text(&f, END);
         snprintf(line, sizeof line, "property %s is missing", names[missing]);
-        assert_refused(ctx, write_file(&f), SF_ERR_FORMAT, line);
+        assert_refused(ctx, write_file(&f), missing == 9 ? SF_ERR_UNSUPPORTED : SF_ERR_FORMAT, line);
     }
     sf_context_destroy(&ctx);
 }
@@ -1070,6 +1089,7 @@ int main(void) {
         cmocka_unit_test(test_all_skipped_is_refused),
         cmocka_unit_test(test_bytes_after_the_end_are_reported),
         cmocka_unit_test(test_refuses_to_read),
+        cmocka_unit_test(test_names_other_kinds),
         cmocka_unit_test(test_names_the_missing_property),
         cmocka_unit_test(test_refuses_endless_headers),
         cmocka_unit_test(test_refuses_what_is_no_file),
