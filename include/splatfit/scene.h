@@ -106,7 +106,7 @@ SF_API sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float 
 /* What a scene holds, and what of a project it does not. */
 typedef struct sf_scene_info {
     size_t views, train_views, test_views, points; /* that it holds; views are of one split or the other */
-    size_t skipped_missing;                        /* pictures missing or not decodable */
+    size_t skipped_missing;                        /* pictures missing, damaged, of another shape */
     size_t skipped_pose;                           /* poses or intrinsics not finite or not a rotation */
     size_t skipped_points;                         /* points not finite */
     size_t undistorted_views;                      /* views resampled to a pinhole camera */

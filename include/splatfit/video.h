@@ -27,7 +27,7 @@ typedef struct sf_video_options {
     int32_t rate, per;      /* frames a second: rate / per, both 1..1000000 */
     sf_video_chroma chroma; /* how much of the colour is kept */
     sf_yuv_matrix matrix;   /* SF_YUV_601 or SF_YUV_709. The stream has no field for it: say it to what reads
-                               (ffmpeg takes 601 where nothing is said, as pipe: does) */
+                               (ffmpeg takes 601 where nothing is said; pipe: from 720 lines on 709) */
 } sf_video_options;
 
 /* 640 x 480, 30 frames a second, 4:2:0, BT.601. */

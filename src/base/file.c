@@ -75,6 +75,19 @@ sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_
     return status;
 }
 
+size_t sf_text_mark(const uint8_t *data, size_t size) {
+    return size >= 3 && !memcmp(data, "\xEF\xBB\xBF", 3) ? 3 : 0;
+}
+
+sf_status sf_read_text(sf_context *ctx, const char *path, uint64_t limit, uint8_t **data, size_t *size) {
+    sf_status status = sf_read_file(ctx, path, limit, data, size);
+    if (status) return status;
+    size_t mark = sf_text_mark(*data, *size);
+    *size -= mark;
+    memmove(*data, *data + mark, *size + 1);
+    return SF_OK;
+}
+
 size_t sf_read_start(const char *path, uint8_t *data, size_t most) {
     struct stat st;
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);

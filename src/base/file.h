@@ -13,6 +13,11 @@
  * SF_ERR_MEMORY: larger than what is left. */
 sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_t **data, size_t *size);
 
+/* The same of a file of text: a byte order mark (UTF-8's EF BB BF) at its start is left out. */
+sf_status sf_read_text(sf_context *ctx, const char *path, uint64_t limit, uint8_t **data, size_t *size);
+/* How many bytes of the start are such a mark: 3 or 0. */
+size_t sf_text_mark(const uint8_t *data, size_t size);
+
 /* The first bytes of a regular file, at most `most`; returns how many, 0 also where it cannot be read. */
 size_t sf_read_start(const char *path, uint8_t *data, size_t most);
 

@@ -187,7 +187,7 @@ static sf_status read_list(folder_source *f) {
     json_error_t error;
     char *list = sf_path_join(f->ctx, f->folder, "frames.json");
     if (!list) return SF_ERR_MEMORY;
-    sf_status status = sf_read_file(f->ctx, list, MAX_LIST_BYTES, &data, &size);
+    sf_status status = sf_read_text(f->ctx, list, MAX_LIST_BYTES, &data, &size);
     if (status == SF_OK) {
         json_t *root = json_loadb((const char *)data, size, 0, &error);
         sf_free(f->ctx, data);

@@ -403,6 +403,19 @@ static sf_status choose(sf_context *ctx, const char *name, const char *option, c
     return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%s\" is none of%s", name, option, value, known);
 }
 
+/* YUV4MPEG2 has no field for the matrix: videos of HD and more are in BT.709 as a rule, smaller ones in
+ * BT.601. */
+static void assume_matrix(pipe_source *p) {
+    enum { HD_HEIGHT = 720 };
+    if (p->kind != KIND_Y4M || p->format == SF_PIXEL_GREY || p->height < HD_HEIGHT) return;
+    p->matrix = SF_YUV_709;
+    sf_log(p->ctx, SF_LOG_INFO,
+           "%s: YUV4MPEG2 does not say how its colours are coded: BT.709 is taken, as in most videos of %d "
+           "lines "
+           "and more (otherwise ?matrix=601)",
+           p->name, HD_HEIGHT);
+}
+
 /* Matrix and range where they were asked for. */
 static sf_status choose_colours(pipe_source *p, const char *name, const asked *a) {
     static const char *const matrices[] = {"601", "709", "2020", NULL}, *const ranges[] = {"limited", "full",
@@ -411,7 +424,10 @@ static sf_status choose_colours(pipe_source *p, const char *name, const asked *a
     sf_status status = choose(p->ctx, name, "matrix", a->matrix, matrices, &matrix);
     if (status == SF_OK) status = choose(p->ctx, name, "range", a->range, ranges, &range);
     if (status != SF_OK) return status;
-    if (matrix >= 0) p->matrix = (sf_yuv_matrix)matrix;
+    if (matrix >= 0)
+        p->matrix = (sf_yuv_matrix)matrix;
+    else
+        assume_matrix(p);
     if (range >= 0) p->full_range = range;
     return SF_OK;
 }

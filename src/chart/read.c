@@ -75,7 +75,7 @@ static sf_status parse(sf_context *ctx, const char *path, json_t **json) {
     uint8_t *data;
     size_t size;
     json_error_t error;
-    sf_status status = sf_read_file(ctx, path, LOG_BYTES, &data, &size);
+    sf_status status = sf_read_text(ctx, path, LOG_BYTES, &data, &size);
     if (status) return status;
     *json = json_loadb((const char *)data, size, JSON_REJECT_DUPLICATES, &error);
     if (!*json) {

@@ -452,7 +452,8 @@ static sf_status parse_file(reader *r, const file_kind *kind, uint8_t *data, siz
 static sf_status read_one(reader *r, const file_kind *kind) {
     uint8_t *data;
     size_t size;
-    sf_status status = sf_read_file(r->ctx, r->file, MAX_FILE_BYTES, &data, &size);
+    sf_status status =
+        (is_text(r->file) ? sf_read_text : sf_read_file)(r->ctx, r->file, MAX_FILE_BYTES, &data, &size);
     if (status) return status;
     sf_bytes b = {.data = data, .size = size};
     status = is_text(r->file) ? parse_file(r, kind, data, size) : kind->read(r, &b);
@@ -545,8 +546,21 @@ static sf_status look_for_pictures(sf_context *ctx, const char *path, const char
     return SF_OK;
 }
 
-/* The path may be that of the model itself, sparse/0: its project is above then. */
-static sf_status find_pictures(sf_project *p, const char *path, const char *wanted, char **pictures) {
+static sf_status no_pictures(sf_context *ctx, const char *path) {
+    return sf_fail(ctx, SF_ERR_IO,
+                   "%s: no folder of pictures: looked for images, images_2, images_4, images_8", path);
+}
+
+static int holds_any(const sf_project *p) {
+    for (size_t i = 0; i < p->count; i++)
+        if (sf_is_file(p->entries[i].path)) return 1;
+    return !p->count;
+}
+
+/* The path may be that of the model itself, sparse/0: its project is above then. Otherwise *beside: pictures
+ * are looked for in the model's folder, where RealityScan writes them. */
+static sf_status find_pictures(sf_project *p, const char *path, const char *wanted, char **pictures,
+                               int *beside) {
     static const char *const folders[] = {".", "..", "../.."};
     for (size_t i = 0; i < (holds_model(path) ? 3 : 1); i++) {
         char *folder = i ? sf_path_join(p->ctx, path, folders[i]) : sf_text_copy(p->ctx, path);
@@ -557,21 +571,25 @@ static sf_status find_pictures(sf_project *p, const char *path, const char *want
         if (status || *pictures) return status;
     }
     if (wanted) return sf_fail(p->ctx, SF_ERR_IO, "%s/%s: no such folder of pictures", path, wanted);
-    return sf_fail(p->ctx, SF_ERR_IO,
-                   "%s: no folder of pictures: looked for images, images_2, images_4, images_8", path);
+    if (!holds_model(path)) return no_pictures(p->ctx, path);
+    *beside = 1;
+    *pictures = sf_text_copy(p->ctx, path);
+    return *pictures ? SF_OK : SF_ERR_MEMORY;
 }
 
 sf_status sf_colmap_read(sf_project *project, const char *path, const char *model,
                          const sf_load_options *options) {
     char *pictures = NULL;
     project->kind = "COLMAP";
-    sf_status status = find_pictures(project, path, options->images, &pictures);
+    int beside = 0;
+    sf_status status = find_pictures(project, path, options->images, &pictures, &beside);
     if (status) {
         sf_free(project->ctx, pictures);
         return status;
     }
     reader r = {.ctx = project->ctx, .project = project, .model = model, .pictures = pictures};
     status = read_all(&r);
+    if (!status && beside && !holds_any(project)) status = no_pictures(project->ctx, path);
     sf_free(r.ctx, r.cameras);
     sf_free(r.ctx, r.image_ids);
     sf_free(r.ctx, pictures);
@@ -602,7 +620,7 @@ static uint64_t count_binary(const char *path) {
 static sf_status count_text(sf_context *ctx, const char *path, uint64_t *count) {
     uint8_t *data;
     size_t size;
-    sf_status status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
+    sf_status status = sf_read_text(ctx, path, MAX_FILE_BYTES, &data, &size);
     if (status) return status;
     *count = count_lines((char *)data);
     sf_free(ctx, data);

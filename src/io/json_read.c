@@ -8,7 +8,7 @@ sf_status sf_json_read(sf_context *ctx, const char *file, uint64_t most, json_t 
     size_t size;
     json_error_t error;
     *root = NULL;
-    sf_status status = sf_read_file(ctx, file, most, &data, &size);
+    sf_status status = sf_read_text(ctx, file, most, &data, &size);
     if (status) return status;
     *root = json_loadb((const char *)data, size, 0, &error);
     sf_free(ctx, data);

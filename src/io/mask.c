@@ -119,11 +119,6 @@ static sf_status make_weights(sf_context *ctx, sf_picture *p) {
     return SF_OK;
 }
 
-static int is_same_shape(const sf_picture *a, const sf_picture *b) {
-    double x = (double)a->width / b->width, y = (double)a->height / b->height;
-    return fabs(a->height - x * b->height) <= fmax(x, 1) || fabs(a->width - y * b->width) <= fmax(y, 1);
-}
-
 /* COLMAP ignores 0 and takes what is not, so masks of 0 and 1, or of the numbers of labels, are in use: one
  * without a value that counts for a half is such a one. */
 static void spread_labels(sf_picture *mask) {
@@ -135,7 +130,7 @@ static void spread_labels(sf_picture *mask) {
 }
 
 static sf_status lower_weights(sf_context *ctx, const sf_picture *mask, sf_picture *p) {
-    if (!is_same_shape(mask, p)) {
+    if (!sf_is_same_shape(mask->width, mask->height, p->width, p->height)) {
         snprintf(p->fault, sizeof p->fault, "mask: size: %d x %d is not the picture's %d x %d, nor its shape",
                  mask->width, mask->height, p->width, p->height);
         return SF_ERR_FORMAT;

@@ -165,7 +165,7 @@ static sf_status find_pose(const spot *shot, sf_entry *e) {
 
 static sf_status read_shot(reader *r, const char *name, const json_t *json) {
     /* Undistorted pictures may have an ending more than their shots. */
-    static const char *const endings[] = {"", ".jpg", ".png", NULL};
+    static const char *const endings[] = {"", ".jpg", ".png", ".JPG", ".PNG", NULL};
     spot shot = {r, "shots", name, json};
     sf_entry *e;
     sf_status status = sf_project_add(r->project, r->file, r->pictures, name, &e);
@@ -273,7 +273,7 @@ static sf_status read_file(reader *r, const char *folder, const sf_load_options 
 
 int sf_opensfm_is(const char *file) {
     uint8_t start[256];
-    size_t size = sf_read_start(file, start, sizeof start), at = 0;
+    size_t size = sf_read_start(file, start, sizeof start), at = sf_text_mark(start, size);
     while (at < size && isspace(start[at])) at++;
     return at < size && start[at] == '[';
 }

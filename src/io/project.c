@@ -104,8 +104,19 @@ sf_status sf_project_set_folder(sf_project *p, const char *folder) {
     return p->folder ? SF_OK : SF_ERR_MEMORY;
 }
 
-sf_status sf_project_add(sf_project *p, const char *file, const char *folder, const char *name,
-                         sf_entry **entry) {
+static void turn_slashes(char *name) {
+    for (; *name; name++)
+        if (*name == '\\') *name = '/';
+}
+
+char *sf_plain_name(sf_context *ctx, const char *folder, const char *name) {
+    char *plain = sf_text_copy(ctx, name);
+    if (plain && strchr(name, '\\') && !sf_holds_file(folder, name)) turn_slashes(plain);
+    return plain;
+}
+
+static sf_status add_plain(sf_project *p, const char *file, const char *folder, const char *name,
+                           sf_entry **entry) {
     if (!sf_name_stays_inside(name))
         return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: picture name: '%s' is not a path inside its folder", file,
                        name);
@@ -132,6 +143,14 @@ sf_status sf_entry_complete(sf_context *ctx, sf_entry *e, const char *const *end
         sf_free(ctx, path);
     }
     return SF_OK;
+}
+
+sf_status sf_project_add(sf_project *p, const char *file, const char *folder, const char *name,
+                         sf_entry **entry) {
+    char *plain = sf_plain_name(p->ctx, folder, name);
+    sf_status status = plain ? add_plain(p, file, folder, plain, entry) : SF_ERR_MEMORY;
+    sf_free(p->ctx, plain);
+    return status;
 }
 
 static int by_name(const void *a, const void *b) {
@@ -183,6 +202,13 @@ static size_t hold_out_line(const char *line, size_t count, const char *const *n
     return found;
 }
 
+/* The line with '/' for '\\'. */
+static size_t hold_out_plain(char *line, size_t count, const char *const *names, sf_split *splits) {
+    if (!strchr(line, '\\')) return 0;
+    turn_slashes(line);
+    return hold_out_line(without_dot(line), count, names, splits);
+}
+
 static sf_status hold_out_lines(sf_context *ctx, const char *path, char *text, size_t count,
                                 const char *const *names, sf_split *splits) {
     for (unsigned long number = 1; *text; number++) {
@@ -191,7 +217,8 @@ static sf_status hold_out_lines(sf_context *ctx, const char *path, char *text, s
         text += length + (text[length] == '\n');
         while (length && strchr(" \t\r", line[length - 1])) length--;
         line[length] = 0;
-        if (length && !hold_out_line(without_dot(line), count, names, splits))
+        if (length && !hold_out_line(without_dot(line), count, names, splits) &&
+            !hold_out_plain(line, count, names, splits))
             return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: line %lu: no picture is named '%s'", path, number,
                            line);
     }
@@ -202,7 +229,7 @@ static sf_status split_by_list(sf_context *ctx, const char *path, size_t count, 
                                sf_split *splits) {
     uint8_t *text;
     size_t size;
-    sf_status status = sf_read_file(ctx, path, MAX_LIST_BYTES, &text, &size);
+    sf_status status = sf_read_text(ctx, path, MAX_LIST_BYTES, &text, &size);
     if (status) return status;
     for (size_t i = 0; i < count; i++) splits[i] = SF_SPLIT_TRAIN;
     status = hold_out_lines(ctx, path, (char *)text, count, names, splits);

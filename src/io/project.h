@@ -34,8 +34,12 @@ typedef struct sf_project {
     size_t points;
 } sf_project;
 
-/* Appends an entry, all zero but its name (any "./" in front is left out) and its path, folder/name.
- * SF_ERR_FORMAT, naming `file`: the name is empty, absolute or leads out of the folder. */
+/* A copy of the name in which '\\' is '/', as Windows writes it, unless the folder holds the name as it is.
+ */
+char *sf_plain_name(sf_context *ctx, const char *folder, const char *name);
+
+/* Appends an entry, all zero but its name (sf_plain_name; any "./" in front is left out) and its path,
+ * folder/name. SF_ERR_FORMAT, naming `file`: the name is empty, absolute or leads out of the folder. */
 sf_status sf_project_add(sf_project *project, const char *file, const char *folder, const char *name,
                          sf_entry **entry);
 
@@ -71,6 +75,9 @@ sf_status sf_project_build(const sf_project *project, const sf_load_options *opt
  * what follows their last '/'; without a list every n-th. */
 sf_status sf_split_names(sf_context *ctx, const sf_load_options *options, size_t count,
                          const char *const *names, sf_split *splits);
+
+/* Whether sizes differ by no more than a scale and the rounding of sides to whole pixels. */
+int sf_is_same_shape(int width, int height, int of_width, int of_height);
 
 /* Small helpers on paths; the text is sf_free'd by the caller, NULL if there is no memory. */
 char *sf_text_copy(sf_context *ctx, const char *text);

@@ -316,19 +316,29 @@ static sf_status choose_images(const reader *r, sf_entry *e) {
     return SF_OK;
 }
 
+/* The path in the file's folder of the name that stands at the key. */
+static sf_status find_inside(const frame *f, const char *key, const char *name, char **path) {
+    char *plain = sf_plain_name(f->r->ctx, f->r->folder, name);
+    if (!plain) return SF_ERR_MEMORY;
+    sf_status status = SF_OK;
+    if (!sf_name_stays_inside(plain))
+        status = frame_fail(f, SF_ERR_FORMAT, key, "is not a path inside the folder");
+    else if (!(*path = sf_path_join(f->r->ctx, f->r->folder, plain)))
+        status = SF_ERR_MEMORY;
+    sf_free(f->r->ctx, plain);
+    return status;
+}
+
 static sf_status find_mask(const frame *f, sf_entry *e) {
     const char *name;
     sf_status status = get_text(f, "mask_path", &name);
     if (status || !name) return status;
-    if (!sf_name_stays_inside(name))
-        return frame_fail(f, SF_ERR_FORMAT, "mask_path", "is not a path inside the folder");
-    e->mask = sf_path_join(f->r->ctx, f->r->folder, name);
-    return e->mask ? SF_OK : SF_ERR_MEMORY;
+    return find_inside(f, "mask_path", name, &e->mask);
 }
 
 static sf_status read_frame(reader *r, size_t index, const json_t *json) {
     /* Blender leaves the ending out. */
-    static const char *const endings[] = {"", ".png", ".jpg", ".jpeg", NULL};
+    static const char *const endings[] = {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", NULL};
     frame f = {.r = r, .json = json, .index = index};
     sf_entry *e;
     if (!json_is_object(json))
@@ -366,7 +376,10 @@ static sf_status mark(reader *r, const char *key, sf_split split) {
     for (size_t i = 0; i < json_array_size(names); i++) {
         const char *name = json_string_value(json_array_get(names, i));
         if (!name) return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s[%zu]: is not a text", r->file, key, i);
-        sf_entry *e = sf_project_find(r->project, name);
+        char *plain = sf_plain_name(r->ctx, r->folder, name);
+        if (!plain) return SF_ERR_MEMORY;
+        sf_entry *e = sf_project_find(r->project, plain);
+        sf_free(r->ctx, plain);
         if (!e)
             return sf_fail(r->ctx, SF_ERR_FORMAT, "%s: %s[%zu]: no frame has '%s'", r->file, key, i, name);
         e->split = split;
@@ -391,10 +404,9 @@ static sf_status read_points(reader *r) {
     const char *name;
     sf_status status = get_text(&top, "ply_file_path", &name);
     if (status || !name) return status;
-    if (!sf_name_stays_inside(name))
-        return frame_fail(&top, SF_ERR_FORMAT, "ply_file_path", "is not a path inside the folder");
-    char *path = sf_path_join(r->ctx, r->folder, name);
-    if (!path) return SF_ERR_MEMORY;
+    char *path;
+    status = find_inside(&top, "ply_file_path", name, &path);
+    if (status) return status;
     sf_project *p = r->project;
     if (sf_is_file(path))
         status = sf_ply_read_points(r->ctx, path, &p->xyz, &p->rgb, &p->points);

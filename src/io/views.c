@@ -7,6 +7,7 @@
 #include "mask.h"
 #include "undistort.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -24,6 +25,20 @@ static sf_optics scaled_lens(const sf_entry *e, int width, int height) {
     lens.fy *= y;
     lens.cy *= y;
     return lens;
+}
+
+int sf_is_same_shape(int width, int height, int of_width, int of_height) {
+    double x = (double)width / of_width, y = (double)height / of_height;
+    return fabs(height - x * of_height) <= fmax(x, 1) || fabs(width - y * of_width) <= fmax(y, 1);
+}
+
+/* A picture that was turned or cropped after its camera was found is not what the camera saw. */
+static sf_status check_shape(const sf_entry *e, sf_picture *p) {
+    if (sf_is_same_shape(p->width, p->height, e->width, e->height)) return SF_OK;
+    int turned = sf_is_same_shape(p->height, p->width, e->width, e->height);
+    snprintf(p->fault, sizeof p->fault, "size: %d x %d is not the camera's %d x %d, nor its shape: %s",
+             p->width, p->height, e->width, e->height, turned ? "turned, by EXIF?" : "cropped?");
+    return SF_ERR_FORMAT;
 }
 
 /* One pixel of the view: the mean over a box of the picture, by weight where that is known. */
@@ -121,6 +136,7 @@ static void load_entry(void *arg, size_t task, int thread) {
     if (r->bad_pose || atomic_load(&l->ctx->loads_cancelled)) return;
     sf_picture p;
     r->status = sf_picture_load(l->ctx, e->path, &p);
+    if (!r->status) r->status = check_shape(e, &p);
     r->alpha = p.weight != NULL;
     if (!r->status) sf_alpha_apply(l->ctx, l->options, l->project->blends, &p);
     if (!r->status && e->mask) r->status = sf_mask_apply(l->ctx, e->mask, &p);
@@ -196,7 +212,8 @@ static void report(const loading *l, const char *path, const sf_scene *scene) {
         sf_log(l->ctx, SF_LOG_WARNING,
                "%s: %zu pictures carry an EXIF orientation: it is ignored, as poses assume", path, rotated);
     if (scene->skipped_missing)
-        sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu of %zu pictures skipped: missing or not decodable", path,
+        sf_log(l->ctx, SF_LOG_WARNING,
+               "%s: %zu of %zu pictures skipped: missing, not decodable or of another shape", path,
                scene->skipped_missing, l->project->count);
     if (scene->skipped_pose)
         sf_log(l->ctx, SF_LOG_WARNING,
@@ -211,14 +228,25 @@ static void report(const loading *l, const char *path, const sf_scene *scene) {
     report_cropped(l, path, scene);
 }
 
-static sf_status check_training(const sf_project *p, const char *path, const sf_scene *scene) {
+/* " (first: PATH: why)" of a picture that was skipped, or "". */
+static void first_fault(const loading *l, char *text, size_t size) {
+    *text = 0;
+    for (size_t i = 0; i < l->project->count && !*text; i++)
+        if (l->results[i].status)
+            snprintf(text, size, " (first: %s: %s)", l->project->entries[i].path, l->results[i].fault);
+}
+
+static sf_status check_training(const loading *l, const char *path, const sf_scene *scene) {
+    const sf_project *p = l->project;
+    char fault[PATH_MAX + SF_PICTURE_FAULT_BYTES];
     for (size_t i = 0; i < scene->view_count; i++)
         if (scene->views[i]->split == SF_SPLIT_TRAIN) return SF_OK;
+    first_fault(l, fault, sizeof fault);
     return sf_fail(
         p->ctx, SF_ERR_EMPTY,
-        "%s: no training view is left: of %zu views %zu lack a readable picture, %zu a usable pose, "
+        "%s: no training view is left: of %zu views %zu lack a readable picture%s, %zu a usable pose, "
         "%zu are held out",
-        path, p->count, scene->skipped_missing, scene->skipped_pose, scene->view_count);
+        path, p->count, scene->skipped_missing, fault, scene->skipped_pose, scene->view_count);
 }
 
 /* The pictures' size together and of the largest, px: as the cameras have them, or as the files do. */
@@ -272,7 +300,7 @@ static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene)
     if (!status && p->points) status = sf_scene_add_points(scene, p->points, p->xyz, p->rgb);
     if (status) return status;
     report(l, path, scene);
-    return check_training(p, path, scene);
+    return check_training(l, path, scene);
 }
 
 sf_status sf_project_build(const sf_project *p, const sf_load_options *options, sf_scene **scene) {

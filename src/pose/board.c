@@ -149,7 +149,7 @@ static sf_status load(sf_context *ctx, const char *path, own_board *b) {
     uint8_t *data;
     size_t size;
     json_error_t error;
-    sf_status status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
+    sf_status status = sf_read_text(ctx, path, MAX_FILE_BYTES, &data, &size);
     if (status) return status;
     json_t *root = json_loadb((const char *)data, size, JSON_REJECT_DUPLICATES, &error);
     sf_free(ctx, data);

@@ -215,7 +215,7 @@ static sf_status read_any(const reader *r) {
 sf_status sf_calibration_load(sf_context *ctx, const char *path, sf_calibration *calibration) {
     reader r = {.ctx = ctx, .path = path, .c = calibration};
     memset(calibration, 0, sizeof *calibration);
-    sf_status status = sf_read_file(ctx, path, MAX_FILE_BYTES, &r.data, &r.size);
+    sf_status status = sf_read_text(ctx, path, MAX_FILE_BYTES, &r.data, &r.size);
     if (status) return status;
     status = read_any(&r);
     sf_free(ctx, r.data);

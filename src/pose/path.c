@@ -180,7 +180,7 @@ static sf_status take_from_file(sf_path *path, const char *line, size_t number) 
 static sf_status read_file(sf_path *path, const char *where) {
     uint8_t *data;
     size_t size, number = 1;
-    sf_status status = sf_read_file(path->ctx, where, MOST_BYTES, &data, &size);
+    sf_status status = sf_read_text(path->ctx, where, MOST_BYTES, &data, &size);
     if (status != SF_OK) return status;
     for (size_t at = 0; at < size && status == SF_OK; number++) {
         const uint8_t *end = memchr(data + at, '\n', size - at);

@@ -35,6 +35,11 @@ static void test_round_trip(void **state) {
                 c.worst_rms == example.worst_rms);
     assert_true(c.coverage == example.coverage && c.tilt_most == 41 && c.tilt_spread == 70);
     assert_true(c.views == 16 && c.views_rejected == 1 && c.corners == 1200 && c.corners_rejected == 9);
+    static const char marked[] =
+        "\xEF\xBB\xBF# as Windows' editors begin a text\n1 PINHOLE 640 480 500 501 320 240\n";
+    test_write(test_path("cameras.txt"), marked, sizeof marked - 1);
+    assert_ok(ctx, sf_calibration_load(ctx, test_path("cameras.txt"), &c));
+    assert_true(c.lens.fx == 500 && c.lens.fy == 501);
     sf_calibration bad = example;
     bad.lens.fy = NAN;
     assert_status(ctx, sf_calibration_save(ctx, &bad, test_path("bad.json")), SF_ERR_ARGUMENT);

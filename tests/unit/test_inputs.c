@@ -60,13 +60,17 @@ static void put(const char *project, const char *name, const void *data, size_t 
     test_write(inside(project, name), data, size);
 }
 
+static int marked; /* texts begin with a byte order mark */
+
 /* JSON is spelled with ' for ". */
 static void put_text(const char *project, const char *name, const char *text) {
     char plain[TEXT];
     size_t size = strlen(text), json = strstr(name, ".json") != NULL;
-    assert_true(size < sizeof plain);
-    for (size_t i = 0; i < size; i++) plain[i] = text[i] == '\'' && json ? '"' : text[i];
-    put(project, name, plain, size);
+    size_t mark = marked ? 3 : 0;
+    assert_true(mark + size < sizeof plain);
+    if (mark) memcpy(plain, "\xEF\xBB\xBF", mark);
+    for (size_t i = 0; i < size; i++) plain[mark + i] = text[i] == '\'' && json ? '"' : text[i];
+    put(project, name, plain, mark + size);
 }
 
 static void append(char *text, const char *format, ...) {
@@ -286,6 +290,13 @@ static void make_flat(const char *project, const char *folder) {
     put_model(project, folder, pinhole, 0, VIEWS, "%s.png");
 }
 
+/* As RealityScan does: all in one folder. */
+static void make_beside(const char *project, const char *rest) {
+    (void)rest;
+    put_pictures(project, ".", ".png", RGB);
+    put_model(project, "", pinhole, 0, VIEWS, "%s.png");
+}
+
 static void make_small(const char *project, const char *folder) {
     put_small(project, folder, 2);
     put_model(project, "sparse/0/", pinhole, 0, VIEWS, "%s.png");
@@ -302,6 +313,19 @@ static void make_subfolders(const char *project, const char *rest) {
     (void)rest;
     put_pictures(project, "images/a room/left eye", ".png", RGB);
     put_model(project, "sparse/0/", pinhole, 0, VIEWS, "a room/left eye/%s.png");
+}
+
+/* Names as Windows writes them. */
+static void make_backslashes(const char *project, const char *rest) {
+    (void)rest;
+    put_pictures(project, "images/a room", ".png", RGB);
+    put_model(project, "sparse/0/", pinhole, 0, VIEWS, "a room\\%s.png");
+}
+
+static void make_marked_colmap(const char *project, const char *camera) {
+    marked = 1;
+    make_colmap(project, camera);
+    marked = 0;
 }
 
 static void make_missing(const char *project, const char *rest) {
@@ -409,6 +433,12 @@ static void make_nerfstudio(const char *project, const char *more) {
                    "'file_path':'images/%s.png','depth_file_path':'depth/%s.png','colmap_im_id':1,");
 }
 
+static void make_marked_ngp(const char *project, const char *more) {
+    marked = 1;
+    make_ngp(project, more);
+    marked = 0;
+}
+
 static void make_mask_path(const char *project, const char *rest) {
     (void)rest;
     put_pictures(project, "images", ".png", RGB);
@@ -468,6 +498,12 @@ static void put_opensfm(const char *project, const char *file, const char *camer
 static void make_opensfm(const char *project, const char *camera) {
     put_pictures(project, "images", ".png", RGB);
     put_opensfm(project, "reconstruction.json", camera, 0, VIEWS, "%s.png");
+}
+
+static void make_marked_opensfm(const char *project, const char *camera) {
+    marked = 1;
+    make_opensfm(project, camera);
+    marked = 0;
 }
 
 static void make_odm(const char *project, const char *camera) {
@@ -659,6 +695,9 @@ static const fixture fixtures[] = {
     {"binary_rigs", make_binary, "", C, .lens = "PINHOLE"},
     {"sparse_flat", make_flat, "sparse/", C},
     {"root", make_flat, "", C},
+    {"beside", make_beside, "", C},
+    {"backslashes", make_backslashes, "", C},
+    {"marked_colmap", make_marked_colmap, pinhole, C, .lens = "PINHOLE"},
     {"images_4", make_small, "images_4", C, .divisor = 2, .log = "the pictures of images_4/ are taken"},
     {"other_size", make_small, "images", C, .divisor = 2},
     {"named_images", make_small, "photos", C, .images = "photos", .divisor = 2},
@@ -696,6 +735,7 @@ static const fixture fixtures[] = {
      .undistorted = 3, .no_points = 1},
     {"ngp_fisheye", make_ngp, "'is_fisheye':true,'k1':0.01,'k4':0.001,", T, .lens = "OPENCV_FISHEYE",
      .wide = 1, .undistorted = 3, .no_points = 1},
+    {"marked_ngp", make_marked_ngp, "", T, .no_points = 1},
     {"ngp_file", make_ngp, "", .open = "/transforms.json", T, .no_points = 1},
     {"ngp_images_2", make_ngp, "", .images = "images_2", T, .divisor = 2, .no_points = 1},
     {"nerfstudio", make_nerfstudio, "", T, .lens = "OPENCV", .undistorted = 3},
@@ -725,6 +765,7 @@ static const fixture fixtures[] = {
     {"opensfm_fisheye_opencv", make_opensfm,
      "'projection_type':'fisheye_opencv'," NORMALISED "'k1':0.01,'k2':0,'k3':0,'k4':0.001", O,
      .lens = "fisheye_opencv", .wide = 1, .undistorted = 3},
+    {"marked_opensfm", make_marked_opensfm, NORMALISED "'k1':0", .open = "/reconstruction.json", O},
     {"opensfm_file", make_opensfm, NORMALISED "'k1':0", .open = "/reconstruction.json", O},
     {"opensfm_drones", make_odm, "'projection_type':'brown'," NORMALISED "'k1':0", O, .color = 4},
     {"opensfm_undistorted", make_undistorted, "'projection_type':'perspective'," NORMALISED "'k1':0", O,
@@ -891,6 +932,10 @@ static const refusal refusals[] = {
     {REFUSE("no_number", make_opensfm, "'focal':'wide'", SF_ERR_FORMAT, "focal: is not a number")},
     {REFUSE("no_side", make_opensfm, "'width':2e9,'focal':1", SF_ERR_FORMAT,
             "width: is not a picture's side")},
+    {REFUSE("turned_pictures", make_colmap, "PINHOLE 16 24 21 20 8.5 12.5", SF_ERR_EMPTY,
+            "24 x 16 is not the camera's 16 x 24, nor its shape: turned, by EXIF?")},
+    {REFUSE("cropped_pictures", make_colmap, "PINHOLE 24 20 21 20 12.5 8.5", SF_ERR_EMPTY,
+            "24 x 16 is not the camera's 24 x 20, nor its shape: cropped?")},
     {REFUSE("no_cmyk", make_cmyk, ".jpg", SF_ERR_EMPTY, "3 lack a readable picture")},
     {REFUSE("no_images", make_colmap, pinhole, SF_ERR_IO, "absent: no such folder of pictures"),
      .images = "absent"},

@@ -164,6 +164,40 @@ static void test_cut_short(void **state) {
 
 /* YUV4MPEG2. */
 
+/* The matrix, of which the stream says nothing: by its height, unless it is asked for. */
+static void test_y4m_matrix(void **state) {
+    (void)state;
+    static const struct {
+        int height;
+        const char *colours, *options;
+        sf_yuv_matrix matrix;
+        int said;
+    } cases[] = {{719, "420", "", SF_YUV_601, 0},
+                 {720, "420", "", SF_YUV_709, 1},
+                 {720, "422", "", SF_YUV_709, 1},
+                 {1080, "444", "?fps=5", SF_YUV_709, 1},
+                 {720, "mono", "", SF_YUV_601, 0},
+                 {720, "420", "?matrix=601", SF_YUV_601, 0},
+                 {1080, "420", "?matrix=2020", SF_YUV_2020, 0}};
+    sf_context *ctx = test_context();
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char header[64];
+        sf_frame frame;
+        snprintf(header, sizeof header, "YUV4MPEG2 W1 H%d C%s\nFRAME\n", cases[i].height, cases[i].colours);
+        file.size = 0;
+        add_text(header);
+        add_pixels(0, (size_t)cases[i].height * 3); /* and more than it takes */
+        test_log_clear();
+        sf_source *source = open_source(ctx, put_file(cases[i].options));
+        assert_ok(ctx, sf_source_next(source, -1, &frame));
+        assert_int_equal(frame.matrix, cases[i].matrix);
+        assert_int_equal(strstr(test_log, "BT.709 is taken") != NULL, cases[i].said);
+        sf_source_release(source, &frame);
+        sf_source_close(&source);
+    }
+    sf_context_destroy(&ctx);
+}
+
 static void test_y4m_colours(void **state) {
     (void)state;
     static const struct {
@@ -744,25 +778,16 @@ static void test_memory_ends(void **state) {
 int main(void) {
     signal(SIGPIPE, SIG_IGN);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_raw_formats),
-        cmocka_unit_test(test_colours),
-        cmocka_unit_test(test_cut_short),
-        cmocka_unit_test(test_y4m_colours),
-        cmocka_unit_test(test_y4m_rate),
-        cmocka_unit_test(test_y4m_refused),
-        cmocka_unit_test(test_y4m_wrong_frame),
-        cmocka_unit_test(test_jpegs),
-        cmocka_unit_test(test_cut_jpegs),
-        cmocka_unit_test(test_cutter),
-        cmocka_unit_test(test_timeout),
-        cmocka_unit_test(test_nothing_is_lost),
-        cmocka_unit_test(test_live),
-        cmocka_unit_test(test_interrupted),
-        cmocka_unit_test(test_close),
-        cmocka_unit_test(test_standard_input),
-        cmocka_unit_test(test_leases),
-        cmocka_unit_test(test_bad_names),
-        cmocka_unit_test(test_memory_ends),
+        cmocka_unit_test(test_raw_formats),     cmocka_unit_test(test_colours),
+        cmocka_unit_test(test_cut_short),       cmocka_unit_test(test_y4m_matrix),
+        cmocka_unit_test(test_y4m_colours),     cmocka_unit_test(test_y4m_rate),
+        cmocka_unit_test(test_y4m_refused),     cmocka_unit_test(test_y4m_wrong_frame),
+        cmocka_unit_test(test_jpegs),           cmocka_unit_test(test_cut_jpegs),
+        cmocka_unit_test(test_cutter),          cmocka_unit_test(test_timeout),
+        cmocka_unit_test(test_nothing_is_lost), cmocka_unit_test(test_live),
+        cmocka_unit_test(test_interrupted),     cmocka_unit_test(test_close),
+        cmocka_unit_test(test_standard_input),  cmocka_unit_test(test_leases),
+        cmocka_unit_test(test_bad_names),       cmocka_unit_test(test_memory_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -96,6 +96,10 @@ static void assert_log(const char *part) { test_assert_contains(test_log, part, 
 
 /* Well-formed files. */
 
+static const char one_point[] =
+    "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+    "property float z\nend_header\n1 2 3\n";
+
 static void test_lens_for_all_and_for_one(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -302,6 +306,59 @@ static void test_start_and_end(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* As Windows writes names, and with endings as cameras write them. */
+static void test_names_of_windows(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    make_project(ctx, "windows");
+    assert_int_equal(rename(inside("windows", "images/b.png"), inside("windows", "images/b.PNG")), 0);
+    write_picture(ctx, inside("windows", "mask.png"), 1);
+    test_write(inside("windows", "points.ply"), one_point, strlen(one_point));
+    sf_scene *scene = load_json(
+        ctx, "windows",
+        "{" LENS "'ply_file_path':'.\\\\points.ply','test_filenames':['images\\\\c.png'],'frames':["
+        "{'file_path':'.\\\\images\\\\a.png','mask_path':'.\\\\mask.png','transform_matrix':" IDENTITY
+        "}," FRAME("images/b", IDENTITY) "," FRAME("images\\\\c.png", IDENTITY) "]}");
+    assert_int_equal(info_of(scene).views, 3);
+    assert_string_equal(view_of(scene, 0).name, "images/a.png");
+    assert_int_equal(info_of(scene).masked_views, 1);
+    assert_int_equal(info_of(scene).points, 1);
+    sf_scene_destroy(&scene);
+    sf_load_options options = train_all();
+    options.test_list = test_path("windows-list");
+    test_write(options.test_list, "\xEF\xBB\xBFimages\\b\r\n", 13);
+    scene = load_with(ctx, test_path("windows"), &options);
+    assert_int_equal(view_of(scene, 1).split, SF_SPLIT_TEST);
+    assert_int_equal(view_of(scene, 2).split, SF_SPLIT_TRAIN);
+    sf_scene_destroy(&scene);
+    assert_refused(ctx, "windows", "{" LENS "'frames':[" FRAME("..\\\\a.png", IDENTITY) "]}", SF_ERR_FORMAT,
+                   "is not a path inside its folder");
+    sf_context_destroy(&ctx);
+}
+
+/* Sides of 25 x 17 halve to 12 or 13 x 8 or 9, whoever rounds them; 24 x 16 are theirs but for a crop. */
+static void test_shapes(void **state) {
+    (void)state;
+    static const struct {
+        int w, h, views;
+    } cases[] = {{25, 17, 1}, {47, 33, 1}, {49, 31, 1}, {96, 64, 1},   {190, 130, 1}, {12, 8, 1},
+                 {24, 19, 0}, {16, 24, 0}, {48, 36, 0}, {200, 128, 1}, {210, 128, 0}};
+    sf_context *ctx = test_context();
+    make_project(ctx, "shapes");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[512];
+        snprintf(text, sizeof text,
+                 "{'fl_x':20,'frames':[{'w':%d,'h':%d,'file_path':'images/a.png','transform_matrix':" IDENTITY
+                 "}," FRAME("images/b.png", IDENTITY) "]}",
+                 cases[i].w, cases[i].h);
+        sf_scene *scene = load_json(ctx, "shapes", text);
+        if ((int)info_of(scene).views != 1 + cases[i].views) fail_msg("%d x %d", cases[i].w, cases[i].h);
+        assert_int_equal(info_of(scene).skipped_missing, 1 - cases[i].views);
+        sf_scene_destroy(&scene);
+    }
+    sf_context_destroy(&ctx);
+}
+
 static void test_distortion(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -350,10 +407,6 @@ static void test_masks(void **state) {
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
-
-static const char one_point[] =
-    "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
-    "property float z\nend_header\n1 2 3\n";
 
 static void test_points(void **state) {
     (void)state;
@@ -663,6 +716,8 @@ int main(void) {
         cmocka_unit_test(test_focal_order),
         cmocka_unit_test(test_pictures_of_no_pinhole),
         cmocka_unit_test(test_start_and_end),
+        cmocka_unit_test(test_names_of_windows),
+        cmocka_unit_test(test_shapes),
         cmocka_unit_test(test_distortion),
         cmocka_unit_test(test_masks),
         cmocka_unit_test(test_points),
