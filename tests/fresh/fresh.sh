@@ -40,6 +40,10 @@ in_root() { # COMMAND...: as root, or as $as
         ${MAKEFLAGS_IN_ROOT:+MAKEFLAGS="$MAKEFLAGS_IN_ROOT"} "$@"
 }
 
+serves() { # SUITE
+    curl -sfIo /dev/null "$MIRROR/dists/$1/InRelease" || wget -q --spider "$MIRROR/dists/$1/InRelease"
+}
+
 # A bare root of the suite, kept for the others of this run.
 make_base() { # SUITE
     base=$work/$1-base
@@ -96,7 +100,7 @@ readme() { # START
                 echo "$command: failed"
                 return 1
             fi
-            (as='' && yes | in_root sh -c "$line") || { echo "$line: failed"; return 1; }
+            (as='' && printf 'y\n' >"$root/tmp/yes" && in_root sh -c "$line" <"$root/tmp/yes") || { echo "$line: failed"; return 1; }
             in_root sh -c "cd $tree && $command" || { echo "$command: failed after what it asked for was installed"; return 1; }
         fi
     done
@@ -126,9 +130,14 @@ passed=0 failed=0 skipped=0
 one() { # SUITE/START
     suite=${1%/*} start=${1#*/} began=$SECONDS as='' result=
     log=$work/$suite-$start.log
-    if ! make_base "$suite"; then
+    if [ "$suite" = sid ] && ! serves sid; then
         echo "skipped $1: the mirror does not serve it"
         skipped=$((skipped + 1))
+        return
+    fi
+    if ! make_base "$suite"; then
+        echo "FAILED  $1: debootstrap"
+        failed=$((failed + 1))
         return
     fi
     if ! make_root "$suite" "$start"; then
