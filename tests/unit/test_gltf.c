@@ -199,8 +199,8 @@ static void test_moves_as_nodes_say(void **state) {
     static const char *const nodes[] = {
         "\"mesh\":0,\"translation\":[10,0,0],\"rotation\":[0,0,0.70710678,0.70710678],\"scale\":[3,3,3]",
         "\"mesh\":0,\"matrix\":[0,3,0,0,-3,0,0,0,0,0,3,0,10,0,0,1]",
-        "\"children\":[1],\"translation\":[10,0,0]},{\"mesh\":0,\"rotation\":[0,0,0.70710678,0.70710678],"
-        "\"scale\":[3,3,3]"};
+        ("\"children\":[1],\"translation\":[10,0,0]},{\"mesh\":0,\"rotation\":[0,0,0.70710678,0.70710678],"
+         "\"scale\":[3,3,3]")};
     sf_context *ctx = test_context();
     const float mean[] = {-4, -3, 9}, scales[] = {logf(3), logf(6), logf(12)};
     (void)state;
