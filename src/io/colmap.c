@@ -56,10 +56,10 @@ typedef struct point_record {
 } point_record;
 
 static sf_status unsupported(reader *r, const camera *c) {
-    return sf_fail(
-        r->ctx, SF_ERR_UNSUPPORTED,
-        "%s: camera %lu: model %s is not supported; colmap image_undistorter makes a PINHOLE of it", r->file,
-        (unsigned long)c->id, c->lens.model);
+    int panorama = !strcmp(c->lens.model, "EQUIRECTANGULAR"); /* no pinhole camera shows all of it */
+    return sf_fail(r->ctx, SF_ERR_UNSUPPORTED, "%s: camera %lu: model %s is not supported%s", r->file,
+                   (unsigned long)c->id, c->lens.model,
+                   panorama ? "" : "; colmap image_undistorter makes a PINHOLE of it");
 }
 
 static sf_status check_side(reader *r, uint32_t id, const char *side, uint64_t value) {

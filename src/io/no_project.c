@@ -2,6 +2,7 @@
 #include "no_project.h"
 
 #include "../base/context.h"
+#include "../base/file.h"
 #include "project.h"
 
 #include <dirent.h>
@@ -61,6 +62,22 @@ static int stem(const char *path) {
     return length;
 }
 
+/* The first `length` bytes of a text and an ending as one word of the shell: within single quotes, of which
+ * each in the text is '\''. NULL: no memory. */
+static char *quote(sf_context *ctx, const char *text, int length, const char *ending) {
+    char *word = sf_alloc(ctx, 4 * (size_t)length + strlen(ending) + 3, 1), *at = word;
+    if (!word) return NULL;
+    *at++ = '\'';
+    for (int i = 0; i < length; i++) {
+        if (text[i] == '\'')
+            at += sprintf(at, "'\\''");
+        else
+            *at++ = text[i];
+    }
+    sprintf(at, "%s'", ending);
+    return word;
+}
+
 /* Of the folder in the shell's $P, whose images are in $P/images: COLMAP writes $P/sparse. */
 #define COLMAP                                                                                               \
     "QT_QPA_PLATFORM=offscreen colmap automatic_reconstructor --workspace_path \"$P\" "                      \
@@ -68,19 +85,45 @@ static int stem(const char *path) {
     "&& splatfit fit \"$P\" -o splat.ply"
 
 static sf_status tell_images(sf_context *ctx, const char *folder, size_t count) {
-    return sf_fail(
-        ctx, SF_ERR_IO,
-        "%s: no project: %zu pictures in images, but no cameras. COLMAP finds them: P='%.*s'; %s" COLMAP,
-        folder, count, stem(folder), folder, install("colmap"));
+    char *P = quote(ctx, folder, stem(folder), "");
+    sf_status status = SF_ERR_MEMORY;
+    if (P)
+        status = sf_fail(
+            ctx, SF_ERR_IO,
+            "%s: no project: %zu pictures in images, but no cameras. COLMAP finds them: P=%s; %s" COLMAP,
+            folder, count, P, install("colmap"));
+    sf_free(ctx, P);
+    return status;
 }
 
 /* Pictures in the folder itself: a new folder beside it refers to them. */
 static sf_status tell_photos(sf_context *ctx, const char *folder, size_t count) {
-    return sf_fail(
-        ctx, SF_ERR_IO,
-        "%s: no project: %zu pictures, but no cameras. COLMAP finds them: P='%.*s.project'; %smkdir \"$P\" "
-        "&& ln -s \"$(realpath '%s')\" \"$P/images\" && " COLMAP,
-        folder, count, stem(folder), folder, install("colmap"), folder);
+    char *P = quote(ctx, folder, stem(folder), ".project"), *photos = quote(ctx, folder, stem(folder), "");
+    sf_status status = SF_ERR_MEMORY;
+    if (P && photos)
+        status = sf_fail(ctx, SF_ERR_IO,
+                         "%s: no project: %zu pictures, but no cameras. COLMAP finds them: P=%s; %smkdir "
+                         "\"$P\" && ln -s \"$(realpath %s)\" \"$P/images\" && " COLMAP,
+                         folder, count, P, install("colmap"), photos);
+    sf_free(ctx, P);
+    sf_free(ctx, photos);
+    return status;
+}
+
+/* COLMAP's database says what was found in pictures, not where the cameras were: the mapper does. */
+static sf_status tell_database(sf_context *ctx, const char *folder) {
+    char *P = quote(ctx, folder, stem(folder), "");
+    sf_status status = SF_ERR_MEMORY;
+    if (P)
+        status = sf_fail(
+            ctx, SF_ERR_IO,
+            "%s: no project: COLMAP's database.db, but neither cameras nor pictures. Put the pictures into "
+            "its folder images, then: P=%s; %smkdir -p \"$P/sparse\" && QT_QPA_PLATFORM=offscreen colmap "
+            "mapper --database_path \"$P/database.db\" --image_path \"$P/images\" --output_path "
+            "\"$P/sparse\" && splatfit fit \"$P\" -o splat.ply",
+            folder, P, install("colmap"));
+    sf_free(ctx, P);
+    return status;
 }
 
 /* The folder of a project's pictures in place of the project. */
@@ -95,14 +138,20 @@ static sf_status tell_project_above(sf_context *ctx, const char *folder, char *a
 }
 
 static sf_status tell_video(sf_context *ctx, sf_status status, const char *what, const char *video) {
-    const char *slash = strrchr(video, '/'), *name = slash ? slash + 1 : video;
-    int length = (int)strcspn(name, ".");
-    return sf_fail(ctx, status,
-                   "%s: no project: a video, whose cameras are not known. Take its sharpest frames: %sffmpeg "
-                   "-i '%s' -f yuv4mpegpipe - | "
-                   "splatfit capture pipe:- -o '%.*s.project' --every 10 --sharpest; then \"splatfit info "
-                   "%.*s.project\" says how COLMAP finds the cameras",
-                   what, install("ffmpeg"), video, length, name, length, name);
+    const char *slash = strrchr(video, '/'), *name = slash ? slash + 1 : video, *dot = strrchr(name, '.');
+    int length = dot > name ? (int)(dot - name) : (int)strlen(name);
+    char *film = quote(ctx, video, (int)strlen(video), ""), *P = quote(ctx, name, length, ".project");
+    if (film && P)
+        status = sf_fail(ctx, status,
+                         "%s: no project: a video, whose cameras are not known. Take its sharpest frames: "
+                         "%sffmpeg -i %s -f yuv4mpegpipe - | splatfit capture pipe:- -o %s --every 10 "
+                         "--sharpest; then \"splatfit info %.*s.project\" says how COLMAP finds the cameras",
+                         what, install("ffmpeg"), film, P, length, name);
+    else
+        status = SF_ERR_MEMORY;
+    sf_free(ctx, film);
+    sf_free(ctx, P);
+    return status;
 }
 
 static sf_status tell_videos(sf_context *ctx, const char *folder, const char *name) {
@@ -110,6 +159,18 @@ static sf_status tell_videos(sf_context *ctx, const char *folder, const char *na
     sf_status status = video ? tell_video(ctx, SF_ERR_IO, folder, video) : SF_ERR_MEMORY;
     sf_free(ctx, video);
     return status;
+}
+
+/* By its first bytes: MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI;
+ * YUV4MPEG2. */
+static int is_video(const char *path) {
+    static const char *const stills[] = {"heic", "heix", "heif", "mif1", "msf1", "avif", NULL};
+    uint8_t start[12];
+    if (sf_read_start(path, start, sizeof start) < sizeof start) return 0;
+    for (int i = 0; stills[i]; i++)
+        if (!memcmp(start + 8, stills[i], 4)) return 0;
+    return !memcmp(start + 4, "ftyp", 4) || !memcmp(start, "\x1a\x45\xdf\xa3", 4) ||
+           (!memcmp(start, "RIFF", 4) && !memcmp(start + 8, "AVI ", 4)) || !memcmp(start, "YUV4MPEG2", 9);
 }
 
 sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
@@ -125,6 +186,7 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
         return status ? status : tell_photos(ctx, folder, here);
     }
     if (count_files(folder, videos, name)) return tell_videos(ctx, folder, name);
+    if (sf_holds_file(folder, "database.db")) return tell_database(ctx, folder);
     return sf_fail(
         ctx, SF_ERR_IO,
         "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for transforms.json, "
@@ -133,7 +195,7 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
 }
 
 sf_status sf_no_project_file(sf_context *ctx, const char *path) {
-    if (ends_with_one_of(path, videos)) return tell_video(ctx, SF_ERR_FORMAT, path, path);
+    if (ends_with_one_of(path, videos) || is_video(path)) return tell_video(ctx, SF_ERR_FORMAT, path, path);
     if (ends_with_one_of(path, pictures))
         return sf_fail(ctx, SF_ERR_FORMAT,
                        "%s: is one picture; a project is a folder of pictures with their cameras (COLMAP, "

@@ -72,6 +72,13 @@ static void fill_view(const sf_picture *p, int factor, const sf_view *v) {
         for (size_t x = 0; x < (size_t)v->camera.width; x++) average_box(p, x, y, (size_t)factor, v);
 }
 
+static int is_hidden(const sf_view *v) {
+    size_t n = (size_t)v->camera.width * (size_t)v->camera.height;
+    for (size_t i = 0; v->weight && i < n; i++)
+        if (v->weight[i]) return 0;
+    return v->weight != NULL;
+}
+
 static sf_camera pinhole(const sf_entry *e, const sf_optics *lens, const sf_picture *p) {
     sf_undistorted frame = sf_undistort_frame(lens, p->width, p->height);
     sf_camera camera = {.width = frame.width,
@@ -89,6 +96,7 @@ typedef struct result {
     sf_view *view; /* NULL if skipped */
     sf_status status;
     int bad_pose, rotated, undistorted, alpha;
+    int hidden; /* no pixel of the view counts */
     char fault[SF_PICTURE_FAULT_BYTES];
 } result;
 
@@ -124,6 +132,7 @@ static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, r
     r->view->lens = note;
     r->view->masked = e->mask != NULL;
     r->view->alpha = r->alpha;
+    r->hidden = is_hidden(r->view);
     return SF_OK;
 }
 
@@ -182,6 +191,21 @@ static const char *first_bad_pose(const loading *l) {
     return "";
 }
 
+static void report_hidden(const loading *l, const char *path) {
+    const char *first = NULL;
+    size_t count = 0;
+    for (size_t i = 0; i < l->project->count; i++) {
+        if (!l->results[i].hidden) continue;
+        if (!first) first = l->project->entries[i].path;
+        count++;
+    }
+    if (first)
+        sf_log(
+            l->ctx, SF_LOG_WARNING,
+            "%s: %zu of %zu pictures have no pixel that counts: a mask or transparency hides all (first: %s)",
+            path, count, l->project->count, first);
+}
+
 /* A lens that sees more than a pinhole camera can show. */
 static void report_cropped(const loading *l, const char *path, const sf_scene *scene) {
     const sf_view *first = NULL;
@@ -226,6 +250,7 @@ static void report(const loading *l, const char *path, const sf_scene *scene) {
     if (scene->undistorted_views)
         sf_log(l->ctx, SF_LOG_INFO, "%s: %zu views undistorted", path, scene->undistorted_views);
     report_cropped(l, path, scene);
+    report_hidden(l, path);
 }
 
 /* " (first: PATH: why)" of a picture that was skipped, or "". */
@@ -236,11 +261,23 @@ static void first_fault(const loading *l, char *text, size_t size) {
             snprintf(text, size, " (first: %s: %s)", l->project->entries[i].path, l->results[i].fault);
 }
 
+/* Without a pixel that counts a fit would end with no Gaussian. */
 static sf_status check_training(const loading *l, const char *path, const sf_scene *scene) {
     const sf_project *p = l->project;
     char fault[PATH_MAX + SF_PICTURE_FAULT_BYTES];
-    for (size_t i = 0; i < scene->view_count; i++)
-        if (scene->views[i]->split == SF_SPLIT_TRAIN) return SF_OK;
+    size_t training = 0;
+    for (size_t i = 0; i < scene->view_count; i++) {
+        if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
+        if (!is_hidden(scene->views[i])) return SF_OK;
+        training++;
+    }
+    if (training)
+        return sf_fail(
+            p->ctx, SF_ERR_EMPTY,
+            "%s: none of %zu training views has a pixel that counts: masks or transparency hide all "
+            "(in a mask black is ignored, white counts; no_masks and SF_ALPHA_IGNORE, --no-masks "
+            "and --alpha ignore, take all pixels)",
+            path, training);
     first_fault(l, fault, sizeof fault);
     return sf_fail(
         p->ctx, SF_ERR_EMPTY,

@@ -351,6 +351,23 @@ static void make_label_masks(const char *project, const char *rest) {
     put_mask_of(project, "masks/c.png", 1, 17);
 }
 
+/* Of which the first `hidden` keep nothing. */
+static void make_black_masks(const char *project, int hidden) {
+    static const char *const files[] = {"masks/a.png", "masks/b.png", "masks/c.png"};
+    make_colmap(project, pinhole);
+    for (int v = 0; v < VIEWS; v++) put_mask_of(project, files[v], 1, v < hidden ? 0 : 255);
+}
+
+static void make_one_black_mask(const char *project, const char *rest) {
+    (void)rest;
+    make_black_masks(project, 1);
+}
+
+static void make_all_masks_black(const char *project, const char *rest) {
+    (void)rest;
+    make_black_masks(project, VIEWS);
+}
+
 static void make_small_masks(const char *project, const char *rest) {
     make_colmap(project, rest);
     put_mask(project, "masks/a.png.png", 2);
@@ -719,6 +736,8 @@ static const fixture fixtures[] = {
     {"masks_unused", make_masked, "other/%s.png", C},
     {"masks_refused", make_masked, "masks/%s.png", .no_masks = 1, C},
     {"masks_some", make_small_masks, pinhole, C, .masked = 2, .hidden = 1, .log = "masks of 2 of 3 pictures"},
+    {"masks_one_black", make_one_black_mask, pinhole, C, .masked = 3, .hidden = 1,
+     .log = "1 of 3 pictures have no pixel that counts: a mask or transparency hides all (first: "},
     {"grey", make_grey, ".png", C, .color = 3},
     {"deep", make_deep, ".png", C},
     {"palette", make_palette, ".png", C},
@@ -944,6 +963,8 @@ static const refusal refusals[] = {
     {REFUSE("empty_masks", make_masked, "masks/%s-other.png", SF_ERR_IO,
             "no mask fits a picture: looked for a.png.png, a.png, a_mask.png"),
      .masks = "masks"},
+    {REFUSE("black_masks", make_all_masks_black, "", SF_ERR_EMPTY,
+            "training views has a pixel that counts: masks or transparency hide all")},
     {REFUSE("no_sub_model", make_several, "", SF_ERR_IO, "none of its 2 models is 7"), .sub_model = 8},
     {REFUSE("no_reconstruction", make_opensfm, "'focal':1", SF_ERR_IO, "none of its 2 reconstructions is 2"),
      .sub_model = 3},

@@ -51,6 +51,45 @@ static void test_videos(void **state) {
     assert_says(SF_ERR_IO, "films", parts + 1);
 }
 
+/* By their first bytes, whatever their names; a picture of a phone begins as an MP4 does. */
+static void test_videos_by_content(void **state) {
+    (void)state;
+    static const struct {
+        const char *name, *bytes;
+    } films[] = {{"mp4", "\1\1\1\40ftypisom...."},
+                 {"mov", "\1\1\1\24ftypqt  ...."},
+                 {"mkv", "\x1a\x45\xdf\xa3............"},
+                 {"avi", "RIFF....AVI LIST"},
+                 {"y4m", "YUV4MPEG2 W16 H16"}};
+    for (size_t i = 0; i < sizeof films / sizeof *films; i++) {
+        test_write(test_path(films[i].name), films[i].bytes, strlen(films[i].bytes));
+        assert_says(SF_ERR_FORMAT, films[i].name, (const char *[]){"no project: a video", ".project'", NULL});
+    }
+    test_write(test_path("still"), "\1\1\1\40ftypheic....", 16);
+    assert_says(SF_ERR_FORMAT, "still", (const char *[]){"still: is neither a folder", NULL});
+}
+
+static void test_database(void **state) {
+    (void)state;
+    mkdir(test_path("matched"), 0777);
+    make_file("matched/database.db");
+    assert_says(SF_ERR_IO, "matched",
+                (const char *[]){"COLMAP's database.db, but neither cameras nor pictures",
+                                 "colmap mapper --database_path \"$P/database.db\"", NULL});
+}
+
+/* A command that is pasted into a shell must name what is there. */
+static void test_quotes_in_names(void **state) {
+    (void)state;
+    mkdir(test_path("bob's"), 0777);
+    make_file("bob's/a.jpg");
+    assert_says(SF_ERR_IO, "bob's",
+                (const char *[]){"bob'\\''s.project'; ", "bob'\\''s')\" \"$P/images\"", NULL});
+    make_file("bob's first.walk.mp4");
+    assert_says(SF_ERR_FORMAT, "bob's first.walk.mp4",
+                (const char *[]){"bob'\\''s first.walk.mp4' -f", "-o 'bob'\\''s first.walk.project'", NULL});
+}
+
 /* What is not installed is installed first. */
 static void test_missing_programs(void **state) {
     (void)state;
@@ -77,8 +116,13 @@ static void test_others(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_photos), cmocka_unit_test(test_images_without_cameras),
-        cmocka_unit_test(test_videos), cmocka_unit_test(test_missing_programs),
+        cmocka_unit_test(test_photos),
+        cmocka_unit_test(test_images_without_cameras),
+        cmocka_unit_test(test_videos),
+        cmocka_unit_test(test_missing_programs),
+        cmocka_unit_test(test_videos_by_content),
+        cmocka_unit_test(test_database),
+        cmocka_unit_test(test_quotes_in_names),
         cmocka_unit_test(test_others),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
