@@ -73,7 +73,7 @@ const char *app_output(const args *a, const char *name);
  * write; none is named twice. */
 int app_check_outputs(const args *a, sf_context *ctx, const char *output, const char *const *names, int n);
 
-/* Whether a path ends as the files of models do: .ply, .spz, .splat, .glb, .gltf. */
+/* Whether a path ends as the files of models do: .ply, .spz, .splat, .glb, .gltf, .sog. */
 int app_names_model(const char *path);
 
 /* The folder of a path, with its slash; "" if it has none. free() it. */

@@ -8,7 +8,8 @@
 #include "live.h"
 
 static const arg_option own_options[] = {
-    {"output", 'o', "FILE", "the model to write, a .ply, .spz or .splat, every --save-every and at the end"},
+    {"output", 'o', "FILE",
+     "the model to write, a .ply, .spz, .splat or .glb, every --save-every and at the end"},
     {"seconds", 0, "S", "end after S seconds, and plan for them; default: no end, until Ctrl-C"},
     {"board", 0, "NAME",
      "poses from a board of AprilTags: a4-36h11, letter-36h11, a3-36h11 or a .json of one's own (a4-36h11)"},

@@ -104,7 +104,8 @@ static const arg_option *const tables[] = {own_options, model_options, common_op
 const command command_view = {
     .name = "view",
     .synopsis = "MODEL [OPTIONS]",
-    .summary = "Shows a model (.ply, .spz, .splat) on a page that it serves. It prints the page's address "
+    .summary = "Shows a model (.ply, .spz, .splat, .glb, .gltf, .sog) on a page that it serves. It prints "
+               "the page's address "
                "for a browser, "
                "with the token that others than this machine need, and ends with SIGINT (Ctrl-C) or SIGTERM. "
                "Colours "

@@ -22,10 +22,9 @@ static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user)
 static int shows(const sf_fitter *f, uint32_t id) {
     sf_view *view = sf_scene_retain_id(f->scene, id);
     if (!view) return 0; /* gone since */
-    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height, i = 0;
-    while (view->weight && i < pixels && !view->weight[i]) i++;
+    int hidden = sf_view_is_hidden(view);
     sf_view_release(view);
-    return i < pixels;
+    return !hidden;
 }
 
 sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn look, void *user,

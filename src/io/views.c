@@ -72,13 +72,6 @@ static void fill_view(const sf_picture *p, int factor, const sf_view *v) {
         for (size_t x = 0; x < (size_t)v->camera.width; x++) average_box(p, x, y, (size_t)factor, v);
 }
 
-static int is_hidden(const sf_view *v) {
-    size_t n = (size_t)v->camera.width * (size_t)v->camera.height;
-    for (size_t i = 0; v->weight && i < n; i++)
-        if (v->weight[i]) return 0;
-    return v->weight != NULL;
-}
-
 static sf_camera pinhole(const sf_entry *e, const sf_optics *lens, const sf_picture *p) {
     sf_undistorted frame = sf_undistort_frame(lens, p->width, p->height);
     sf_camera camera = {.width = frame.width,
@@ -132,7 +125,7 @@ static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, r
     r->view->lens = note;
     r->view->masked = e->mask != NULL;
     r->view->alpha = r->alpha;
-    r->hidden = is_hidden(r->view);
+    r->hidden = sf_view_is_hidden(r->view);
     return SF_OK;
 }
 
@@ -268,7 +261,7 @@ static sf_status check_training(const loading *l, const char *path, const sf_sce
     size_t training = 0;
     for (size_t i = 0; i < scene->view_count; i++) {
         if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
-        if (!is_hidden(scene->views[i])) return SF_OK;
+        if (!sf_view_is_hidden(scene->views[i])) return SF_OK;
         training++;
     }
     if (training)

@@ -7,6 +7,7 @@
 #include <time.h>
 
 #include "../base/clock.h"
+#include "../io/optics.h"
 
 enum {
     WAIT_MS = 100, /* for a frame: so soon is the end noticed */
@@ -68,10 +69,6 @@ static void find_lens(sf_intake *in, const sf_frame *frame) {
            "no lens is known: taken as %.0f px of focal length; splatfit calibrate measures it", f);
 }
 
-static int is_pinhole(const sf_lens *l) {
-    return l->k1 == 0 && l->k2 == 0 && l->p1 == 0 && l->p2 == 0 && l->k3 == 0;
-}
-
 static sf_status prepare(sf_intake *in, const sf_frame *frame) {
     if (in->remap) return SF_OK;
     find_lens(in, frame);
@@ -103,12 +100,12 @@ static sf_status develop(sf_intake *in, const sf_frame *frame, int slot) {
     size_t pixels = (size_t)frame->width * (size_t)frame->height, width = (size_t)frame->width;
     sf_picture *p = &in->pictures[slot];
     sf_status status = prepare(in, frame);
-    if (!status) status = make_room(in, slot, !is_pinhole(&in->lens));
+    if (!status) status = make_room(in, slot, sf_lens_is_distorted(&in->lens));
     if (!status)
         status = sf_grow(in->own, &in->planes, &in->plane_capacity, 0, 3 * pixels, sizeof *in->planes);
     if (status) return status;
     float *const from[3] = {in->planes, in->planes + pixels, in->planes + 2 * pixels};
-    int as_it_is = in->downscale == 1 && is_pinhole(&in->lens);
+    int as_it_is = in->downscale == 1 && !sf_lens_is_distorted(&in->lens);
     status = sf_frame_convert(in->own, frame, as_it_is ? p->rgb : from, width);
     if (!status && !as_it_is)
         status = sf_remap_run(in->remap, from, width, p->rgb, (size_t)in->pinhole.width, p->weight);

@@ -35,6 +35,12 @@ sf_view *sf_view_retain(sf_view *view) {
     return view;
 }
 
+int sf_view_is_hidden(const sf_view *view) {
+    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height, i = 0;
+    while (view->weight && i < pixels && !view->weight[i]) i++;
+    return view->weight && i == pixels;
+}
+
 void sf_view_release(sf_view *view) {
     if (!view || atomic_fetch_sub(&view->references, 1) > 1) return;
     sf_context *ctx = view->ctx;

@@ -52,6 +52,9 @@ sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *cam
 sf_view *sf_view_retain(sf_view *view);
 void sf_view_release(sf_view *view);
 
+/* Whether no pixel of the view counts: a mask or transparency hides all. */
+int sf_view_is_hidden(const sf_view *view);
+
 /* Whether a pinhole camera shows less, by three degrees or more. */
 int sf_lens_is_cropped(const sf_lens_note *lens);
 
