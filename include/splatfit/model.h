@@ -93,7 +93,8 @@ typedef enum sf_model_format {
     SF_MODEL_SPLAT, /* .splat: 32 bytes a Gaussian without higher SH bands, for previews */
     SF_MODEL_GLTF,  /* .glb, read also .gltf: glTF 2.0 with KHR_gaussian_splatting, floats, in glTF's own axes
                         (a model's x and y negated) */
-    SF_MODEL_SOG    /* .sog, or its meta.json: read alone, where libzip and libwebp are there to build with */
+    SF_MODEL_SOG /* .sog, read also the meta.json of a folder: PlayCanvas's, of version 2 (read also 1); where
+                     libwebp, and to read it libzip, was there to build with */
 } sf_model_format;
 
 /* The axes that a .spz is in: most files do not tell, an extension may. */
@@ -128,8 +129,8 @@ SF_API sf_status sf_model_load_as(sf_context *context, const char *path, const s
                                   sf_model **model);
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);
 
-/* Whether a model can be written under this name with SF_MODEL_AUTO: it ends in .ply, .spz, .splat or .glb,
- * in small letters or capitals, or has no ending, which makes a .ply. SF_ERR_UNSUPPORTED where not. */
+/* Whether a model can be written under this name with SF_MODEL_AUTO: it ends in .ply, .spz, .splat, .glb or
+ * .sog, in small letters or capitals, or has no ending, which makes a .ply. SF_ERR_UNSUPPORTED where not. */
 SF_API sf_status sf_model_check_name(sf_context *context, const char *path);
 
 /* Writes a model under a temporary name and renames it; a device, a pipe and "-" (standard output) are

@@ -124,7 +124,8 @@ const command command_convert = {
     .name = "convert",
     .synopsis = "IN OUT [PROJECT] [OPTIONS]",
     .summary =
-        "Converts a model between .ply, .spz, .splat and .glb, as the names end, and says what that costs. "
+        "Converts a model between .ply, .spz, .splat, .glb and .sog, as the names end, and says what that "
+        "costs. "
         "It can "
         "be "
         "turned, scaled, moved and cut on the way. Both "

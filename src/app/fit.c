@@ -9,7 +9,7 @@
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE",
-     "the model to write, an INRIA .ply, or a .spz, .splat or .glb by its name; - for standard output "
+     "the model to write, an INRIA .ply, or a .spz, .splat, .glb or .sog by its name; - for standard output "
      "(splat.ply)"},
     {"from", 0, "MODEL", "go on from a model, of splatfit or others: full resolution from the first step"},
     {"cameras", 0, "FILE", "cameras.json to write, as refined; none for none (beside the model)"},

@@ -9,7 +9,7 @@
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE",
-     "the model to write, a .ply, .spz, .splat or .glb, every --save-every and at the end"},
+     "the model to write, a .ply, .spz, .splat, .glb or .sog, every --save-every and at the end"},
     {"seconds", 0, "S", "end after S seconds, and plan for them; default: no end, until Ctrl-C"},
     {"board", 0, "NAME",
      "poses from a board of AprilTags: a4-36h11, letter-36h11, a3-36h11 or a .json of one's own (a4-36h11)"},

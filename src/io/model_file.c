@@ -64,7 +64,7 @@ static const char *ending(const char *path) {
 }
 
 static sf_model_format format_to_write(const char *path) {
-    for (sf_model_format f = SF_MODEL_PLY; f < SF_MODEL_SOG; f++)
+    for (sf_model_format f = SF_MODEL_PLY; f <= SF_MODEL_SOG; f++)
         if (has_extension(path, formats[f].extension)) return f;
     return *ending(path) ? SF_MODEL_AUTO : SF_MODEL_PLY;
 }
@@ -72,7 +72,7 @@ static sf_model_format format_to_write(const char *path) {
 sf_status sf_model_check_name(sf_context *ctx, const char *path) {
     if (format_to_write(path)) return SF_OK;
     return sf_fail(ctx, SF_ERR_UNSUPPORTED,
-                   "%s: models are not written as %.40s: name it .ply, .spz, .splat or .glb", path,
+                   "%s: models are not written as %.40s: name it .ply, .spz, .splat, .glb or .sog", path,
                    ending(path));
 }
 

@@ -30,7 +30,6 @@ sf_status sf_splat_put(sf_writer *w, const sf_model *model, int sh_degree,
                        const sf_model_file_options *options);
 sf_status sf_gltf_put(sf_writer *w, const sf_model *model, int sh_degree,
                       const sf_model_file_options *options);
-/* Refuses: SOG is read alone. */
 sf_status sf_sog_put(sf_writer *w, const sf_model *model, int sh_degree,
                      const sf_model_file_options *options);
 

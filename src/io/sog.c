@@ -308,10 +308,3 @@ sf_status sf_sog_load(sf_context *ctx, const char *path, const sf_model_file_opt
 }
 
 #endif
-
-sf_status sf_sog_put(sf_writer *w, const sf_model *model, int sh_degree,
-                     const sf_model_file_options *options) {
-    (void)model, (void)sh_degree, (void)options;
-    return sf_fail(w->ctx, SF_ERR_UNSUPPORTED, "%s: SOG is read only: name it .spz for a small file",
-                   w->path);
-}

@@ -36,6 +36,7 @@
     F(ply, NULL)                                                                                             \
     F(poses, NULL)                                                                                           \
     F(replay, NULL)                                                                                          \
+    F(sog, NULL)                                                                                             \
     F(source, NULL)                                                                                          \
     F(splat, NULL)                                                                                           \
     F(spz, NULL)                                                                                             \

@@ -67,10 +67,15 @@ static size_t unpack(const char *path, uint8_t *to, size_t room) {
 }
 
 static void put_models(sf_context *ctx) {
+    static const char sog_meta[] =
+        "{\"means\":{\"shape\":[3,3],\"mins\":[0,0,0],\"maxs\":[1,1,1],\"files\":[\"0\",\"1\"]},"
+        "\"scales\":{\"mins\":[-5,-5,-5],\"maxs\":[0,0,0],\"files\":[\"2\"]},\"quats\":{\"files\":[\"3\"]},"
+        "\"sh0\":{\"mins\":[0,0,0,-2],\"maxs\":[1,1,1,3],\"files\":[\"4\"]}}";
     const char *ply = fuzz_path("seed.ply"), *spz = fuzz_path("seed.spz"), *splat = fuzz_path("seed.splat"),
-               *glb = fuzz_path("seed.glb");
+               *glb = fuzz_path("seed.glb"), *sog = fuzz_path("seed.sog");
     uint8_t unpacked[4096];
     size_t size;
+    put("sog", "meta", "\7", 1, sog_meta, sizeof sog_meta - 1);
     for (int degree = 0; degree <= SF_MAX_SH_DEGREE; degree += 3) {
         sf_model *model = make_model(ctx, degree);
         char name[16];
@@ -84,6 +89,7 @@ static void put_models(sf_context *ctx) {
         put("spz", degree ? "unpacked3" : "unpacked0", "\1", 1, unpacked, size);
         put_file("splat", name, "", 0, splat);
         put_file("gltf", name, "", 0, glb);
+        if (!sf_model_save(model, sog)) put_file("sog", name, "\377", 1, sog); /* where libwebp is there */
         sf_model_destroy(&model);
     }
 }

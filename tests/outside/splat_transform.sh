@@ -70,4 +70,19 @@ check 'and it is the same' alike rounded "$work/model.ply" "$work/theirs-glb.ply
 check 'we write .glb' ours convert "$work/theirs-glb.ply" "$work/ours.glb" -q
 check 'we read it' ours convert "$work/ours.glb" "$work/ours-glb.ply" -q
 check 'and it is the same' alike rounded "$work/model.ply" "$work/ours-glb.ply"
+
+# SOG, both ways.
+if ours info --build | grep -q 'libwebp.*not built in'; then
+    skipped=$((skipped + 1))
+    echo 'SKIPPED SOG: this build is without libwebp'
+    finish
+fi
+check 'writes .sog' theirs -g cpu "$work/model.ply" "$work/theirs.sog"
+check 'we read it' ours convert "$work/theirs.sog" "$work/theirs-sog.ply" -q
+check 'it reads it' theirs "$work/theirs.sog" "$work/theirs-sog-theirs.ply"
+check 'as we do' alike rounded "$work/theirs-sog.ply" "$work/theirs-sog-theirs.ply"
+check 'we write .sog' ours convert "$work/model.ply" "$work/ours.sog" -q
+check 'we read it' ours convert "$work/ours.sog" "$work/ours-sog.ply" -q
+check 'reads our .sog' theirs "$work/ours.sog" "$work/ours-sog-theirs.ply"
+check 'as we do' alike rounded "$work/ours-sog.ply" "$work/ours-sog-theirs.ply"
 finish

@@ -542,8 +542,9 @@ static void test_silent_source(void **state) {
 static void test_lens(void **state) {
     (void)state;
     sf_context *ctx = test_context();
-    sf_calibration known = {
-        .width = SCENE_WIDTH, .height = SCENE_HEIGHT, .lens = {30, 31, 16.5, 12.25, 0.1, -0.02, 1e-3, 2e-3}};
+    sf_calibration known = {.width = SCENE_WIDTH,
+                            .height = SCENE_HEIGHT,
+                            .lens = {30, 31, 16.5, 12.25, 0.1, -0.02, 1e-3, 2e-3, 0}};
     assert_ok(ctx, sf_calibration_save(ctx, &known, test_path("lens.json")));
     capture_ok(SCENE, "-o", "lens", "--frames", "1", "--lens", "lens.json", "--downscale", "2");
     json_t *list = assert_recording("lens", 1);

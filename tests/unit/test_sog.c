@@ -1,8 +1,9 @@
-/* test_sog.c - SOG of versions 1 and 2 by hand, and files that lie. */
+/* test_sog.c - SOG of versions 1 and 2 by hand, files that lie, and files of our own. */
 #include "testing.h"
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #if defined(SF_HAVE_LIBZIP) && defined(SF_HAVE_LIBWEBP)
@@ -122,8 +123,123 @@ static void test_refuses_what_lies(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* ---- Out ---- */
+
+enum { COUNT = 300, VALUES = 59 };
+
+/* The i-th by its place along x: values that no two share, opacities down to 0 and up to 1. */
+static void make_values(int i, float v[VALUES]) {
+    for (int k = 0; k < VALUES; k++) v[k] = sinf(0.7f * (float)(VALUES * i + k));
+    v[0] = 2 * (float)i - 300; /* farther apart than the widest step */
+    for (int k = 7; k < 10; k++) v[k] = 3 * v[k] - 4;
+    v[10] = (float)(i - 150) / 8;
+}
+
+static sf_gaussians fields_of(float v[VALUES]) { return (sf_gaussians){v, v + 3, v + 7, v + 10, v + 11}; }
+
+static void save_many(sf_context *ctx, const char *path, int degree, int antialiased) {
+    sf_model_file_options options = sf_model_file_options_default();
+    float v[VALUES];
+    sf_model *model;
+    assert_ok(ctx, sf_model_create(ctx, COUNT, 3, &model));
+    for (int i = 0; i < COUNT; i++) {
+        const sf_gaussians f = fields_of(v);
+        make_values(i, v);
+        assert_ok(ctx, sf_model_set(model, (size_t)i, 1, &f));
+    }
+    sf_model_set_antialiased(model, antialiased);
+    options.sh_degree = degree;
+    assert_ok(ctx, sf_model_save_as(model, path, &options));
+    sf_model_destroy(&model);
+}
+
+static int by_place(const void *a, const void *b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static double step_of(double x, double least, double most) { /* of 16 bits of the logarithm */
+    return (1 + fabs(x)) * (log1p(most) + log1p(least)) / 65535;
+}
+
+/* `levels` of 3 COUNT values in -range .. range: half the widest step is far below a 64th of the range. */
+static void assert_alike(const float was[VALUES], const float is[VALUES], int values) {
+    double norm = 0, along = 0;
+    for (int k = 0; k < 3; k++)
+        assert_true(fabs((double)is[k] - (double)was[k]) <= step_of((double)was[k], 300, 300));
+    for (int k = 3; k < 7; k++) {
+        norm += (double)was[k] * (double)was[k];
+        along += (double)was[k] * (double)is[k];
+    }
+    assert_true(1 - fabs(along) / sqrt(norm) < 6 / (255.0 * 255)); /* three of half a step of 2/255/sqrt(2) */
+    for (int k = 7; k < 10; k++) assert_float_equal(is[k], was[k], 3.0 / 64);
+    double opacity = 1 / (1 + exp(-(double)was[10])), read = 1 / (1 + exp(-(double)is[10]));
+    assert_true(fabs(opacity - read) <= 0.5 / 255 + 1e-6);
+    for (int k = 11; k < values; k++) assert_float_equal(is[k], was[k], 1.0 / 64);
+}
+
+static void check_round(sf_context *ctx, int degree, int antialiased) {
+    static float read[COUNT][VALUES];
+    const char *path = test_path("many.sog");
+    int values = 11 + 3 * (degree + 1) * (degree + 1);
+    sf_model *model;
+    save_many(ctx, path, degree, antialiased);
+    assert_ok(ctx, sf_model_load(ctx, path, &model));
+    assert_int_equal(sf_model_count(model), COUNT);
+    assert_int_equal(sf_model_sh_degree(model), degree);
+    assert_int_equal(sf_model_antialiased(model), antialiased);
+    for (size_t i = 0; i < COUNT; i++) {
+        const sf_gaussians f = fields_of(read[i]);
+        assert_ok(ctx, sf_model_get(model, i, 1, &f));
+    }
+    sf_model_destroy(&model);
+    qsort(read, COUNT, sizeof *read, by_place);
+    for (int i = 0; i < COUNT; i++) {
+        float was[VALUES];
+        make_values(i, was);
+        assert_alike(was, read[i], values);
+    }
+}
+
+static void test_round(void **state) {
+    sf_context *ctx = test_context();
+    (void)state;
+    for (int degree = 0; degree <= 3; degree++) check_round(ctx, degree, degree == 3);
+    sf_context_destroy(&ctx);
+}
+
+static void test_same_bytes(void **state) {
+    size_t size, again;
+    (void)state;
+    for (int threads = 1; threads <= 3; threads += 2) {
+        sf_context *ctx = test_context_threads(threads);
+        save_many(ctx, test_path(threads == 1 ? "one.sog" : "three.sog"), 3, 0);
+        sf_context_destroy(&ctx);
+    }
+    uint8_t *one = test_read(test_path("one.sog"), &size), *three = test_read(test_path("three.sog"), &again);
+    assert_int_equal(size, again);
+    assert_memory_equal(one, three, size);
+    free(one);
+    free(three);
+}
+
+static void test_writes_no_empty_model(void **state) {
+    sf_context *ctx = test_context();
+    sf_model *model;
+    (void)state;
+    assert_ok(ctx, sf_model_create(ctx, 0, 0, &model));
+    assert_status(ctx, sf_model_save(model, test_path("empty.sog")), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "cannot hold 0 Gaussians");
+    assert_false(test_exists(test_path("empty.sog")));
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_round),
+        cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_writes_no_empty_model),
         cmocka_unit_test(test_reads_version_2),
         cmocka_unit_test(test_reads_version_1),
         cmocka_unit_test(test_refuses_what_lies),
