@@ -544,7 +544,7 @@ static void test_lens(void **state) {
     sf_context *ctx = test_context();
     sf_calibration known = {.width = SCENE_WIDTH,
                             .height = SCENE_HEIGHT,
-                            .lens = {30, 31, 16.5, 12.25, 0.1, -0.02, 1e-3, 2e-3, 0}};
+                            .lens = {30, 31, 16.5, 12.25, 0.1, -0.02, 1e-3, 2e-3, 4e-3}};
     assert_ok(ctx, sf_calibration_save(ctx, &known, test_path("lens.json")));
     capture_ok(SCENE, "-o", "lens", "--frames", "1", "--lens", "lens.json", "--downscale", "2");
     json_t *list = assert_recording("lens", 1);
@@ -554,6 +554,7 @@ static void test_lens(void **state) {
     assert_true(test_number(lens, "cx") == 8.25 && test_number(lens, "cy") == 6.125);
     assert_true(test_number(lens, "k1") == 0.1 && test_number(lens, "k2") == -0.02);
     assert_true(test_number(lens, "p1") == 1e-3 && test_number(lens, "p2") == 2e-3);
+    assert_true(test_number(lens, "k3") == 4e-3);
     json_decref(list);
     known.width = 640;
     assert_ok(ctx, sf_calibration_save(ctx, &known, test_path("other.json")));
