@@ -76,17 +76,20 @@ CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))
 CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)$(if $(filter 1,$(COVERAGE)),-coverage)
 O      := build/$(CONFIG)
 
-# What is installed is found out first, and after an installation, then make begins anew: FOUND (of OPTIONAL), CIVETWEB,
-# LIBS_CFLAGS, LIBS_FOUND, TEST_LIBS, PARTS (modules with their versions).
+# What is installed is found out first, and read from config.mk: FOUND (of OPTIONAL), CIVETWEB, LIBS_CFLAGS, LIBS_FOUND,
+# TEST_LIBS, PARTS (modules with their versions). `make -n` only looks.
 DEPS_NOW = $(DEPS_BUILD) $(if $(INSTALL_DEPS),$(DEPS_TEST)) $(if $(filter 1,$(STATIC)),source)
 .DEFAULT_GOAL := all
 ifneq ($(filter-out clean help doc uninstall ci fuzz mutants test-vm coverage test-fresh,$(or $(MAKECMDGOALS),all)),)
+CONFIGURED := $(shell CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' PKG_CONFIG='$(PKG_CONFIG)' \
+    LINK='$(TARGET_CFLAGS) $(CFLAGS) $(TARGET_LDFLAGS) $(LDFLAGS)' LOOK=$(if $(INSTALL_DEPS),$(findstring n,$(firstword -$(MAKEFLAGS))),1) \
+    DEPS='$(DEPS_NOW)' DEPS_OPTIONAL='$(if $(OPTIONAL),$(DEPS_OPTIONAL))' PREPARE='$(PREPARE)' OPTIONAL='$(OPTIONAL)' STATIC='$(STATIC)' \
+    tests/deps/config.sh $(O)/config.mk >&2 && echo yes)
+ifneq ($(CONFIGURED),yes)
+$(error stopped)
+endif
 include $(O)/config.mk
 endif
-$(O)/config.mk: FORCE
-	@CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' PKG_CONFIG='$(PKG_CONFIG)' LINK='$(TARGET_CFLAGS) $(CFLAGS) $(TARGET_LDFLAGS) $(LDFLAGS)' \
-	    LOOK=$(if $(INSTALL_DEPS),,1) DEPS='$(DEPS_NOW)' DEPS_OPTIONAL='$(if $(OPTIONAL),$(DEPS_OPTIONAL))' PREPARE='$(PREPARE)' \
-	    OPTIONAL='$(OPTIONAL)' STATIC='$(STATIC)' tests/deps/config.sh $@
 
 HEADERS := $(wildcard include/splatfit/*.h)
 MACHINE := $(firstword $(subst -, ,$(shell $(CC) $(TARGET_CFLAGS) -dumpmachine)))

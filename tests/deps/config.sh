@@ -1,8 +1,8 @@
 #!/bin/sh
 # config.sh FILE - writes what make reads about this machine's libraries to FILE: each library's flags, and which of the
-# optional ones are there. FILE changes only where that has changed, and then make begins anew.
+# optional ones are there. FILE changes only where that has changed.
 #
-# First it installs what is missing, or with LOOK=1 only names it. From the environment: DEPS and DEPS_OPTIONAL, sets of
+# First it installs what is missing, or where LOOK is not empty only names it. From the environment: DEPS and DEPS_OPTIONAL, sets of
 # deps.sh; PREPARE, a command that brings libraries from elsewhere; CC, CXX, CFLAGS, PKG_CONFIG; LINK, the flags of a program;
 # OPTIONAL, the modules of pkg-config that may be left out; STATIC.
 set -eu
@@ -12,7 +12,7 @@ here=$(dirname "$0")
 mkdir -p "$(dirname "$file")"
 
 # shellcheck disable=SC2086
-if [ "${LOOK:-}" = 1 ]; then
+if [ -n "${LOOK:-}" ]; then
     "$here/deps.sh" --look $DEPS
 else
     "$here/deps.sh" $DEPS $DEPS_OPTIONAL >&2
@@ -29,6 +29,9 @@ has_civetweb() {
     echo 'int main(void) { return !mg_version(); }' | $CC $LINK -include civetweb.h -x c -o /dev/null - -lcivetweb 2>/dev/null
 }
 
+# A g++ without its headers is there where only the compiler's driver was installed.
+compiles_cxx() { echo '#include <memory>' | $CXX -x c++ -fsyntax-only - 2>/dev/null; }
+
 # What each optional module is for, and Debian's package of it.
 describe() {
     case $1 in
@@ -44,7 +47,7 @@ describe() {
 found='' civetweb='' cflags='' libs='' parts='' missing=''
 for module in $OPTIONAL; do
     # libcamera's interface is C++.
-    if ask --exists "$module" && { [ "$module" != libcamera ] || command -v "${CXX%% *}" >/dev/null; }; then
+    if ask --exists "$module" && { [ "$module" != libcamera ] || compiles_cxx; }; then
         found="$found $module"
     else
         missing="$missing $module"
@@ -80,10 +83,11 @@ plain() { echo "$*" | tr -s ' ' | sed 's/^ //; s/ $//'; }
     echo "LIBS_FOUND := $(plain "$libs")"
     echo "TEST_LIBS := $(plain "$test_libs")"
     echo "PARTS := $(plain "$parts")"
-} >"$file.new"
-if cmp -s "$file.new" "$file"; then
-    rm "$file.new"
+} >"$file.$$"
+if cmp -s "$file.$$" "$file"; then
+    rm "$file.$$"
     exit 0
 fi
-mv "$file.new" "$file"
+# Several makes may write it at a time, and each reads a whole one.
+mv "$file.$$" "$file"
 for module in $missing; do echo "built without $(describe "$module") (install it, then run make again)" >&2; done
