@@ -2,19 +2,17 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model_file.h"
-#include "ply.h"
+#include "model_ply.h"
 
 enum { MEAN_VALUES = 3, NORMAL_VALUES = 3 };
 
 /* ---- In ---- */
 
-static sf_status find_degree(sf_context *ctx, const char *path, const sf_ply *ply, int *degree) {
+sf_status sf_ply_find_degree(sf_context *ctx, const char *path, const sf_ply *ply, int *degree) {
     size_t rest = sf_ply_properties(ply, "f_rest_");
     for (*degree = 0; *degree <= SF_FILE_SH_DEGREE; ++*degree)
         if (rest == 3 * (size_t)(sf_coefficients(*degree) - 1)) return SF_OK;
-    return sf_fail(ctx, SF_ERR_FORMAT, "%s: element vertex: %zu properties f_rest, not 0, 9, 24, 45 or 72",
-                   path, rest);
+    return sf_fail(ctx, SF_ERR_FORMAT, "%s: %zu properties f_rest, not 0, 9, 24, 45 or 72", path, rest);
 }
 
 /* Of the bands that are not wanted there are colours between those that are: the number that a wanted one has
@@ -25,12 +23,12 @@ static void name_in_file(sf_file_value *v, int file_degree, int degree) {
         snprintf(v->name, sizeof v->name, "f_rest_%d", i / kept * all + i % kept);
 }
 
-/* A property is read into its place among the values. */
-static sf_status bind_values(sf_ply *ply, int file_degree, int degree) {
+sf_status sf_ply_bind_values(sf_ply *ply, const char *prefix, int file_degree, int degree) {
     sf_file_value list[SF_GAUSSIAN_MOST];
     int values = sf_gaussian_values(degree, list);
     sf_status status = SF_OK;
     for (int i = 0; i < values && !status; i++) {
+        if (strncmp(list[i].name, prefix, strlen(prefix))) continue;
         name_in_file(&list[i], file_degree, degree);
         status = sf_ply_bind(ply, list[i].name, list[i].at);
     }
@@ -39,23 +37,18 @@ static sf_status bind_values(sf_ply *ply, int file_degree, int degree) {
 
 /* Files of the same name that hold Gaussians of another kind. */
 static sf_status check_kind(sf_context *ctx, const char *path, const sf_ply *ply) {
-    if (sf_ply_properties(ply, "packed_position"))
-        return sf_fail(ctx, SF_ERR_UNSUPPORTED,
-                       "%s: a compressed .ply of PlayCanvas or SuperSplat (packed_position) is not read: "
-                       "npx @playcanvas/splat-transform IN OUT.ply makes a plain one of it",
-                       path);
-    if (sf_ply_properties(ply, "scale_0") && sf_ply_properties(ply, "scale_1") &&
-        !sf_ply_properties(ply, "scale_2"))
-        return sf_fail(
-            ctx, SF_ERR_UNSUPPORTED,
-            "%s: element vertex: property scale_2 is missing: the flat Gaussians of 2DGS are not read", path);
-    return SF_OK;
+    if (!sf_ply_properties(ply, "scale_0") || !sf_ply_properties(ply, "scale_1") ||
+        sf_ply_properties(ply, "scale_2"))
+        return SF_OK;
+    return sf_fail(ctx, SF_ERR_UNSUPPORTED,
+                   "%s: element vertex: property scale_2 is missing: the flat Gaussians of 2DGS are not read",
+                   path);
 }
 
 static sf_status load_all(sf_intake *in, sf_ply *ply) {
     sf_gaussian g;
     sf_status status = SF_OK;
-    for (size_t i = 0; i < sf_ply_vertices(ply) && !status; i++) {
+    for (size_t i = 0; i < sf_ply_rows(ply) && !status; i++) {
         status = sf_ply_next(ply, g.values);
         if (!status) status = sf_intake_put(in, &g);
     }
@@ -68,10 +61,10 @@ static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
     int file_degree, degree = 0;
     sf_intake in = {0};
     sf_status status = check_kind(ctx, path, ply);
-    if (!status) status = find_degree(ctx, path, ply, &file_degree);
+    if (!status) status = sf_ply_find_degree(ctx, path, ply, &file_degree);
     if (!status) degree = sf_file_degree(ctx, path, file_degree, options);
-    if (!status) status = bind_values(ply, file_degree, degree);
-    if (!status) status = sf_intake_begin(&in, ctx, path, sf_ply_vertices(ply), degree);
+    if (!status) status = sf_ply_bind_values(ply, "", file_degree, degree);
+    if (!status) status = sf_intake_begin(&in, ctx, path, sf_ply_rows(ply), degree);
     if (!status) status = load_all(&in, ply);
     if (status) {
         sf_intake_abandon(&in);
@@ -86,7 +79,10 @@ sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_opt
                       sf_model **model) {
     sf_ply *ply;
     sf_status status = sf_ply_open(ctx, path, &ply);
-    if (!status) status = load_open(ctx, path, ply, options, model);
+    if (!status) status = sf_ply_enter(ply, "vertex");
+    if (!status)
+        status = (sf_ply_properties(ply, "packed_position") ? sf_compressed_ply_load
+                                                            : load_open)(ctx, path, ply, options, model);
     sf_ply_close(&ply);
     return status;
 }

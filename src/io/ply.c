@@ -63,6 +63,7 @@ struct sf_ply {
     const char *path;
     uint8_t *data;
     size_t size, at;
+    size_t body; /* where the first element's rows begin */
     size_t line; /* of the header, from 1 */
     format format;
     int antialiased;
@@ -70,8 +71,7 @@ struct sf_ply {
     size_t element_count;
     property properties[MAX_PROPERTIES];
     size_t property_count;
-    const element *vertex;
-    const element *in;    /* what is being read, for messages */
+    const element *in;    /* what is being read */
     uint32_t row;         /* of it */
     locale_t number_form; /* a decimal point, whatever the program's locale */
 };
@@ -332,25 +332,30 @@ static sf_status skip_element(sf_ply *p, const element *e) {
     return status;
 }
 
-static sf_status find_vertices(sf_ply *p) {
-    for (size_t i = 0; i < p->element_count && !p->vertex; i++) {
-        const element *e = &p->elements[i];
-        sf_status status = SF_OK;
-        if (!strcmp(e->name, "vertex"))
-            p->vertex = e;
-        else
-            status = skip_element(p, e);
+static const element *find_element(const sf_ply *p, const char *name) {
+    for (size_t i = 0; i < p->element_count; i++)
+        if (!strcmp(p->elements[i].name, name)) return &p->elements[i];
+    return NULL;
+}
+
+int sf_ply_has(const sf_ply *p, const char *name) { return find_element(p, name) != NULL; }
+
+sf_status sf_ply_enter(sf_ply *p, const char *name) {
+    const element *wanted = find_element(p, name);
+    if (!wanted) return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: element %s is missing", p->path, name);
+    p->at = p->body;
+    for (const element *e = p->elements; e < wanted; e++) {
+        sf_status status = skip_element(p, e);
         if (status) return status;
     }
-    if (!p->vertex) return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: element vertex is missing", p->path);
-    const property *list = first_list(p, p->vertex);
+    const property *list = first_list(p, wanted);
     if (list)
-        return sf_fail(p->ctx, SF_ERR_UNSUPPORTED, "%s: element vertex: property %.40s is a list", p->path,
+        return sf_fail(p->ctx, SF_ERR_UNSUPPORTED, "%s: element %s: property %.40s is a list", p->path, name,
                        list->name);
-    p->in = p->vertex;
+    p->in = wanted;
     p->row = 0;
     uint64_t bytes;
-    return check_rows(p, p->vertex, &bytes);
+    return check_rows(p, wanted, &bytes);
 }
 
 void sf_ply_close(sf_ply **ply) {
@@ -372,24 +377,24 @@ sf_status sf_ply_open(sf_context *ctx, const char *path, sf_ply **ply) {
     if (!p->number_form) status = sf_fail(ctx, SF_ERR_MEMORY, "%s: no memory for a locale", path);
     if (!status) status = sf_read_file(ctx, path, max_file_size, &p->data, &p->size);
     if (!status) status = parse_header(p);
-    if (!status) status = find_vertices(p);
+    p->body = p->at;
     if (status) sf_ply_close(ply);
     return status;
 }
 
-size_t sf_ply_vertices(const sf_ply *p) { return p->vertex->count; }
+size_t sf_ply_rows(const sf_ply *p) { return p->in->count; }
 int sf_ply_antialiased(const sf_ply *p) { return p->antialiased; }
 
 size_t sf_ply_properties(const sf_ply *p, const char *prefix) {
     size_t count = 0;
-    for (size_t i = 0; i < p->vertex->properties; i++)
-        count += !strncmp(p->properties[p->vertex->first + i].name, prefix, strlen(prefix));
+    for (size_t i = 0; i < p->in->properties; i++)
+        count += !strncmp(p->properties[p->in->first + i].name, prefix, strlen(prefix));
     return count;
 }
 
 static property *find_property(sf_ply *p, const char *name) {
-    for (size_t i = 0; i < p->vertex->properties; i++) {
-        property *q = &p->properties[p->vertex->first + i];
+    for (size_t i = 0; i < p->in->properties; i++) {
+        property *q = &p->properties[p->in->first + i];
         if (!strcmp(q->name, name)) return q;
     }
     return NULL;
@@ -398,7 +403,8 @@ static property *find_property(sf_ply *p, const char *name) {
 sf_status sf_ply_bind(sf_ply *p, const char *name, int target) {
     property *q = find_property(p, name);
     if (!q)
-        return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: element vertex: property %s is missing", p->path, name);
+        return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: element %.40s: property %s is missing", p->path,
+                       p->in->name, name);
     q->target = target;
     return SF_OK;
 }
@@ -409,24 +415,41 @@ static float to_float(double v) {
     return fabs(v) <= FLT_MAX ? (float)v : copysignf(INFINITY, v > 0 ? 1.0f : -1.0f);
 }
 
-sf_status sf_ply_next(sf_ply *p, float *values) {
-    const property *q = p->properties + p->vertex->first, *end = q + p->vertex->properties;
+static sf_status to_word(const sf_ply *p, const property *q, double value, uint32_t *word) {
+    if (!(value >= 0 && value <= UINT32_MAX))
+        return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: %.40s %u: property %.40s: %g is not in 0..4294967295",
+                       p->path, p->in->name, p->row, q->name, value);
+    *word = (uint32_t)value;
+    return SF_OK;
+}
+
+/* One of floats and words is NULL. */
+static sf_status next_row(sf_ply *p, float *floats, uint32_t *words) {
+    const property *q = p->properties + p->in->first, *end = q + p->in->properties;
     for (; q < end; q++) {
         double value;
         sf_status status = next_value(p, q, q->type, &value);
+        if (!status && q->target != UNUSED) {
+            if (floats)
+                floats[q->target] = to_float(value);
+            else
+                status = to_word(p, q, value, &words[q->target]);
+        }
         if (status) return status;
-        if (q->target != UNUSED) values[q->target] = to_float(value);
     }
     p->row++;
     return SF_OK;
 }
 
+sf_status sf_ply_next(sf_ply *p, float *values) { return next_row(p, values, NULL); }
+sf_status sf_ply_next_words(sf_ply *p, uint32_t *words) { return next_row(p, NULL, words); }
+
 void sf_ply_report_rest(sf_ply *p) {
-    if (p->vertex != &p->elements[p->element_count - 1]) return;
+    if (p->in != &p->elements[p->element_count - 1]) return;
     if (p->format == FORMAT_ASCII) skip_blanks(p);
     if (p->at < p->size)
-        sf_log(p->ctx, SF_LOG_WARNING, "%s: %zu bytes after the last vertex are ignored", p->path,
-               p->size - p->at);
+        sf_log(p->ctx, SF_LOG_WARNING, "%s: %zu bytes after the last %.40s are ignored", p->path,
+               p->size - p->at, p->in->name);
 }
 
 /* ---- Points ---- */
@@ -465,7 +488,7 @@ static sf_status take_colors(const sf_ply *p, size_t point, const float *values,
 
 static sf_status read_points(sf_ply *p, float *xyz, uint8_t *rgb) {
     float values[POINT_VALUES] = {0, 0, 0, 128, 128, 128};
-    for (size_t i = 0; i < sf_ply_vertices(p); i++, xyz += 3, rgb += 3) {
+    for (size_t i = 0; i < sf_ply_rows(p); i++, xyz += 3, rgb += 3) {
         sf_status status = sf_ply_next(p, values);
         if (!status) status = take_colors(p, i, values, rgb);
         if (status) return status;
@@ -481,16 +504,17 @@ sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uin
     *rgb = NULL;
     *count = 0;
     sf_status status = sf_ply_open(ctx, path, &p);
+    if (!status) status = sf_ply_enter(p, "vertex");
     if (!status) status = bind_point(p);
     if (!status)
-        status = sf_memory_check(ctx, path, "points", (uint64_t)sf_ply_vertices(p) * (3 * sizeof **xyz + 3));
+        status = sf_memory_check(ctx, path, "points", (uint64_t)sf_ply_rows(p) * (3 * sizeof **xyz + 3));
     if (!status) {
-        *xyz = sf_alloc(ctx, sf_ply_vertices(p), 3 * sizeof **xyz);
-        *rgb = sf_alloc(ctx, sf_ply_vertices(p), 3);
+        *xyz = sf_alloc(ctx, sf_ply_rows(p), 3 * sizeof **xyz);
+        *rgb = sf_alloc(ctx, sf_ply_rows(p), 3);
         status = *xyz && *rgb ? read_points(p, *xyz, *rgb) : SF_ERR_MEMORY;
     }
     if (!status) {
-        *count = sf_ply_vertices(p);
+        *count = sf_ply_rows(p);
     } else {
         sf_free(ctx, *xyz);
         sf_free(ctx, *rgb);

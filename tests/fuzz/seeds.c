@@ -75,7 +75,18 @@ static void put_models(sf_context *ctx) {
                *glb = fuzz_path("seed.glb"), *sog = fuzz_path("seed.sog");
     uint8_t unpacked[4096];
     size_t size;
+    static const char packed[] =
+        "ply\nformat ascii 1.0\nelement chunk 1\nproperty float min_x\nproperty float max_x\n"
+        "property float min_y\nproperty float max_y\nproperty float min_z\nproperty float max_z\n"
+        "property float min_scale_x\nproperty float max_scale_x\nproperty float min_scale_y\n"
+        "property float max_scale_y\nproperty float min_scale_z\nproperty float max_scale_z\n"
+        "element vertex 1\nproperty uint packed_position\nproperty uint packed_rotation\n"
+        "property uint packed_scale\nproperty uint packed_color\nelement sh 1\nproperty uchar f_rest_0\n"
+        "property uchar f_rest_1\nproperty uchar f_rest_2\nproperty uchar f_rest_3\nproperty uchar f_rest_4\n"
+        "property uchar f_rest_5\nproperty uchar f_rest_6\nproperty uchar f_rest_7\nproperty uchar f_rest_8\n"
+        "end_header\n-1 1 -1 1 3 4 -3 -2 -3 -2 -3 -2\n1 2 3 4\n1 2 3 4 5 6 7 8 9\n";
     put("sog", "meta", "\7", 1, sog_meta, sizeof sog_meta - 1);
+    put("ply", "packed", "", 0, packed, sizeof packed - 1);
     for (int degree = 0; degree <= SF_MAX_SH_DEGREE; degree += 3) {
         sf_model *model = make_model(ctx, degree);
         char name[16];

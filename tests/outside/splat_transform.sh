@@ -71,6 +71,12 @@ check 'we write .glb' ours convert "$work/theirs-glb.ply" "$work/ours.glb" -q
 check 'we read it' ours convert "$work/ours.glb" "$work/ours-glb.ply" -q
 check 'and it is the same' alike rounded "$work/model.ply" "$work/ours-glb.ply"
 
+# It reads and writes compressed .ply; we read.
+check 'writes .compressed.ply' theirs "$work/model.ply" "$work/theirs.compressed.ply"
+check 'we read it' ours convert "$work/theirs.compressed.ply" "$work/theirs-packed.ply" -q
+check 'it reads it' theirs "$work/theirs.compressed.ply" "$work/theirs-packed-theirs.ply"
+check 'as we do' alike rounded "$work/theirs-packed.ply" "$work/theirs-packed-theirs.ply"
+
 # SOG, both ways.
 if ours info --build | grep -q 'libwebp.*not built in'; then
     skipped=$((skipped + 1))

@@ -745,12 +745,6 @@ static void test_names_other_kinds(void **state) {
     test_write(ksplat, "\0\1", 2);
     assert_refused(ctx, ksplat, SF_ERR_UNSUPPORTED, "GaussianSplats3D");
     assert_error_names(ctx, "@playcanvas/splat-transform");
-    assert_refused(
-        ctx,
-        write_text("ply\nformat binary_little_endian 1.0\nelement chunk 0\nproperty float min_x\n"
-                   "element vertex 0\nproperty uint packed_position\nproperty uint packed_rotation\n"
-                   "property uint packed_scale\nproperty uint packed_color\n" END),
-        SF_ERR_UNSUPPORTED, "a compressed .ply of PlayCanvas");
     assert_refused(ctx, write_text(VERTEX("0") POINT "property float scale_0\nproperty float scale_1\n" END),
                    SF_ERR_UNSUPPORTED, "2DGS");
     sf_context_destroy(&ctx);
