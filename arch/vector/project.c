@@ -254,7 +254,7 @@ VEC vf coefficient(const sf_params *params, size_t first, int part, int k, int c
 }
 
 /* 4. colour */
-VEC void project_colour(const sf_project_args *a, size_t first, int degree, block *b) {
+VEC void project_colour_of(const sf_project_args *a, size_t first, int degree, block *b) {
     for (int part = 0; part < SF_LANES; part += VW) {
         vf direction[3], Y[16], rgb[3], most = vf_set(FLT_MAX);
         for (int k = 0; k < 3; k++) direction[k] = vf_load(b->direction[k] + part);
@@ -271,14 +271,28 @@ VEC void project_colour(const sf_project_args *a, size_t first, int degree, bloc
     }
 }
 
-VEC void project(const sf_project_args *a, size_t first, size_t end, int degree) {
+/* Compiled for each degree, as the geometry need not be. */
+VEC void project_colour(const sf_project_args *a, size_t first, block *b) {
+    switch (a->sh_degree) {
+    case 0:
+        return project_colour_of(a, first, 0, b);
+    case 1:
+        return project_colour_of(a, first, 1, b);
+    case 2:
+        return project_colour_of(a, first, 2, b);
+    default:
+        return project_colour_of(a, first, 3, b);
+    }
+}
+
+void SF_AT_LEVEL(sf_project)(const sf_project_args *a, size_t first, size_t end) {
     for (size_t blk = first; blk < end; blk++) {
         size_t at = blk * SF_LANES;
         block b;
         b.not_finite = b.out_of_view = 0;
         for (int part = 0; part < SF_LANES; part += VD) project_part(a, at, part, &b);
         if ((b.not_finite | b.out_of_view) != 0xffff) {
-            project_colour(a, at, degree, &b);
+            project_colour(a, at, &b);
             for (int part = 0; part < FIELDS; part += VW) {
                 const float *rows[VW];
                 vf column[SF_LANES];
@@ -294,22 +308,6 @@ VEC void project(const sf_project_args *a, size_t first, size_t end, int degree)
             a->first_row[at + (size_t)i] = (uint16_t)b.first_row[i];
             a->rows[at + (size_t)i] = (uint16_t)(lost | out ? 0 : b.rows[i]);
         }
-    }
-}
-
-void SF_AT_LEVEL(sf_project)(const sf_project_args *a, size_t first, size_t end) {
-    switch (a->sh_degree) {
-    case 0:
-        project(a, first, end, 0);
-        break;
-    case 1:
-        project(a, first, end, 1);
-        break;
-    case 2:
-        project(a, first, end, 2);
-        break;
-    default:
-        project(a, first, end, 3);
     }
 }
 
@@ -360,7 +358,7 @@ VEC float *gradient(const sf_params *grads, int field, int components, int c, si
 
 /* Through the colour (M.4): dL/dSH, and dL/d of the direction. `to` counts from the gradients' first block.
  */
-VEC void colour_bwd(const sf_project_bwd_args *b, size_t first, size_t to, int degree, arrival *r) {
+VEC void colour_bwd_of(const sf_project_bwd_args *b, size_t first, size_t to, int degree, arrival *r) {
     for (int part = 0; part < SF_LANES; part += VW) {
         vf direction[3], Y[16], h[16], used[3], out[3];
         for (int k = 0; k < 3; k++) {
@@ -568,7 +566,21 @@ static void clear_all(const sf_project_bwd_args *b, size_t at, size_t to) {
     memset(b->screen + at, 0, sizeof(lanes));
 }
 
-VEC void project_bwd(const sf_project_bwd_args *b, size_t first, size_t end, int degree) {
+VEC void colour_bwd(const sf_project_bwd_args *b, size_t first, size_t to, arrival *r) {
+    switch (b->forward.sh_degree) {
+    case 0:
+        return colour_bwd_of(b, first, to, 0, r);
+    case 1:
+        return colour_bwd_of(b, first, to, 1, r);
+    case 2:
+        return colour_bwd_of(b, first, to, 2, r);
+    default:
+        return colour_bwd_of(b, first, to, 3, r);
+    }
+}
+
+void SF_AT_LEVEL(sf_project_bwd)(const sf_project_bwd_args *b, size_t first, size_t end) {
+    int degree = b->forward.sh_degree;
     for (size_t blk = first; blk < end; blk++) {
         size_t at = blk * SF_LANES, to = (blk - first) * SF_LANES;
         arrival r;
@@ -583,7 +595,7 @@ VEC void project_bwd(const sf_project_bwd_args *b, size_t first, size_t end, int
             look(&b->forward, at + (size_t)part, direction);
             for (int k = 0; k < 3; k++) vd_narrow(r.direction[k] + part, vd_keep(seen, direction[k]));
         }
-        colour_bwd(b, at, to, degree, &r);
+        colour_bwd(b, at, to, &r);
         unsigned lost = 0;
         for (int part = 0; part < SF_LANES; part += VD) lost |= geometry_bwd(b, at, to, part, &r);
         clear_bands(b, to, degree + 1);
@@ -591,21 +603,5 @@ VEC void project_bwd(const sf_project_bwd_args *b, size_t first, size_t end, int
             clear_colour(b, to, degree, lost);
             *b->not_finite += (unsigned)__builtin_popcount(lost);
         }
-    }
-}
-
-void SF_AT_LEVEL(sf_project_bwd)(const sf_project_bwd_args *b, size_t first, size_t end) {
-    switch (b->forward.sh_degree) {
-    case 0:
-        project_bwd(b, first, end, 0);
-        break;
-    case 1:
-        project_bwd(b, first, end, 1);
-        break;
-    case 2:
-        project_bwd(b, first, end, 2);
-        break;
-    default:
-        project_bwd(b, first, end, 3);
     }
 }

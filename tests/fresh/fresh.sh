@@ -67,9 +67,9 @@ make_root() { # SUITE START
     mount --bind /dev "$root/dev"
     mkdir -p "$cache/debs-$1/partial"
     mount --bind "$cache/debs-$1" "$root/var/cache/apt/archives"
-    # Downloaded packages are for the next root too.
-    printf 'Binary::apt::APT::Keep-Downloaded-Packages "1";\nAPT::Keep-Downloaded-Packages "1";\nAPT::Sandbox::User "root";\n' \
-        >"$root/etc/apt/apt.conf.d/fresh"
+    # Downloaded packages are for the next root too. A mirror that is a snapshot says that it is out of date.
+    printf '%s;\n' 'Binary::apt::APT::Keep-Downloaded-Packages "1"' 'APT::Keep-Downloaded-Packages "1"' \
+        'APT::Sandbox::User "root"' 'Acquire::Check-Valid-Until "false"' >"$root/etc/apt/apt.conf.d/fresh"
     case $2 in
     bare) packages="git make gcc" ;;
     desktop) packages="git make gcc g++ pkg-config" ;;
