@@ -263,14 +263,13 @@ $(O)/%.o: %.cc $(O)/flags
 	@mkdir -p $(@D)
 	$(Q)$(CXX) $(ALL_CXXFLAGS) -MMD -MP -c -o $@ $<
 
-# Given another KERNELS_O alone, nothing is built anew. With sanitizers clang takes a minute for the projection of one level
-# where it optimises it.
+# Given another KERNELS_O alone, nothing is built anew.
 KERNELS_O := $(if $(SAN)$(filter 1,$(COVERAGE)),1,3)
 define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) -O$$(if $$(and $$(SAN),$$(filter %/project.c,$$<)),0,$(KERNELS_O)) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
+	$(Q)$(CC) $(ALL_CFLAGS) -O$(KERNELS_O) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
 

@@ -55,79 +55,87 @@ emulated() { # NAME TOOLCHAIN TESTS
     step "$1-cpus" "${run[@]}" check-cpus
 }
 
-# Much of this keeps little more than one CPU busy: two lanes go side by side, and what the other one does is said where
-# both have come to an end. They share no folder that either builds in.
-declare -A lanes
-lane() { # NAME COMMAND
-    "$2" >"$logs/lane-$1.out" &
-    lanes[$1]=$!
-}
-# The steps of a lane count by themselves; one that was killed never came to its last steps.
-join() { # NAME
-    local status=0
-    wait "${lanes[$1]}" || status=$?
-    cat "$logs/lane-$1.out"
-    [ $status != 0 ] || return 0
-    echo "0 passed, 1 failed, 0 skipped" >>$logs/sums
-    echo "== lane-$1: ended with status $status before its last step"
-}
-
-# All tests as clang builds them run with sanitizers; without, it only has to compile the library and the program.
-by_clang() { step clang "${make[@]}" CC=clang CFLAGS=-O0 KERNELS_O=0; }
-# Refused blocks, and the moments of one fit after another, have nothing of threads.
-by_threads() {
+# All tests as clang builds them run with sanitizers. Refused blocks, and the moments of one fit after another, have nothing of
+# threads.
+group_threads() {
     step thread "${quick[@]}" TIMEOUT=900 SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test
 }
-step lint "${make[@]}" lint
-lane clang by_clang
-step gcc "${make[@]}" test
-step levels "${make[@]}" check
-join clang
-lane thread by_threads
-step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
-join thread
-# As many targets at a time as there are processors; `make fuzz` alone takes twice as long.
-step fuzz env FUZZ_SECONDS=10 "${make[@]}" fuzz
-
+group_addresses() { step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test; }
+# As many targets at a time as there are processors.
+group_fuzz() { step fuzz env FUZZ_SECONDS=5 "${make[@]}" fuzz; }
 # shellcheck disable=SC2086
-by_armhf() { emulated armhf arm-linux-gnueabihf "$(all_but $only_64)"; }
-lane armhf by_armhf
-# shellcheck disable=SC2086
-emulated aarch64 aarch64-linux-gnu "$(all_but $only_32)"
-step cpus env TIMEOUT=900 "${make[@]}" check-cpus
-step mutants "${make[@]}" mutants
-join armhf
-
-# An emulated board, and sources that are slow on purpose, beside builds and what others say of our files.
-by_cameras() {
-    step vm "${make[@]}" test-vm
-    step soak "${make[@]}" soak SECONDS=20
+group_armhf() {
+    emulated armhf arm-linux-gnueabihf "$(all_but $only_64)"
+    step static-armhf "${make[@]}" TOOLCHAIN=arm-linux-gnueabihf STATIC=1 test-static
+    step deb-armhf "${make[@]}" TOOLCHAIN=arm-linux-gnueabihf test-deb
 }
-lane cameras by_cameras
-for target in native arm-linux-gnueabihf; do
-    step static-$target "${make[@]}" TOOLCHAIN=$target STATIC=1 test-static
-done
-# The boards differ from those in a flag.
-for target in rpi5 rpi4 rpi-zero2 jetson; do
-    step board-$target "${make[@]}" TOOLCHAIN=$target build/$target/src/kernels/context.o
-done
-step install "${make[@]}" test-install
-step outside "${make[@]}" test-outside
-join cameras
-for target in native aarch64-linux-gnu arm-linux-gnueabihf; do
-    step deb-$target "${make[@]}" TOOLCHAIN=$target test-deb
-done
-
-by_charts() {
+# The emulated board's programs are built there too, and its sources are slow on purpose. The boards differ from it in a flag.
+# shellcheck disable=SC2086
+group_aarch64() {
+    local board
+    step vm "${make[@]}" test-vm
+    emulated aarch64 aarch64-linux-gnu "$(all_but $only_32)"
+    step deb-aarch64 "${make[@]}" TOOLCHAIN=aarch64-linux-gnu test-deb
+    for board in rpi5 rpi4 rpi-zero2 jetson; do
+        step board-$board "${make[@]}" TOOLCHAIN=$board build/$board/src/kernels/context.o
+    done
+}
+# The README's commands where nothing is, with the oldest and the newest compilers.
+group_fresh() {
+    step fresh env SPLATFIT_QUICK=1 MAKEFLAGS_IN_ROOT="-j$(nproc)" COMPILERS=1 "${make[@]}" test-fresh TESTS="bookworm/bare trixie/desktop"
+}
+group_mutants() { step mutants "${make[@]}" mutants; }
+group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
+# What follows takes what the first step has built.
+group_native() {
+    step lint "${make[@]}" lint
+    step levels "${make[@]}" check
+    step cpus env TIMEOUT=900 "${make[@]}" check-cpus
+    step install "${make[@]}" test-install
+    step deb-native "${make[@]}" test-deb
+    step outside "${make[@]}" test-outside
+    step soak "${make[@]}" soak SECONDS=20
     step bench "${make[@]}" bench-quick
     step charts "${make[@]}" charts-quick
     step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 }
-lane charts by_charts
-step crash "${make[@]}" crash KILLS=50 EVERY=15
-join charts
+group_crash() { step crash "${make[@]}" crash KILLS=50 EVERY=15; }
 # The blobs are some of them.
-step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes
+group_scenes() { step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes; }
+
+# Much of this keeps little more than one CPU busy: two workers take the groups, the longest first, and what a group says is
+# printed at its end. No two share a folder that either builds in, but for the native one, of which all is built by then.
+groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static crash)
+next() {
+    flock $logs/taken.lock sh -c "echo >>$logs/taken; wc -l <$logs/taken"
+}
+work() {
+    local n group
+    while n=$(next) && [ "$n" -le ${#groups[@]} ]; do
+        group=${groups[n - 1]}
+        case $group in
+        native | scenes | crash) until [ -e $logs/built ]; do sleep 1; done ;;
+        esac
+        "group_$group" >"$logs/group-$group.out" 2>&1
+        echo "$group" >>$logs/ended
+        flock $logs/said.lock cat "$logs/group-$group.out"
+    done
+}
+rm -f $logs/taken $logs/ended $logs/built
+work &
+other=$!
+step gcc "${make[@]}" test
+touch $logs/built
+work
+wait $other
+# A worker that was killed never came to the end of its group.
+for group in "${groups[@]}"; do
+    if ! grep -qx "$group" $logs/ended; then
+        cat "$logs/group-$group.out"
+        echo "0 passed, 1 failed, 0 skipped" >>$logs/sums
+        echo "== $group: ended before its last step"
+    fi
+done
 
 # Where the time went: the steps, and each step's slowest programs.
 echo "== seconds of $SECONDS: $(sort -rn $logs/times | awk '{ printf "%s %d, ", $2, $1 }')"

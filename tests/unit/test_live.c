@@ -98,6 +98,7 @@ static void fits_what_passes_by(void **state) {
  */
 static void every_keyframe_is_searched(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_live_options options = options_for(1);
     run r = open_run(1, &options);
     assert_int_equal(run_to_end(&r), SF_ERR_END);
@@ -176,6 +177,7 @@ static void exposures_begin_where_they_are(void **state) {
 /* Where the light is not known, as of most cameras: as in the pictures next to it. */
 static void exposures_are_like_the_neighbours(void **state) {
     (void)state;
+    test_skip_emulated();
     static const double of_one[] = {2, 1, 0.5}, of_other[] = {0.5, 1, 0.125}, here[] = {0.1, 0, 0.2},
                         there[] = {-0.3, 0, 0};
     sf_live_options options = options_for(1);
@@ -363,6 +365,7 @@ static void refuses_options_by_name(void **state) {
 /* A new Gaussian is no larger in a keyframe than 8 px, whether its middle is in the picture or beside it. */
 static void new_gaussians_are_not_large_in_keyframes(void **state) {
     (void)state;
+    test_skip_emulated();
     sf_fitter fitter = {.near_plane = 0.1f};
     sf_keyframe keyframes[2] = {{.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 1}}},
                                 {.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 8}}}};
