@@ -14,7 +14,7 @@ extern const command command_fit, command_render, command_eval, command_info, co
     command_prune, command_live, command_view;
 
 /* Tables of options that several commands take. */
-extern const arg_option common_options[], load_options[], model_options[], render_options[];
+extern const arg_option common_options[], from_options[], load_options[], model_options[], render_options[];
 
 /* parts.c: which libraries are built in, on standard output. */
 void app_parts(void);
@@ -26,7 +26,8 @@ void app_licences(void);
 int app_fail(const args *a, const sf_context *ctx);
 int app_say(const args *a, const char *subject, const char *what);
 
-/* --spz-frame, and whether --antialiased is yes or no. 0 or an exit code. */
+/* As model_options or from_options say: --spz-frame, and whether --antialiased is yes or no. 0 or an exit
+ * code. */
 int app_model_options(const args *a, sf_model_file_options *options);
 /* A model as model_options say. 0 or an exit code. */
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model);

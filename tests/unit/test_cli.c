@@ -544,6 +544,44 @@ static void test_help(void **state) {
     }
 }
 
+/* An option means one thing: where two tables of a command had the same name, the first would take what the
+ * second is for. */
+static void test_options_are_given_once(void **state) {
+    (void)state;
+    static const char *const names[] = {"fit",     "live", "eval",  "render",  "convert",   "prune", "view",
+                                        "capture", "info", "board", "devices", "calibrate", "bench", "chart"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        outcome o = run_ok(names[i], "--help");
+        char options[256][40];
+        int count = 0;
+        for (const char *at = o.out; (at = strstr(at, "\n  --")); at++) {
+            assert_in_range(count, 0, 255);
+            assert_int_equal(sscanf(at, "\n  --%39[a-z0-9-]", options[count]), 1);
+            for (int k = 0; k < count; k++)
+                if (!strcmp(options[k], options[count])) fail_msg("%s: --%s twice", names[i], options[k]);
+            count++;
+        }
+        assert_true(count > 0);
+        free_outcome(&o);
+    }
+}
+
+/* With and without a model to begin with, whose file may say otherwise. */
+static void test_fits_antialiased(void **state) {
+    (void)state;
+    clear_out();
+    outcome o = run_ok(FIT, "--antialiased", "--steps", "3");
+    free_outcome(&o);
+    o = run_ok("info", "out/x.ply");
+    assert_non_null(strstr(o.out, "anti-aliased"));
+    free_outcome(&o);
+    o = run_ok(FIT, "--from", "good.ply", "--steps", "3", "--antialiased");
+    free_outcome(&o);
+    o = run_ok("info", "out/x.ply");
+    assert_non_null(strstr(o.out, "anti-aliased"));
+    free_outcome(&o);
+}
+
 /* The help names every hyperparameter, as it is typed. */
 static void test_help_is_complete(void **state) {
     (void)state;
@@ -1270,6 +1308,8 @@ int main(void) {
         cmocka_unit_test(test_bad_models),
         cmocka_unit_test(test_help),
         cmocka_unit_test(test_help_is_complete),
+        cmocka_unit_test(test_options_are_given_once),
+        cmocka_unit_test(test_fits_antialiased),
         cmocka_unit_test(test_fit_writes_all),
         cmocka_unit_test(test_quiet_and_cameras),
         cmocka_unit_test(test_eval),
