@@ -62,6 +62,13 @@ void test_assert_status(const sf_context *ctx, sf_status got, sf_status expected
     fail();
 }
 
+void test_assert_between(uintmax_t value, uintmax_t least, uintmax_t most, const char *text, const char *file,
+                         int line) {
+    if (value >= least && value <= most) return;
+    print_error("%s is %ju, not in %ju..%ju\n", text, value, least, most);
+    _fail(file, line);
+}
+
 void test_assert_contains(const char *text, const char *part, const char *file, int line) {
     if (strstr(text, part)) return;
     print_error("%s:%d: \"%s\" does not name \"%s\"\n", file, line, text, part);

@@ -44,6 +44,12 @@ void test_assert_status(const sf_context *ctx, sf_status got, sf_status expected
 #define assert_error_names(ctx, part) test_assert_contains(sf_last_error(ctx), part, __FILE__, __LINE__)
 void test_assert_contains(const char *text, const char *part, const char *file, int line);
 
+/* Asserts least <= value <= most, whole numbers of 0 and above. */
+#define assert_between(value, least, most)                                                                   \
+    test_assert_between((uintmax_t)(value), (uintmax_t)(least), (uintmax_t)(most), #value, __FILE__, __LINE__)
+void test_assert_between(uintmax_t value, uintmax_t least, uintmax_t most, const char *text, const char *file,
+                         int line);
+
 /* A scratch folder of this program, removed with all that is in it when the program ends. */
 const char *test_folder(void);
 /* "<test_folder>/<name>", in one of 16 buffers used in turn. */

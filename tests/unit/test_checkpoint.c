@@ -764,7 +764,7 @@ static void test_killed(void **state) {
         assert_int_equal(waitpid(pid, &status, 0), pid);
         assert_true(WIFSIGNALED(status));
         run r = go_on(1, path);
-        assert_in_range(progress_of(&r).step, 9, 20);
+        assert_between(progress_of(&r).step, 9, 20);
         assert_ok(r.ctx, sf_fitter_run(r.fitter, NULL, NULL));
         end(&r);
     }
@@ -809,7 +809,7 @@ static void test_memory_budget(void **state) {
     test_assert_contains(test_log, "max_gaussians lowered from 100000 to ", __FILE__, __LINE__);
     sf_fitter_get_memory(r.fitter, &less);
     sf_fitter_get_options(r.fitter, &used);
-    assert_in_range(used.max_gaussians, 20000, 70000);
+    assert_between(used.max_gaussians, 20000, 70000);
     assert_true(less.total <= less.budget && less.budget == (uint64_t)options.memory);
     assert_ok(r.ctx, sf_fitter_save(r.fitter, test_path("lowered")));
     end(&r);

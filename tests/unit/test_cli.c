@@ -555,7 +555,7 @@ static void test_options_are_given_once(void **state) {
         char options[256][40];
         int count = 0;
         for (const char *at = o.out; (at = strstr(at, "\n  --")); at++) {
-            assert_in_range(count, 0, 255);
+            assert_between(count, 0, 255);
             assert_int_equal(sscanf(at, "\n  --%39[a-z0-9-]", options[count]), 1);
             for (int k = 0; k < count; k++)
                 if (!strcmp(options[k], options[count])) fail_msg("%s: --%s twice", names[i], options[k]);
@@ -633,7 +633,7 @@ static void check_log(const char *name) {
     assert_true(test_number(result, "seconds") >= seconds && test_number(result, "evaluation_seconds") > 0);
     assert_true(test_number(result, "setup_seconds") < seconds &&
                 test_number(result, "fit_seconds") <= seconds);
-    assert_in_range((size_t)(1000 * test_number(result, "needles")), 0, 1000);
+    assert_between((size_t)(1000 * test_number(result, "needles")), 0, 1000);
     assert_int_equal(step, 30);
     assert_int_equal(with_psnr, 3); /* every 10 steps */
     assert_int_equal(test_number(result, "steps"), 30);
@@ -658,7 +658,7 @@ static void test_fit_writes_all(void **state) {
     free_outcome(&o);
     assert_int_equal(test_count_entries(work("out")), 4);
     size_t count = count_in("out/m.ply");
-    assert_in_range(count, 1, 400);
+    assert_between(count, 1, 400);
     json_t *cameras = test_json(work("out/cameras.json"));
     assert_int_equal(json_array_size(cameras), SCENE_VIEWS);
     json_decref(cameras);

@@ -65,7 +65,7 @@ static double make(sf_context *ctx, const float *vectors, size_t most, float *ce
                    size_t *made) {
     double sum = 0;
     assert_ok(ctx, sf_palette_make(ctx, vectors, VECTORS, DIMS, most, centroids, labels, made));
-    assert_in_range(*made, 1, most);
+    assert_between(*made, 1, most);
     for (size_t i = 0; i < VECTORS; i++) {
         assert_true(labels[i] < *made);
         for (size_t d = 0; d < DIMS; d++)

@@ -690,7 +690,7 @@ static void check_flips(sf_context *ctx, const char *name, const buffer *b) {
         test_write(inside("flip", name), flipped.data, flipped.size);
         sf_status status = sf_scene_load(ctx, test_path("flip"), NULL, &scene);
         assert_int_equal(scene != NULL, status == SF_OK);
-        if (!status) assert_in_range(info_of(scene).views, 1, IMAGES);
+        if (!status) assert_between(info_of(scene).views, 1, IMAGES);
         sf_scene_destroy(&scene);
     }
     test_write(inside("flip", name), b->data, b->size);

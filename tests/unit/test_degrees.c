@@ -297,7 +297,7 @@ static size_t bytes_of(const size_t banded[SF_BANDS], size_t each) {
 
 static void assert_about(size_t bytes, size_t expected) {
     const size_t blocks = 32, added = 72 + 256; /* of each array, and the struct itself */
-    assert_in_range(bytes, expected, expected + blocks * added);
+    assert_between(bytes, expected, expected + blocks * added);
 }
 
 static void test_memory_of_packed(void **state) {
@@ -603,7 +603,7 @@ static void test_memory_of_fit(void **state) {
     others = m.live - fitted_bytes(whole);
     m.peak = before = m.live;
     mix(ctx, f);
-    assert_in_range(m.peak - before, 0, (21 + 6) * sizeof(float) * sf_blocks(n) * SF_LANES);
+    assert_between(m.peak - before, 0, (21 + 6) * sizeof(float) * sf_blocks(n) * SF_LANES);
     assert_true(f->model->capacity[0] == whole[0]);
     for (int band = 1; band < SF_BANDS; band++)
         assert_true(f->model->capacity[band] <= 2 * f->model->banded[band] + 2 * SF_LANES);

@@ -206,7 +206,7 @@ static content *make_first(sf_scene *scene, const sf_first_options *options, uin
     content *c = calloc(1, sizeof *c);
     assert_non_null(c);
     c->count = sf_model_count(model);
-    assert_in_range(c->count, 0, MOST);
+    assert_between(c->count, 0, MOST);
     sf_gaussians to = {&c->means[0][0], &c->quats[0][0], &c->log_scales[0][0], c->logits, &c->sh[0][0][0]};
     assert_ok(ctx, sf_model_get(model, 0, c->count, &to));
     sf_model_destroy(&model);
@@ -347,7 +347,7 @@ static void test_choice_is_even(void **state) {
     c = make_first(clusters, &options, 1);
     size_t of_cluster[4] = {0};
     for (size_t i = 0; i < CHOSEN; i++) of_cluster[(size_t)lroundf(c->means[i][0] / 100) & 3]++;
-    for (size_t k = 0; k < 4; k++) assert_in_range(of_cluster[k], 48, 52);
+    for (size_t k = 0; k < 4; k++) assert_between(of_cluster[k], 48, 52);
     free(c);
     sf_scene_destroy(&line);
     sf_scene_destroy(&clusters);
@@ -453,7 +453,7 @@ static void test_random_points_hide_nothing(void **state) {
     sf_rng_seed(&rng, 1);
     assert_ok(ctx, sf_random_points(ctx, (const sf_view *const *)views, 2, COUNT, 10, &rng, &cloud));
     size_t left = 0;
-    assert_in_range(cloud.n, KNOWN + COUNT / 2, KNOWN + COUNT - 1);
+    assert_between(cloud.n, KNOWN + COUNT / 2, KNOWN + COUNT - 1);
     for (size_t i = KNOWN; i < cloud.n; i++) {
         const float *p = cloud.xyz + 3 * i;
         double deep = (double)p[0] + 6, aside = (double)p[1] + 6;

@@ -291,7 +291,7 @@ static void test_from_a_disturbed_model(void **state) {
     double after = psnr_of(ctx, scene, fitter);
     print_message("from a disturbed model: %.2f dB, then %.2f dB\n", before, after);
     assert_true(after >= before + 8);
-    assert_in_range(progress_of(fitter).gaussians, 1, TRUE_COUNT);
+    assert_between(progress_of(fitter).gaussians, 1, TRUE_COUNT);
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);

@@ -151,7 +151,7 @@ static const char *write_parts(const parts *p) {
         "\"VEC3\","
         "\"count\":1}]}",
         p->root, p->node, e, e, e, e, e, p->extension, p->uri, p->count);
-    assert_in_range(size, 1, sizeof text - 1);
+    assert_between(size, 1, sizeof text - 1);
     const char *path = test_path("hand.gltf");
     test_write(path, text, (size_t)size);
     return path;

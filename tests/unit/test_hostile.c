@@ -78,19 +78,19 @@ static char seeds[512];
 static void test_right_inputs(void **state) {
     (void)state;
     fuzz_write_seeds(seeds);
-    assert_in_range(for_each(seeds, must_be_taken), 20, 1000);
-    assert_in_range(for_each("tests/fuzz/corpus", must_be_taken), 20, 1000);
+    assert_between(for_each(seeds, must_be_taken), 20, 1000);
+    assert_between(for_each("tests/fuzz/corpus", must_be_taken), 20, 1000);
 }
 
 static void test_found_inputs(void **state) {
     (void)state;
-    assert_in_range(for_each("tests/fuzz/found", may_be_refused), 5, 1000);
+    assert_between(for_each("tests/fuzz/found", may_be_refused), 5, 1000);
 }
 
 static void test_changed_inputs(void **state) {
     (void)state;
-    assert_in_range(for_each(seeds, change), 20, 1000);
-    assert_in_range(for_each("tests/fuzz/corpus", change), 20, 1000);
+    assert_between(for_each(seeds, change), 20, 1000);
+    assert_between(for_each("tests/fuzz/corpus", change), 20, 1000);
 }
 
 /* Numbers that stand in checkpoints, with sums that are right: none may be believed for its own sake. */
@@ -146,7 +146,7 @@ static void change_numbers(const fuzz_target *target, const uint8_t *data, size_
             if (tried++ % step == 0) try_numbers(target, data, size, from + i * s.element, s.element);
     }
     assert_int_equal(at, size);
-    assert_in_range(tried, 20, 100);
+    assert_between(tried, 20, 100);
     checkpoints++;
 }
 
@@ -154,7 +154,7 @@ static void test_extreme_numbers(void **state) {
     (void)state;
     checkpoints = 0;
     for_each(seeds, change_numbers);
-    assert_in_range(checkpoints, 2, 100);
+    assert_between(checkpoints, 2, 100);
 }
 
 int main(void) {

@@ -170,7 +170,7 @@ static void test_pictures(void **state) {
                     fail_msg("%s: pixel %d: %d is not %g", o.model, i, p.rgb[c * p.width * p.height + i],
                              shade(x, y, c));
         }
-        assert_in_range(kept, p.width * p.height * 8 / 10, p.width * p.height);
+        assert_between(kept, p.width * p.height * 8 / 10, p.width * p.height);
         sf_picture_free(ctx, &p);
     }
     sf_context_destroy(&ctx);

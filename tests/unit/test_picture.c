@@ -77,7 +77,7 @@ static void assert_pixels(const sf_picture *p, expect_fn expect, int tolerance, 
         uint8_t rgb[3], weight = 255;
         expect(i, rgb, &weight);
         for (int c = 0; c < 3; c++)
-            assert_in_range(p->rgb[c * PIXELS + i] + tolerance - rgb[c], 0, 2 * tolerance);
+            assert_between(p->rgb[c * PIXELS + i] + tolerance - rgb[c], 0, 2 * tolerance);
         if (has_weight) assert_int_equal(p->weight[i], weight);
     }
 }
@@ -303,7 +303,7 @@ static void test_exif_orientation(void **state) {
         assert_int_equal(orientation_of(jpeg, little, size), 1);
     for (int byte = 0; byte < 256; byte += 5) { /* the directory's place, anywhere */
         little[10] = (uint8_t)byte;
-        assert_in_range(orientation_of(jpeg, little, sizeof little - 1), 1, 8);
+        assert_between(orientation_of(jpeg, little, sizeof little - 1), 1, 8);
     }
     memset(little + 10, 0xff, 4);
     assert_int_equal(orientation_of(jpeg, little, sizeof little - 1), 1);
@@ -370,7 +370,7 @@ static void check_flips(file f) {
             data[at] ^= (uint8_t)flip;
             sf_status status = sf_picture_load(ctx, put(data, f.size), &p);
             assert_int_equal(p.rgb != NULL, status == SF_OK);
-            if (!status) assert_in_range(p.width, 1, SF_PICTURE_MAX_SIDE);
+            if (!status) assert_between(p.width, 1, SF_PICTURE_MAX_SIDE);
             sf_picture_free(ctx, &p);
         }
     free(data);

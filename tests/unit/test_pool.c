@@ -256,7 +256,7 @@ static void usable_cpus_follow_the_affinity(void **state) {
     cpu_set_t all, one;
     assert_int_equal(sched_getaffinity(0, sizeof all, &all), 0);
     int cpus = sf_usable_cpus();
-    assert_in_range(cpus, 1, CPU_COUNT(&all));
+    assert_between(cpus, 1, CPU_COUNT(&all));
 
     int first = 0;
     while (!CPU_ISSET(first, &all)) first++;

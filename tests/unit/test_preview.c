@@ -243,7 +243,7 @@ static void test_history(void **state) {
     json = get_json(f.p, "/history");
     points = json_object_get(json, "points");
     size_t n = json_array_size(points);
-    assert_in_range(n, 512, 1024);
+    assert_between(n, 512, 1024);
     assert_float_equal(json_number_value(json_array_get(json_array_get(points, 0), 0)), 1, 1e-9);
     assert_float_equal(json_number_value(json_array_get(json_array_get(points, n - 1), 0)), 5003, 1e-9);
     json_decref(json);
@@ -277,9 +277,9 @@ static void test_pictures(void **state) {
     assert_ok(f.ctx, sf_picture_load(f.ctx, test_path("camera.jpg"), &picture));
     assert_int_equal(picture.width, W);
     assert_int_equal(picture.height, H);
-    assert_in_range(picture.rgb[0], 196, 204);
-    assert_in_range(picture.rgb[W * H], 96, 104);
-    assert_in_range(picture.rgb[2 * W * H], 26, 34);
+    assert_between(picture.rgb[0], 196, 204);
+    assert_between(picture.rgb[W * H], 96, 104);
+    assert_between(picture.rgb[2 * W * H], 26, 34);
     sf_picture_free(f.ctx, &picture);
     free(a.body);
     /* One that the client has is not sent again, until there is another. */

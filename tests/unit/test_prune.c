@@ -71,7 +71,7 @@ static fixture start(int threads) {
     return f;
 }
 
-static void stop(fixture *f) {
+static void stop_job(fixture *f) {
     sf_scene_destroy(&f->scene);
     sf_model_destroy(&f->model);
     sf_context_destroy(&f->ctx);
@@ -146,7 +146,7 @@ static void test_useless_ones_go(void **state) {
     assert_int_equal(bands, sf_model_count(pruned));
     assert_int_equal(useless, 0);
     sf_model_destroy(&pruned);
-    stop(&f);
+    stop_job(&f);
 }
 
 /* To a number: by worth nothing is lost, at random much is. */
@@ -171,7 +171,7 @@ static void test_random_is_worse(void **state) {
     assert_true(at_random.psnr_after >= at_random.psnr_before - options.loss);
     assert_true(sf_model_count(pruned) > USED);
     sf_model_destroy(&pruned);
-    stop(&f);
+    stop_job(&f);
 }
 
 /* Fitting on makes good what more pruning costs; the loss holds. */
@@ -190,7 +190,7 @@ static void test_refitting_lets_more_go(void **state) {
     if (!getenv("SPLATFIT_QUICK")) assert_true(sf_model_count(refitted) < sf_model_count(pruned));
     sf_model_destroy(&refitted);
     sf_model_destroy(&pruned);
-    stop(&f);
+    stop_job(&f);
 }
 
 /* The same values for any number of threads. */
@@ -205,7 +205,7 @@ static void test_threads_make_no_difference(void **state) {
         sh[k] = calloc(12 * n[k], sizeof *sh[k]);
         assert_ok(f.ctx, sf_model_get(pruned, 0, n[k], &(sf_gaussians){.sh = sh[k]}));
         sf_model_destroy(&pruned);
-        stop(&f);
+        stop_job(&f);
     }
     assert_int_equal(n[0], n[1]);
     assert_memory_equal(sh[0], sh[1], 12 * n[0] * sizeof *sh[0]);
@@ -240,7 +240,7 @@ static void test_what_is_wrong_is_named(void **state) {
     assert_status(f.ctx, sf_prune(f.ctx, empty, f.model, NULL, &pruned, NULL), SF_ERR_EMPTY);
     assert_null(pruned);
     sf_scene_destroy(&empty);
-    stop(&f);
+    stop_job(&f);
 }
 
 int main(void) {

@@ -32,7 +32,7 @@ static void hold(sf_scene *scene, held *h) {
     uint32_t *ids;
     *h = (held){.scene = scene};
     assert_ok(scene->ctx, sf_scene_training_ids(scene, &ids, &h->n));
-    assert_in_range(h->n, 0, MOST_VIEWS);
+    assert_between(h->n, 0, MOST_VIEWS);
     for (size_t i = 0; i < h->n; i++) h->views[i] = sf_scene_retain_id(scene, ids[i]);
     sf_free(scene->ctx, ids);
 }
@@ -61,7 +61,7 @@ static sf_cloud sweep(const held *h, size_t wanted) {
     sf_cloud cloud;
     assert_ok(h->scene->ctx,
               sf_sweep_points(h->scene->ctx, (const sf_view *const *)h->views, h->n, &options, &cloud));
-    assert_in_range(cloud.n, 0, wanted);
+    assert_between(cloud.n, 0, wanted);
     return cloud;
 }
 
@@ -207,7 +207,7 @@ static void test_nothing_to_match(void **state) {
     }
     repaint(&room, paint_noise, 0, &h); /* textured, but each view of something else */
     sf_cloud cloud = sweep(&h, WANTED);
-    assert_in_range(cloud.n, 0, 20);
+    assert_between(cloud.n, 0, 20);
     sf_cloud_destroy(ctx, &cloud);
     let_go(&h);
     let_go(&room);
@@ -233,11 +233,11 @@ static void test_colors_of_views(void **state) {
     sf_cloud cloud = sweep(&h, WANTED);
     assert_true(cloud.n > 50);
     for (size_t i = 0; i < cloud.n; i++) {
-        assert_in_range(cloud.view[i], 0, h.n - 1);
+        assert_between(cloud.view[i], 0, h.n - 1);
         assert_int_equal(cloud.rgb[3 * i + 2], blue_of(h.views[cloud.view[i]]));
         others += cloud.view[i] > 0;
     }
-    assert_in_range(others, 1, cloud.n - 1);
+    assert_between(others, 1, cloud.n - 1);
     sf_cloud_destroy(ctx, &cloud);
     h.n = room.n;
     let_go(&h);

@@ -79,7 +79,7 @@ static void check_lens(const sf_lens *l, int least_inside) {
         for (int c = 0; c < 3; c++)
             if (p.weight[i]) assert_true(fabs(p.rgb[c * PIXELS + i] - shade(at[0], at[1], c)) <= 2);
     }
-    assert_in_range(inside, least_inside, PIXELS);
+    assert_between(inside, least_inside, PIXELS);
     sf_picture_free(ctx, &p);
     sf_context_destroy(&ctx);
 }
@@ -198,7 +198,7 @@ static void test_weights_come_along(void **state) {
     int hidden = 0, shown = 0;
     for (int i = 0; i < PIXELS; i++) {
         if (!is_inside(&mild, i)) assert_int_equal(p.weight[i], 0);
-        assert_in_range(p.weight[i], 0, 200);
+        assert_between(p.weight[i], 0, 200);
         hidden += is_inside(&mild, i) && p.weight[i] == 0;
         shown += p.weight[i] == 200;
         if (p.weight[i]) assert_int_equal(p.rgb[i], 10); /* none of the hidden colour seeps in */
