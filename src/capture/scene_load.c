@@ -5,7 +5,8 @@
 #include "../base/rng.h"
 #include "../io/project.h"
 #include "../scene/scene.h"
-#include "sim.h"
+#include "../sim/sim.h"
+#include "source.h"
 
 /* As many as structure from motion finds in a scene of this kind. */
 enum { SPARSE_POINTS = 8000, FRAME_NAME = 16 };

@@ -1,7 +1,8 @@
 #!/bin/sh
 # includes.sh - every module of src/ and arch/ includes only what lies before it.
 #
-#   base <- kernels <- scene <- {io, render};  io <- capture;  {io, capture, render} <- {pose, fit} <- live
+#   base <- kernels <- scene <- {io, render};  base <- sim;  {io, sim} <- capture;  {io, sim, render} <- pose
+#   {io, render} <- fit;  {pose, fit} <- live
 #   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base, scene and io;
 #   app sees bench, chart and preview;  arch sees kernels;  all see include/splatfit
 set -eu
@@ -23,10 +24,11 @@ done | awk '
         allow("scene", "base kernels")
         allow("io", "base kernels scene")
         allow("render", "base kernels scene")
-        allow("capture", "base kernels scene io")
-        allow("pose", "base kernels scene io capture render")
-        allow("fit", "base kernels scene io capture render")
-        allow("live", "base kernels scene io capture render pose fit")
+        allow("sim", "base")
+        allow("capture", "base kernels scene io sim")
+        allow("pose", "base kernels scene io sim render")
+        allow("fit", "base kernels scene io render")
+        allow("live", "base kernels scene io render pose fit")
         allow("preview", "base scene io")
         allow("chart", "base")
         allow("bench", "base kernels scene render fit arch chart")
