@@ -13,7 +13,7 @@
 #include "../base/file.h"
 #include "../base/query.h"
 #include "../io/picture.h"
-#include "../io/project.h"
+#include "../io/paths.h"
 #include "format.h"
 #include "jpeg_cut.h"
 #include "pace.h"

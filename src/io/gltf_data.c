@@ -8,7 +8,7 @@
 #include "../base/bytes.h"
 #include "gltf.h"
 #include "model_file.h"
-#include "project.h"
+#include "paths.h"
 
 enum { COUNT_MOST = INT32_MAX - SF_LANES, STRIDE_MOST = 252, BYTE = 5120, SHORT = 5122 };
 

@@ -1,7 +1,7 @@
 #!/bin/sh
 # includes.sh - every module of src/ and arch/ includes only what lies before it.
 #
-#   base <- kernels <- scene <- {io, render};  base <- sim;  {io, sim} <- capture;  {io, sim, render} <- pose
+#   kernels <- base <- scene <- {io, render};  base <- sim;  {io, sim} <- capture;  {io, sim, render} <- pose
 #   {io, render} <- fit;  {pose, fit} <- live
 #   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base, scene and io;
 #   app sees bench, chart and preview;  arch sees kernels;  all see include/splatfit
@@ -19,8 +19,8 @@ done | awk '
         return part[1] == "src" ? part[2] : part[1]
     }
     BEGIN {
-        allow("base", "")
-        allow("kernels", "base")
+        allow("kernels", "")
+        allow("base", "kernels")
         allow("scene", "base kernels")
         allow("io", "base kernels scene")
         allow("render", "base kernels scene")
