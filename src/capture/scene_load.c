@@ -7,7 +7,7 @@
 #include "../io/load_project.h"
 #include "../scene/scene.h"
 #include "../sim/sim.h"
-#include "source.h"
+#include "source_ops.h"
 
 /* As many as structure from motion finds in a scene of this kind. */
 enum { SPARSE_POINTS = 8000, FRAME_NAME = 16 };

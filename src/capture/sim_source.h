@@ -2,7 +2,7 @@
 #ifndef SF_CAPTURE_SIM_SOURCE_H
 #define SF_CAPTURE_SIM_SOURCE_H
 
-#include "source.h"
+#include "source_ops.h"
 
 /* Opens the source for sf_source_open. */
 sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source);

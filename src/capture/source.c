@@ -1,5 +1,5 @@
 /* source.c - opens frame sources by name and keeps count of the frames that are out. */
-#include "source.h"
+#include "source_ops.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "../base/bytes.h"
-#include "gltf.h"
+#include "gltf_format.h"
 #include "model_file.h"
 #include "paths.h"
 

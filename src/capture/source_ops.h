@@ -1,6 +1,6 @@
-/* source.h - the inside of sf_source: one small table of functions a scheme. */
-#ifndef SF_CAPTURE_SOURCE_H
-#define SF_CAPTURE_SOURCE_H
+/* source_ops.h - the inside of sf_source: one small table of functions a scheme. */
+#ifndef SF_CAPTURE_SOURCE_OPS_H
+#define SF_CAPTURE_SOURCE_OPS_H
 
 #include "../base/context.h"
 
