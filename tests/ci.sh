@@ -77,7 +77,7 @@ group_aarch64() {
     emulated aarch64 aarch64-linux-gnu "$(all_but $only_32)"
     step deb-aarch64 "${make[@]}" TOOLCHAIN=aarch64-linux-gnu test-deb
     for board in rpi5 rpi4 rpi-zero2 jetson; do
-        step board-$board "${make[@]}" TOOLCHAIN=$board build/$board/src/kernels/context.o
+        step board-$board "${make[@]}" TOOLCHAIN=$board build/$board/src/base/create_context.o
     done
 }
 # The README's commands where nothing is, with the oldest and the newest compilers.

@@ -23,7 +23,7 @@ struct sf_context {
     char error[1024];
     const char *unpacked, *archive; /* see sf_show_as; under `lock` */
     struct sf_pool *pool;
-    struct sf_kernels *kernels;     /* const after creation; filled in by src/kernels */
+    struct sf_kernels *kernels;     /* const after creation; src/kernels */
     struct sf_libcamera *libcamera; /* src/capture/libcamera.cc's own, under `lock`; NULL: not in use */
 #ifndef __cplusplus                 /* whose atomics have other names */
     atomic_int loads_cancelled;     /* sf_scene_cancel_loads */

@@ -5,8 +5,8 @@
 #include <stdio.h>
 
 #include "machine.h"
-#include "roofs.h"
-#include "steps.h"
+#include "levels.h"
+#include "step.h"
 
 #include "../base/context.h"
 

@@ -1,5 +1,5 @@
 /* levels.c - the levels of this machine: kernels, roofs and variants of blending, by name. */
-#include "roofs.h"
+#include "levels.h"
 
 #include <string.h>
 

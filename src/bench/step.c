@@ -1,5 +1,5 @@
 /* step.c - a whole step of a fit, stage by stage, as src/fit makes it. */
-#include "steps.h"
+#include "step.h"
 
 #include <string.h>
 

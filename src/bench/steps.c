@@ -1,5 +1,5 @@
 /* steps.c - whole steps: of the scene at several sizes, and of a fitted model. */
-#include "steps.h"
+#include "step.h"
 
 #include <math.h>
 #include <stdlib.h>

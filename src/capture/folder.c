@@ -11,8 +11,9 @@
 
 #include "../base/clock.h"
 #include "../base/file.h"
+#include "../base/query.h"
 #include "../io/picture.h"
-#include "../io/project.h"
+#include "../io/paths.h"
 #include "format.h"
 #include "jpeg_cut.h"
 #include "pace.h"
@@ -350,12 +351,12 @@ static char *text_up_to(sf_context *ctx, const char *text, size_t length) {
 
 static sf_status open_folder(folder_source *f, const char *name) {
     enum { FPS, LOOP, DECODE, OPTIONS };
-    sf_source_option options[OPTIONS] = {
+    sf_query_option options[OPTIONS] = {
         [FPS] = {.name = "fps", .most = 1000},
         [LOOP] = {.name = "loop", .most = 1, .whole = 1},
         [DECODE] = {.name = "decode", .value = 1, .most = 1, .whole = 1},
     };
-    sf_status status = sf_source_parse_options(f->ctx, name, options, OPTIONS);
+    sf_status status = sf_query_parse(f->ctx, name, options, OPTIONS);
     if (status != SF_OK) return status;
     size_t length = strcspn(name, "?"), scheme = strlen("folder:");
     f->loop = options[LOOP].value != 0;

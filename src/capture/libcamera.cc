@@ -8,6 +8,7 @@
  * one is kept by the kernel: whoever makes a manager holds a lock on the process's own entry in /proc, of
  * which there is one a process, however often this library is in it, and which goes with the process. */
 extern "C" {
+#include "../base/query.h"
 #include "auto_exposure.h"
 #include "dma_heaps.h"
 #include "format.h"
@@ -300,7 +301,7 @@ sf_status read_exposure(sf_context *ctx, const char *name, Request *request) {
 
 sf_status read_name(sf_context *ctx, const char *name, Request *request) {
     enum { FPS, GAIN, BUFFERS, SIZE, FORMAT, EXPOSURE, OPTIONS };
-    sf_source_option options[OPTIONS] = {
+    sf_query_option options[OPTIONS] = {
         {"fps", 0, 0.01, 1000, 0, nullptr, 0},
         {"gain", 0, 0.001, 1000, 0, nullptr, 0},
         {"buffers", 4, 3, 32, 1, nullptr, 0}, /* two may be out, and the camera needs one */
@@ -313,7 +314,7 @@ sf_status read_name(sf_context *ctx, const char *name, Request *request) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: names no camera: libcamera:0, or a camera's id", name);
     memcpy(request->camera, id, length);
     request->camera[length] = 0;
-    sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
+    sf_status status = sf_query_parse(ctx, name, options, OPTIONS);
     if (status == SF_OK) status = read_size(ctx, name, request);
     if (status == SF_OK) status = read_exposure(ctx, name, request);
     if (status != SF_OK) return status;

@@ -6,8 +6,8 @@
 #ifndef SF_CAPTURE_LIBCAMERA_H
 #define SF_CAPTURE_LIBCAMERA_H
 
-#include "devices.h"
-#include "source.h"
+#include "device_list.h"
+#include "source_ops.h"
 
 #ifdef SF_HAVE_LIBCAMERA
 
@@ -19,6 +19,9 @@ extern "C" {
  * such camera, in use by another program or by another context of this one; SF_ERR_UNSUPPORTED: the camera
  * has not what was asked for (named, with what it has). */
 sf_status sf_libcamera_open(sf_context *ctx, const char *name, sf_source *source);
+
+/* Adds the cameras that libcamera finds. SF_ERR_MEMORY; no camera is no error. */
+sf_status sf_libcamera_find(sf_context *ctx, sf_devices *devices);
 
 #ifdef __cplusplus
 }

@@ -2,7 +2,7 @@
 #ifndef SF_CAPTURE_PACE_H
 #define SF_CAPTURE_PACE_H
 
-#include "source.h"
+#include "source_ops.h"
 
 /* As many due frames wait to be taken, as in a driver's buffers; older ones are lost. */
 enum { SF_PACE_WAITING = 4 };

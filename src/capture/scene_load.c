@@ -3,16 +3,14 @@
 #include <string.h>
 
 #include "../base/rng.h"
-#include "../io/project.h"
+#include "../io/dataset.h"
+#include "../io/load_project.h"
 #include "../scene/scene.h"
-#include "sim.h"
+#include "../sim/sim.h"
+#include "source_ops.h"
 
 /* As many as structure from motion finds in a scene of this kind. */
 enum { SPARSE_POINTS = 8000, FRAME_NAME = 16 };
-
-sf_load_options sf_load_options_default(void) {
-    return (sf_load_options){.downscale = 1, .hold_out = 8, .sub_model = -1};
-}
 
 static sf_status check_options(sf_context *ctx, const char *name, const sf_sim *sim,
                                const sf_load_options *options) {

@@ -1,14 +1,13 @@
 /* source.c - opens frame sources by name and keeps count of the frames that are out. */
-#include "source.h"
+#include "source_ops.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "folder.h"
 #include "libcamera.h"
 #include "pipe.h"
-#include "sim.h"
+#include "sim_source.h"
 #include "v4l2.h"
 
 typedef struct scheme {
@@ -113,81 +112,4 @@ void sf_source_release(sf_source *source, sf_frame *frame) {
     *slot = NULL;
     source->ops->release(source->self, frame);
     memset(frame, 0, sizeof *frame);
-}
-
-/* "ctrl." stands for ctrl.ANYTHING, which the scheme reads by itself. */
-static int is_family(const sf_source_option *option) { return option->name[strlen(option->name) - 1] == '.'; }
-
-static sf_source_option *find_option(sf_source_option *options, size_t count, const char *name,
-                                     size_t length) {
-    for (size_t i = 0; i < count; i++)
-        if (strlen(options[i].name) == length && memcmp(options[i].name, name, length) == 0)
-            return &options[i];
-    for (size_t i = 0; i < count; i++)
-        if (is_family(&options[i]) && strlen(options[i].name) < length &&
-            memcmp(options[i].name, name, strlen(options[i].name)) == 0)
-            return &options[i];
-    return NULL;
-}
-
-/* Reads text up to `end` as a plain decimal number. */
-static int parse_number(const char *text, const char *end, double *value) {
-    char copy[32], *stop;
-    size_t length = (size_t)(end - text);
-    if (length == 0 || length >= sizeof copy || strspn(text, "0123456789.-") < length) return 0;
-    memcpy(copy, text, length);
-    copy[length] = 0;
-    *value = strtod(copy, &stop);
-    return *stop == 0;
-}
-
-static int in_range(const sf_source_option *option, double value) {
-    return value >= option->least && value <= option->most &&
-           !(option->whole && value != (double)(int64_t)value);
-}
-
-static sf_status take_text(sf_context *ctx, const char *source_name, const char *value, const char *end,
-                           sf_source_option *option) {
-    size_t length = (size_t)(end - value);
-    if (length == 0 || length >= option->text_size)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%.*s\" is not a text of 1 to %zu letters",
-                       source_name, option->name, (int)length, value, option->text_size - 1);
-    memcpy(option->text, value, length);
-    option->text[length] = 0;
-    return SF_OK;
-}
-
-/* Reads one "name=value" that ends at `end`. */
-static sf_status parse_option(sf_context *ctx, const char *source_name, const char *text, const char *end,
-                              sf_source_option *options, size_t count) {
-    size_t length = strcspn(text, "=&");
-    sf_source_option *option = find_option(options, count, text, length);
-    if (!option)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown option \"%.*s\"", source_name, (int)length, text);
-    const char *value = text + length + (text[length] == '=');
-    if (is_family(option)) return SF_OK;
-    if (option->text) return take_text(ctx, source_name, value, end, option);
-    double number;
-    if (!parse_number(value, end, &number))
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: \"%.*s\" is not a number", source_name, option->name,
-                       (int)(end - value), value);
-    if (!in_range(option, number))
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: %s: %.*s is not a%s number from %.16g to %.16g",
-                       source_name, option->name, (int)(end - value), value, option->whole ? " whole" : "",
-                       option->least, option->most);
-    option->value = number;
-    return SF_OK;
-}
-
-sf_status sf_source_parse_options(sf_context *ctx, const char *source_name, sf_source_option *options,
-                                  size_t count) {
-    const char *text = strchr(source_name, '?');
-    while (text && *text) {
-        text++; /* over ? or & */
-        const char *end = text + strcspn(text, "&");
-        sf_status status = parse_option(ctx, source_name, text, end, options, count);
-        if (status != SF_OK) return status;
-        text = end;
-    }
-    return SF_OK;
 }

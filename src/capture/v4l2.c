@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../base/query.h"
 #include "v4l2_stream.h"
 
 enum { MOST_RESTARTS = 4, RESTART_PAUSE_MS = 100, LOOK_PAUSE_MS = 100, SIGNAL_PAUSE_MS = 1000 };
@@ -337,7 +338,7 @@ static sf_status read_path(sf_context *ctx, const char *name, char path[SF_V4L2_
 static sf_status read_settings(sf_context *ctx, const char *name, sf_v4l2_settings *to) {
     enum { FPS, BUFFERS, DMABUF, INPUT };
     char size[24] = "";
-    sf_source_option options[] = {
+    sf_query_option options[] = {
         [FPS] = {.name = "fps", .value = 0, .least = 0, .most = 1000},
         [BUFFERS] = {"buffers", 4, SF_V4L2_LEAST_BUFFERS, SF_V4L2_MOST_BUFFERS, 1, NULL, 0},
         [DMABUF] = {"dmabuf", 0, 0, 1, 1, NULL, 0},
@@ -352,8 +353,7 @@ static sf_status read_settings(sf_context *ctx, const char *name, sf_v4l2_settin
         {.name = "ctrl."},
     };
     sf_status status = read_path(ctx, name, to->path);
-    if (status == SF_OK)
-        status = sf_source_parse_options(ctx, name, options, sizeof options / sizeof *options);
+    if (status == SF_OK) status = sf_query_parse(ctx, name, options, sizeof options / sizeof *options);
     if (status != SF_OK) return status;
     if (*size && !sf_v4l2_parse_size(size, &to->width, &to->height))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: size: \"%s\" is not WIDTHxHEIGHT of 1 to 16384 px", name,

@@ -2,8 +2,8 @@
 #ifndef SF_CAPTURE_V4L2_H
 #define SF_CAPTURE_V4L2_H
 
-#include "devices.h"
-#include "source.h"
+#include "device_list.h"
+#include "source_ops.h"
 
 /* Opens the source for sf_source_open; README.md lists its options. SF_ERR_ARGUMENT: unknown option, value
  * out of range; SF_ERR_IO: no such device, no permission, in use; SF_ERR_UNSUPPORTED: the camera has not what

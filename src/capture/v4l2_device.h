@@ -7,7 +7,7 @@
 
 #include <linux/videodev2.h>
 
-#include "source.h"
+#include "source_ops.h"
 
 /* The system. Calls give -1 (map: NULL) and set errno where they fail. */
 typedef struct sf_v4l2_sys {

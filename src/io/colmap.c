@@ -3,6 +3,7 @@
 
 #include "../base/bytes.h"
 #include "../base/file.h"
+#include "paths.h"
 
 #include <dirent.h>
 #include <errno.h>

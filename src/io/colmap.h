@@ -2,7 +2,7 @@
 #ifndef SF_IO_COLMAP_H
 #define SF_IO_COLMAP_H
 
-#include "project.h"
+#include "dataset.h"
 
 /* The folder of the model in a project: sparse/N (of several the one with most images, said in the log),
  * sparse, or the project itself; with `number` >= 0 sparse/<number> alone. *model is sf_free'd by the caller;

@@ -3,7 +3,7 @@
  * Follows the extension's text as of April 2026. Every number of the JSON is held against the bytes that
  * there are before it is used.
  */
-#include "gltf.h"
+#include "gltf_format.h"
 
 #include <math.h>
 #include <stdio.h>

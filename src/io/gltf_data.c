@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "../base/bytes.h"
-#include "gltf.h"
+#include "gltf_format.h"
 #include "model_file.h"
-#include "project.h"
+#include "paths.h"
 
 enum { COUNT_MOST = INT32_MAX - SF_LANES, STRIDE_MOST = 252, BYTE = 5120, SHORT = 5122 };
 

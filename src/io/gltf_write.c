@@ -6,7 +6,7 @@
 
 #include <jansson.h>
 
-#include "gltf.h"
+#include "gltf_format.h"
 #include "model_file.h"
 #include "quantise.h"
 

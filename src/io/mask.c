@@ -1,5 +1,6 @@
 /* mask.c - see mask.h. */
 #include "mask.h"
+#include "paths.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -7,7 +7,7 @@
 #ifndef SF_IO_MASK_H
 #define SF_IO_MASK_H
 
-#include "project.h"
+#include "dataset.h"
 
 /* Gives each entry without a mask of its own the one in the folder that the options name, or, where they
  * name none, in masks/. For the picture images/a/b.jpg those are, in this order, a/b.jpg.png, a/b.png,

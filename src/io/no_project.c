@@ -3,7 +3,8 @@
 
 #include "../base/context.h"
 #include "../base/file.h"
-#include "project.h"
+#include "dataset.h"
+#include "paths.h"
 
 #include <dirent.h>
 #include <limits.h>

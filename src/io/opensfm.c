@@ -7,6 +7,7 @@
 
 #include "../base/file.h"
 #include "json_read.h"
+#include "paths.h"
 
 #include <ctype.h>
 #include <float.h>

@@ -2,7 +2,7 @@
 #ifndef SF_IO_OPENSFM_H
 #define SF_IO_OPENSFM_H
 
-#include "project.h"
+#include "dataset.h"
 
 /* Whether a file's first character that is not white space is [, as that of an array. */
 int sf_opensfm_is(const char *file);

@@ -14,7 +14,7 @@
 #include <zip.h>
 
 #include "json_read.h"
-#include "project.h"
+#include "paths.h"
 #include "zip.h"
 
 enum {

@@ -4,6 +4,7 @@
 #include "../base/linear.h"
 #include "json_read.h"
 #include "ply.h"
+#include "paths.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -2,7 +2,7 @@
 #ifndef SF_IO_TRANSFORMS_H
 #define SF_IO_TRANSFORMS_H
 
-#include "project.h"
+#include "dataset.h"
 
 /* Appends the frames of a file, and takes its points where it names some. options->images stands for the
  * folder images/ of its pictures. */

@@ -1,5 +1,5 @@
 /* views.c - from the entries of a project to the views of a scene. */
-#include "project.h"
+#include "views.h"
 
 #include "../base/memory.h"
 #include "../base/pool.h"
@@ -25,11 +25,6 @@ static sf_optics scaled_lens(const sf_entry *e, int width, int height) {
     lens.fy *= y;
     lens.cy *= y;
     return lens;
-}
-
-int sf_is_same_shape(int width, int height, int of_width, int of_height) {
-    double x = (double)width / of_width, y = (double)height / of_height;
-    return fabs(height - x * of_height) <= fmax(x, 1) || fabs(width - y * of_width) <= fmax(y, 1);
 }
 
 /* A picture that was turned or cropped after its camera was found is not what the camera saw. */

@@ -17,7 +17,8 @@ int sf_zip_is(const char *path) {
 
 #ifdef SF_HAVE_LIBZIP
 
-#include "project.h"
+#include "dataset.h"
+#include "paths.h"
 
 #include <dirent.h>
 #include <errno.h>

@@ -8,7 +8,7 @@
 
 #include <jansson.h>
 
-#include "../capture/sheet.h"
+#include "../sim/sheet.h"
 #include "tags.h"
 
 static const double LEAST_SIZE = 0.001, MOST_SIZE = 10; /* m */

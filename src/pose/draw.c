@@ -6,7 +6,7 @@
 
 #include <spng.h>
 
-#include "../capture/lettering.h"
+#include "../sim/lettering.h"
 #include "board.h"
 
 /* The sketch. */

@@ -9,7 +9,7 @@
 
 #include "../base/clock.h"
 #include "../base/file.h"
-#include "../capture/source.h"
+#include "../base/query.h"
 
 static const uint64_t MOST_BYTES = (uint64_t)1 << 30;
 static const int64_t RESTART_NS = 1000000000;
@@ -229,13 +229,13 @@ static sf_status read_rig(sf_path *path, const char *name, const char *text) {
 static sf_status read_options(sf_path *path, const char *name) {
     enum { GAP, OFFSET, CLOCK, RIG, OPTIONS };
     char clock[16] = "own", rig[256] = "0,0,0,0,0,0,1";
-    sf_source_option options[OPTIONS] = {
+    sf_query_option options[OPTIONS] = {
         [GAP] = {.name = "gap", .value = 0.2, .least = 0, .most = 3600},
         [OFFSET] = {.name = "offset", .least = -9e9, .most = 9e9},
         [CLOCK] = {.name = "clock", .text = clock, .text_size = sizeof clock},
         [RIG] = {.name = "rig", .text = rig, .text_size = sizeof rig},
     };
-    sf_status status = sf_source_parse_options(path->ctx, name, options, OPTIONS);
+    sf_status status = sf_query_parse(path->ctx, name, options, OPTIONS);
     if (status != SF_OK) return status;
     path->gap_ns = llround(options[GAP].value * 1e9);
     path->offset_ns = llround(options[OFFSET].value * 1e9);

@@ -11,6 +11,8 @@
 
 #include <splatfit/model.h>
 
+#include "messages.h"
+
 typedef struct sf_preview sf_preview;
 
 typedef struct sf_preview_options {
@@ -35,14 +37,6 @@ void sf_preview_close(sf_preview **preview);
 /* What to type into a browser: with the token, and where all addresses are listened on, with one by which
  * other machines reach this. Stands until the preview is closed. */
 const char *sf_preview_url(const sf_preview *preview);
-
-/* What the page shows: bits of sf_preview_wants. */
-typedef enum sf_preview_part {
-    SF_PREVIEW_CAMERA = 1, /* the newest picture of the camera */
-    SF_PREVIEW_RENDER = 2, /* the model, rendered from where that was taken */
-    SF_PREVIEW_MODEL = 4,  /* the model that the page draws by itself */
-    SF_PREVIEW_STATUS = 8
-} sf_preview_part;
 
 /* Whether a client looks at any of `parts` (a sum of sf_preview_part) and can take something newer: 0 or 1.
  * Without a client there is no need to make pictures. */
@@ -85,15 +79,6 @@ sf_status sf_preview_set_model(sf_preview *preview, const sf_model *model, int s
 /* The most bands whose bytes, of `count` Gaussians, are at most `bytes`: what a sender of many models a
  * minute can afford. */
 int sf_preview_sh_within(size_t count, size_t bytes);
-
-typedef enum sf_preview_command {
-    SF_PREVIEW_PAUSE = 1,
-    SF_PREVIEW_GO_ON,
-    SF_PREVIEW_SAVE,
-    SF_PREVIEW_RESET,
-    SF_PREVIEW_LOCK_EXPOSURE,
-    SF_PREVIEW_UNLOCK_EXPOSURE
-} sf_preview_command;
 
 /* Takes the oldest command that a client gave and nobody took: 1, or 0 where there is none. At most 16 wait;
  * the page is told of those beyond. */

@@ -5,7 +5,9 @@
 #include <pthread.h>
 
 #include "../base/context.h"
-#include "preview.h"
+#include "messages.h"
+
+#include <splatfit/model.h>
 
 enum {
     SF_PREVIEW_COMMANDS = 16,      /* that wait at most */

@@ -2,8 +2,8 @@
 #ifndef SF_SCENE_FUSE_H
 #define SF_SCENE_FUSE_H
 
+#include "cloud.h"
 #include "match.h"
-#include "sweep.h"
 
 /* A view and what a sweep found in it. */
 typedef struct sf_seen {

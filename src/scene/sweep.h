@@ -3,19 +3,8 @@
 #ifndef SF_SCENE_SWEEP_H
 #define SF_SCENE_SWEEP_H
 
+#include "cloud.h"
 #include "scene.h"
-
-/* Points and their colours. */
-typedef struct sf_cloud {
-    float *xyz;     /* [n][3], world units */
-    uint8_t *rgb;   /* [n][3] */
-    uint32_t *view; /* [n]: whose colour it is, a place among the views that were swept; else 0 */
-    size_t n;
-} sf_cloud;
-
-/* Room for n points; n itself stays 0. On failure none is left. */
-sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud);
-void sf_cloud_destroy(sf_context *ctx, sf_cloud *cloud);
 
 typedef struct sf_sweep_options {
     size_t wanted;  /* at most so many points, > 0 */

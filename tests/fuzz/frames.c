@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/query.h"
 #include "capture/jpeg_cut.h"
-#include "capture/source.h"
 #include "capture/y4m.h"
 #include "fuzz.h"
 #include "io/picture.h"
@@ -105,14 +105,14 @@ int fuzz_frames(const uint8_t *data, size_t size) {
 int fuzz_source(const uint8_t *data, size_t size) {
     enum { MOST = 4096 };
     char name[MOST + 16], text[32] = "";
-    sf_source_option options[] = {{.name = "fps", .most = 1000},
-                                  {.name = "loop", .most = 1, .whole = 1},
-                                  {.name = "count", .least = -1e18, .most = 1e18, .whole = 1},
-                                  {.name = "size", .text = text, .text_size = sizeof text},
-                                  {.name = "ctrl."}};
+    sf_query_option options[] = {{.name = "fps", .most = 1000},
+                                 {.name = "loop", .most = 1, .whole = 1},
+                                 {.name = "count", .least = -1e18, .most = 1e18, .whole = 1},
+                                 {.name = "size", .text = text, .text_size = sizeof text},
+                                 {.name = "ctrl."}};
     snprintf(name, sizeof name, "pipe:x?%.*s", size < MOST ? (int)size : MOST, (const char *)data);
     sf_context *ctx = fuzz_begin(size, 1 << 18, 1);
-    int well = fuzz_went_well(ctx, sf_source_parse_options(ctx, name, options, 5), "pipe:x");
+    int well = fuzz_went_well(ctx, sf_query_parse(ctx, name, options, 5), "pipe:x");
     fuzz_end();
     return well;
 }

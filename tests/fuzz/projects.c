@@ -4,7 +4,8 @@
 #include <string.h>
 
 #include "fuzz.h"
-#include "io/project.h"
+#include "io/dataset.h"
+#include "io/paths.h"
 
 /* A PNG of 4 x 3 pixels. */
 static void put_picture(sf_context *ctx, const char *name) {

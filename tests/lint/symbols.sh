@@ -1,5 +1,5 @@
 #!/bin/sh
-# symbols.sh - what LIB and SO define: the interface, names that begin with sf_, no variable data.
+# symbols.sh - what LIB and SO define: the interface, names that begin with sf_, no variable data. No folder calls up.
 set -eu
 
 scratch=$(mktemp -d)
@@ -29,4 +29,14 @@ objdump -t "$LIB" | awk '
     / O / && /[ \t]([*]COM[*]|\.t?(data|bss)[^ \t]*)[ \t]/ && !/\.data\.rel\.ro|DW\.ref\./ { print $NF }
 ' >"$scratch/data"
 report "$LIB holds a variable of static duration:" "$scratch/data"
+
+# Folders call each other in no circle, also where a public header hides that from the includes.
+tr ' ' '\n' <"$(dirname "$LIB")/sources" | grep -E '/src/.*\.o$' | grep -vE '/src/(app|bench|chart|preview)/' |
+    xargs "${NM:-nm}" -A -g | awk '
+        { folder = $1; sub(/.*\/src\//, "", folder); sub(/\/.*/, "", folder) }
+        / [BDRT] / { home[$NF] = folder }
+        $(NF - 1) == "U" { calls[folder " " $NF] }
+        END { for (c in calls) if (split(c, p, " ") && p[2] in home && home[p[2]] != p[1]) print p[1], home[p[2]] }' |
+    LC_ALL=C sort -u | tsort 2>&1 >/dev/null | sed 's/^tsort: //' >"$scratch/circle"
+report "$LIB: folders that call each other:" "$scratch/circle"
 exit $bad

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "capture/sim.h"
+#include "sim/sim.h"
 #include "fits.h"
 
 #define STUDIO "sim:studio?width=120&height=90&frames=24"

@@ -10,7 +10,7 @@
 
 #include "../../src/bench/exact.h"
 #include "../../src/bench/scene.h"
-#include "../../src/bench/steps.h"
+#include "../../src/bench/step.h"
 #include "../../src/scene/gaussians.h"
 
 /* The scene of the kernels, projected. */

@@ -7,9 +7,9 @@
 
 #include "../../src/base/context.h"
 #include "../../src/base/linear.h"
-#include "../../src/capture/baked.h"
-#include "../../src/capture/sheet.h"
-#include "../../src/capture/sim.h"
+#include "../../src/sim/baked.h"
+#include "../../src/sim/sheet.h"
+#include "../../src/sim/sim.h"
 #include "../../src/pose/tags.h"
 
 #include <splatfit/calibrate.h>

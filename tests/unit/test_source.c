@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "../../src/base/context.h"
-#include "../../src/capture/sim.h"
+#include "../../src/sim/sim.h"
 
 #define TINY "sim:studio?width=32&height=24"
 

@@ -7,8 +7,8 @@
 
 #include "../../src/base/context.h"
 #include "../../src/base/rng.h"
-#include "../../src/capture/lettering.h"
-#include "../../src/capture/sim.h"
+#include "../../src/sim/lettering.h"
+#include "../../src/sim/sim.h"
 
 static sf_sim make_sim(sf_context *ctx, const char *name) {
     sf_sim sim;

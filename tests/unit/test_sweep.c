@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/rng.h"
-#include "capture/sim.h"
+#include "sim/sim.h"
 #include "scene/first.h"
 #include "scene/fuse.h"
 #include "scene/neighbours.h"

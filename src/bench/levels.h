@@ -1,6 +1,6 @@
-/* roofs.h - the levels of this machine, and what each could do at best. */
-#ifndef BENCH_ROOFS_H
-#define BENCH_ROOFS_H
+/* levels.h - the levels of this machine, and what each could do at best. */
+#ifndef BENCH_LEVELS_H
+#define BENCH_LEVELS_H
 
 #include "../../arch/vector/roof.h"
 #include "../kernels/kernels.h"

@@ -1,6 +1,6 @@
 /* sensor.h - what a small camera makes of the light that falls on it: motion blur, brightness, noise. */
-#ifndef SF_CAPTURE_SENSOR_H
-#define SF_CAPTURE_SENSOR_H
+#ifndef SF_SIM_SENSOR_H
+#define SF_SIM_SENSOR_H
 
 #include <stdint.h>
 

@@ -1,6 +1,6 @@
 /* walk.h - how somebody carries a camera around a board on a table, in a minute. */
-#ifndef SF_CAPTURE_WALK_H
-#define SF_CAPTURE_WALK_H
+#ifndef SF_SIM_WALK_H
+#define SF_SIM_WALK_H
 
 #include <splatfit/camera.h>
 

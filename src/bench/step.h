@@ -1,6 +1,6 @@
-/* steps.h - a whole step of a fit, stage by stage. */
-#ifndef BENCH_STEPS_H
-#define BENCH_STEPS_H
+/* step.h - a whole step of a fit, stage by stage. */
+#ifndef BENCH_STEP_H
+#define BENCH_STEP_H
 
 #include "../fit/moments.h"
 #include "scene.h"

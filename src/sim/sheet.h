@@ -3,8 +3,8 @@
  * 4 x 5 tags of tag36h11, numbers 0..19 in rows, a quarter of a tag between two: two of its cells, of which
  * one must be white. mm from the middle of the tags, +x right, +y down.
  */
-#ifndef SF_CAPTURE_SHEET_H
-#define SF_CAPTURE_SHEET_H
+#ifndef SF_SIM_SHEET_H
+#define SF_SIM_SHEET_H
 
 enum { SF_SHEET_COLUMNS = 4, SF_SHEET_ROWS = 5, SF_SHEET_TAGS = SF_SHEET_COLUMNS * SF_SHEET_ROWS };
 

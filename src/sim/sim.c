@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "../base/linear.h"
+#include "../base/query.h"
 #include "../base/rng.h"
 
 static const double pi = 3.141592653589793;
@@ -99,7 +100,7 @@ typedef struct texts {
     char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT];
 } texts;
 
-static void take_numbers(const sf_source_option options[OPTIONS], sf_sim *sim) {
+static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
     sim->width = (int32_t)options[WIDTH].value;
     sim->height = (int32_t)options[HEIGHT].value;
     sim->frames = (uint64_t)options[FRAMES].value;
@@ -127,7 +128,7 @@ static sf_status take_texts(sf_context *ctx, const char *name, const texts *text
 static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim *sim) {
     texts text = {.exposure = "fixed"};
     if (board) snprintf(text.exposure, sizeof text.exposure, "auto");
-    sf_source_option options[OPTIONS] = {
+    sf_query_option options[OPTIONS] = {
         [WIDTH] = {.name = "width", .value = 320, .least = 16, .most = 4096, .whole = 1},
         [HEIGHT] = {.name = "height", .value = 240, .least = 16, .most = 4096, .whole = 1},
         [FRAMES] = {.name = "frames", .value = board ? 1800 : 60, .least = 1, .most = 10000, .whole = 1},
@@ -147,7 +148,7 @@ static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim 
         [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
         [MOVER] = {.name = "mover", .text = text.mover, .text_size = sizeof text.mover},
     };
-    sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
+    sf_status status = sf_query_parse(ctx, name, options, OPTIONS);
     if (status == SF_OK) status = take_texts(ctx, name, &text, sim);
     if (status != SF_OK) return status;
     take_numbers(options, sim);

@@ -1,11 +1,11 @@
-/* context.c - makes and ends a context: memory, threads, kernels. */
-#include "../base/context.h"
+/* create_context.c - makes and ends a context: memory, threads, kernels. */
+#include "context.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "../base/pool.h"
-#include "kernels.h"
+#include "../kernels/kernels.h"
+#include "pool.h"
 
 const char *sf_version(void) { return SF_VERSION; }
 

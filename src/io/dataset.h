@@ -1,7 +1,6 @@
-/* project.h - what the readers of projects have in common: they list pictures and cameras, a scene comes out.
- */
-#ifndef SF_IO_PROJECT_H
-#define SF_IO_PROJECT_H
+/* dataset.h - what the readers of projects fill in: pictures, their cameras, and points. */
+#ifndef SF_IO_DATASET_H
+#define SF_IO_DATASET_H
 
 #include "optics.h"
 #include "picture.h"
@@ -53,12 +52,6 @@ sf_status sf_project_sort(sf_project *project, const char *file);
 /* The entry of that name, in a sorted project; NULL if there is none. A "./" in front does not count. */
 sf_entry *sf_project_find(const sf_project *project, const char *name);
 
-/* Reads a COLMAP folder, a transforms.json, or a folder that holds one. `options` may be NULL. Pictures are
- * decoded by all threads, each held at full size only while it is worked on. Errors as sf_scene_load;
- * SF_ERR_ARGUMENT: an option out of range, more than max_views. */
-sf_status sf_project_load(sf_context *ctx, const char *path, const sf_load_options *options,
-                          sf_scene **scene);
-
 /* The failure of a load that sf_scene_cancel_loads has ended. */
 sf_status sf_load_cancelled(sf_context *ctx, const char *path);
 
@@ -68,27 +61,15 @@ sf_status sf_project_set_folder(sf_project *project, const char *folder);
 /* Frees what the project holds. */
 void sf_project_free(sf_project *project);
 
-/* views.c: the scene of a project whose entries are sorted and split. Pictures are decoded by all threads. */
-sf_status sf_project_build(const sf_project *project, const sf_load_options *options, sf_scene **scene);
-
 /* Says which of the names, sorted by strcmp, are held out: those that options->test_list names, in full or by
  * what follows their last '/'; without a list every n-th. */
 sf_status sf_split_names(sf_context *ctx, const sf_load_options *options, size_t count,
                          const char *const *names, sf_split *splits);
 
-/* Whether sizes differ by no more than a scale and the rounding of sides to whole pixels. */
-int sf_is_same_shape(int width, int height, int of_width, int of_height);
-
-/* Small helpers on paths; the text is sf_free'd by the caller, NULL if there is no memory. */
-char *sf_text_copy(sf_context *ctx, const char *text);
-/* With one slash between, whatever ends the folder. */
-char *sf_path_join(sf_context *ctx, const char *folder, const char *name);
-char *sf_path_folder(sf_context *ctx, const char *path);
-int sf_is_folder(const char *path);
 /* Whether there are the files by which a project of any kind is known. */
 int sf_holds_project(const char *folder);
-int sf_holds_file(const char *folder, const char *name);
-int sf_is_file(const char *path);
-int sf_name_stays_inside(const char *name);
+
+/* Whether sizes differ by no more than a scale and the rounding of sides to whole pixels. */
+int sf_is_same_shape(int width, int height, int of_width, int of_height);
 
 #endif

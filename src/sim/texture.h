@@ -1,6 +1,6 @@
 /* texture.h - linear light on a rectangle, at several sizes. */
-#ifndef SF_CAPTURE_TEXTURE_H
-#define SF_CAPTURE_TEXTURE_H
+#ifndef SF_SIM_TEXTURE_H
+#define SF_SIM_TEXTURE_H
 
 #include <stddef.h>
 #include <string.h>

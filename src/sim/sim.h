@@ -1,13 +1,12 @@
 /* sim.h - a simulated camera that is carried around a simulated scene: "sim:studio?option=value&...".
  *
  * Parts that know nothing of each other: the scene (studio.h, exact; baked.h, fast), the camera's path
- * (sim.c, walk.h), and the sensor (sensor.h). sim_source.c puts frames together and plays the faults.
+ * (sim.c, walk.h), and the sensor (sensor.h). frames.c draws frames with them and plays the faults.
  */
-#ifndef SF_CAPTURE_SIM_H
-#define SF_CAPTURE_SIM_H
+#ifndef SF_SIM_SIM_H
+#define SF_SIM_SIM_H
 
-#include "sensor.h"
-#include "source.h"
+#include "../base/context.h"
 #include "studio.h"
 #include "walk.h"
 
@@ -65,8 +64,5 @@ void sf_sim_to_studio(const sf_sim *sim, const sf_camera *world, sf_camera *stud
 /* What a camera of the source's world sees at a picture position, in world units. */
 void sf_sim_look(const sf_sim *sim, const sf_camera *camera, double x_px, double y_px, sf_vec3 *point,
                  double *distance);
-
-/* Opens the source for sf_source_open. */
-sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source);
 
 #endif

@@ -1,6 +1,6 @@
 /* vec3.h - three doubles: points, directions and colours of the simulated scene. */
-#ifndef SF_CAPTURE_VEC3_H
-#define SF_CAPTURE_VEC3_H
+#ifndef SF_SIM_VEC3_H
+#define SF_SIM_VEC3_H
 
 #include <math.h>
 #include <stdint.h>

@@ -3,8 +3,8 @@
  * The room is closed, so every ray hits something. World units are metres or thereabouts, z is up, the floor
  * is z = 0. Light is linear; colours above 1 are bright reflections.
  */
-#ifndef SF_CAPTURE_STUDIO_H
-#define SF_CAPTURE_STUDIO_H
+#ifndef SF_SIM_STUDIO_H
+#define SF_SIM_STUDIO_H
 
 #include <splatfit/camera.h>
 

@@ -1,7 +1,7 @@
 /* lettering.h - capital letters drawn with strokes, for the surfaces of the simulated scene and for boards.
  */
-#ifndef SF_CAPTURE_LETTERING_H
-#define SF_CAPTURE_LETTERING_H
+#ifndef SF_SIM_LETTERING_H
+#define SF_SIM_LETTERING_H
 
 /* In units. */
 enum { SF_LETTER_HEIGHT = 6, SF_LETTER_PITCH = 6 };

@@ -1,6 +1,6 @@
-/* source.h - the inside of sf_source: one small table of functions a scheme. */
-#ifndef SF_CAPTURE_SOURCE_H
-#define SF_CAPTURE_SOURCE_H
+/* source_ops.h - the inside of sf_source: one small table of functions a scheme. */
+#ifndef SF_CAPTURE_SOURCE_OPS_H
+#define SF_CAPTURE_SOURCE_OPS_H
 
 #include "../base/context.h"
 
@@ -31,21 +31,5 @@ struct sf_source {
     const void *out[SF_SOURCE_MAX_LEASES]; /* leases of the frames that are out, NULL where none */
     sf_source_counts counts;
 };
-
-/* An option of a source's name, "...?name=value&...": a number, or where `text` is set a text. A name that
- * ends in a dot stands for all that begin so; the scheme reads them by itself. */
-typedef struct sf_source_option {
-    const char *name;
-    double value; /* the default, then what was asked for */
-    double least, most;
-    int whole;  /* no fraction */
-    char *text; /* text_size bytes: the default, then what was asked for */
-    size_t text_size;
-} sf_source_option;
-
-/* Reads the options of `source_name` into the table; of an option named twice, the last counts.
- * SF_ERR_ARGUMENT: an option that is not in the table, not a number, out of range, too long a text. */
-sf_status sf_source_parse_options(sf_context *ctx, const char *source_name, sf_source_option *options,
-                                  size_t count);
 
 #endif

@@ -3,8 +3,8 @@
  * What is seen where is as exact as the ray caster's; textures are sampled a few times a pixel, and only
  * pixels at the edges of surfaces have several rays.
  */
-#ifndef SF_CAPTURE_BAKED_H
-#define SF_CAPTURE_BAKED_H
+#ifndef SF_SIM_BAKED_H
+#define SF_SIM_BAKED_H
 
 #include "../base/context.h"
 #include "studio.h"

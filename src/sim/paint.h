@@ -1,6 +1,6 @@
 /* paint.h - what the surfaces of the simulated scene are painted with. */
-#ifndef SF_CAPTURE_PAINT_H
-#define SF_CAPTURE_PAINT_H
+#ifndef SF_SIM_PAINT_H
+#define SF_SIM_PAINT_H
 
 #include <stdint.h>
 

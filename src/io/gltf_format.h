@@ -1,6 +1,6 @@
-/* gltf.h - glTF 2.0 with KHR_gaussian_splatting: what the reader and the writer share. */
-#ifndef SF_IO_GLTF_H
-#define SF_IO_GLTF_H
+/* gltf_format.h - glTF 2.0 with KHR_gaussian_splatting: what the reader and the writer share. */
+#ifndef SF_IO_GLTF_FORMAT_H
+#define SF_IO_GLTF_FORMAT_H
 
 #include "gaussian.h"
 

@@ -1,0 +1,63 @@
+/* paths.c - paths of files and folders. */
+#include "paths.h"
+
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+char *sf_text_copy(sf_context *ctx, const char *text) {
+    size_t size = strlen(text) + 1;
+    char *copy = sf_alloc(ctx, size, 1);
+    if (copy) memcpy(copy, text, size);
+    return copy;
+}
+
+char *sf_path_join(sf_context *ctx, const char *folder, const char *name) {
+    int stem = (int)strlen(folder);
+    while (stem && folder[stem - 1] == '/') stem--;
+    size_t size = (size_t)stem + strlen(name) + 2;
+    char *path = sf_alloc(ctx, size, 1);
+    if (path) snprintf(path, size, "%.*s/%s", stem, folder, name);
+    return path;
+}
+
+char *sf_path_folder(sf_context *ctx, const char *path) {
+    const char *slash = strrchr(path, '/');
+    if (!slash) return sf_text_copy(ctx, ".");
+    size_t size = (size_t)(slash - path) + 1;
+    char *folder = sf_alloc(ctx, size + 1, 1);
+    if (folder) snprintf(folder, size + 1, "%s", path);
+    return folder;
+}
+
+int sf_is_folder(const char *path) {
+    struct stat st;
+    return !stat(path, &st) && S_ISDIR(st.st_mode);
+}
+
+int sf_is_file(const char *path) {
+    struct stat st;
+    return !stat(path, &st) && S_ISREG(st.st_mode);
+}
+
+int sf_holds_file(const char *folder, const char *name) {
+    char path[PATH_MAX]; /* a longer one cannot be opened */
+    int size = snprintf(path, sizeof path, "%s/%s", folder, name);
+    return size > 0 && (size_t)size < sizeof path && sf_is_file(path);
+}
+
+int sf_name_stays_inside(const char *name) {
+    if (*name == '/') return 0;
+    int depth = 0;
+    while (*name) {
+        size_t length = strcspn(name, "/");
+        if (length == 2 && !strncmp(name, "..", 2)) {
+            if (--depth < 0) return 0;
+        } else if (length > 1 || (length == 1 && *name != '.')) {
+            depth++;
+        }
+        name += length + (name[length] == '/');
+    }
+    return depth > 0;
+}

@@ -1,0 +1,19 @@
+/* paths.h - paths of files and folders.
+ *
+ * Texts are sf_free'd by the caller, and NULL if there is no memory.
+ */
+#ifndef SF_IO_PATHS_H
+#define SF_IO_PATHS_H
+
+#include "../base/context.h"
+
+char *sf_text_copy(sf_context *ctx, const char *text);
+/* With one slash between, whatever ends the folder. */
+char *sf_path_join(sf_context *ctx, const char *folder, const char *name);
+char *sf_path_folder(sf_context *ctx, const char *path);
+int sf_is_folder(const char *path);
+int sf_holds_file(const char *folder, const char *name);
+int sf_is_file(const char *path);
+int sf_name_stays_inside(const char *name);
+
+#endif

@@ -1,0 +1,18 @@
+/* cloud.h - points and their colours. */
+#ifndef SF_SCENE_CLOUD_H
+#define SF_SCENE_CLOUD_H
+
+#include "../base/context.h"
+
+typedef struct sf_cloud {
+    float *xyz;     /* [n][3], world units */
+    uint8_t *rgb;   /* [n][3] */
+    uint32_t *view; /* [n]: whose colour it is, a place among the views that were swept; else 0 */
+    size_t n;
+} sf_cloud;
+
+/* Room for n points; n itself stays 0. On failure none is left. */
+sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud);
+void sf_cloud_destroy(sf_context *ctx, sf_cloud *cloud);
+
+#endif
