@@ -3,7 +3,7 @@
 set -u
 
 passed=0 failed=0 skipped=0
-for check in includes headers symbols abi comments links format words scripts mutants; do
+for check in includes headers symbols abi comments links format words scripts makefiles mutants; do
     said=$("tests/lint/$check.sh" 2>&1)
     case $? in
     0) result=passed passed=$((passed + 1)) said= ;;
