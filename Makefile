@@ -30,6 +30,7 @@
 #                    Needs root; half an hour and more
 # make lint          include order, headers and their comments, symbols, ABI, links, format, forbidden words, scripts, makefiles,
 #                    the mutants' texts
+# make lint-quick    what of it takes seconds, and of C files and scripts those alone that differ from the last commit
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 #
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg; minutes
@@ -40,6 +41,7 @@
 # make stability     where methods of this kind fail, and what shows it: build/stability/index.html; minutes
 #
 # make doc           all that the public headers declare as one page: build/doc/index.html
+# make compile_commands.json  build/compile_commands.json: how each file is compiled, for clangd and other tools
 # make abi           writes tests/abi/abi.txt anew: what programs link against
 #
 # CC=clang           another compiler            CFLAGS=, LDFLAGS=  appended to the flags
@@ -47,6 +49,7 @@
 # TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
 # COVERAGE=1         a build that counts lines, for make coverage
+# DEBUG=1            a build for a debugger, -O0 -g3: build/native-debug/splatfit
 # STATIC=1           a program that needs no shared library, tested by test-static
 
 TOOLCHAIN ?= native
@@ -74,7 +77,8 @@ endif
 # All that is made lies in build/; what depends on toolchain, compiler and options in a folder that is named for them.
 comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
-CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)$(if $(filter 1,$(COVERAGE)),-coverage)
+CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)
+CONFIG := $(CONFIG)$(if $(filter 1,$(COVERAGE)),-coverage)$(if $(filter 1,$(DEBUG)),-debug)
 O      := build/$(CONFIG)
 
 .DEFAULT_GOAL := all
@@ -93,8 +97,8 @@ include toolchains/deb/deb.mk
 all: lib $(PROGRAM)
 lib: $(LIB) $(if $(SAN)$(filter 1,$(COVERAGE)),,$(SO))
 
-# build/splatfit is the last native program made, and so are the libraries beside it.
-ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC))$(filter 1,$(COVERAGE)),native)
+# build/splatfit is the last native program made for use, and so are the libraries beside it.
+ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC) $(COVERAGE) $(DEBUG)),native)
 LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
 .PHONY: $(LATEST)
 all: $(LATEST)

@@ -27,7 +27,7 @@ FLAGS_cull := -DSF_BLEND_CULL_ONLY=1
 VARIANT_OBJ := $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 
 # Given another KERNELS_O alone, nothing is built anew.
-KERNELS_O := $(if $(SAN)$(filter 1,$(COVERAGE)),1,3)
+KERNELS_O := $(if $(filter 1,$(DEBUG)),0,$(if $(SAN)$(filter 1,$(COVERAGE)),1,3))
 define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags
 	$(say) CC '$$< ($(1))'

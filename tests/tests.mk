@@ -89,9 +89,11 @@ test-static: $(PROGRAM)
 
 # ---- the source --------------------------------------------------------------------------------------------
 
-.PHONY: lint abi doc
+.PHONY: lint lint-quick abi doc compile_commands.json objects
 lint: $(LIB) $(SO)
 	@CC='$(CC)' NM='$(NM)' CFLAGS='$(BASE_CFLAGS) $(LIBS_CFLAGS)' LIB=$(LIB) SO=$(SO) tests/lint/lint.sh
+lint-quick:
+	@QUICK=1 tests/lint/lint.sh
 # Read include/splatfit/README.md before.
 abi: $(SO)
 	@CC='$(CC)' NM='$(NM)' tests/abi/list.py $(SO) >build/abi.txt && mv build/abi.txt tests/abi/abi.txt
@@ -99,6 +101,11 @@ doc:
 	@mkdir -p build/doc
 	@tests/docs/declarations.py --html $(HEADERS) >build/doc/index.html.new && mv build/doc/index.html.new build/doc/index.html
 	@echo build/doc/index.html
+objects: $(ALL_OBJ)
+compile_commands.json:
+	@$(MAKE) --no-print-directory -nB V=1 objects | awk -v folder='$(CURDIR)' -f tests/docs/compile_commands.awk \
+	    >build/$@.new && mv build/$@.new build/$@
+	@echo build/$@
 
 # ---- measurements ------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ OPTIONAL := $(if $(filter 1,$(STATIC)),,apriltag libcamera libwebp libzip libzst
 
 # config.sh writes config.mk, which is read below: FOUND (of OPTIONAL), CIVETWEB, LIBS_CFLAGS, LIBS_FOUND, TEST_LIBS,
 # PARTS (modules with their versions). `make -n` only looks.
-NOT_CONFIGURED := clean help doc uninstall ci fuzz mutants test-vm coverage test-fresh
+NOT_CONFIGURED := clean help doc uninstall ci fuzz mutants test-vm coverage test-fresh lint-quick
 ifneq ($(filter-out $(NOT_CONFIGURED),$(or $(MAKECMDGOALS),all)),)
 CONFIGURED := $(shell CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' PKG_CONFIG='$(PKG_CONFIG)' \
     LINK='$(TARGET_CFLAGS) $(CFLAGS) $(TARGET_LDFLAGS) $(LDFLAGS)' LOOK=$(if $(INSTALL_DEPS),$(findstring n,$(firstword -$(MAKEFLAGS))),1) \

@@ -22,6 +22,10 @@ BASE_CFLAGS  += --coverage -O1
 BASE_LDFLAGS += --coverage
 endif
 
+ifeq ($(DEBUG),1)
+BASE_CFLAGS  += -O0 -g3
+endif
+
 MODULES      := libturbojpeg spng jansson zlib $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
                 $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzip,$(FOUND)),-DSF_HAVE_LIBZIP) \
