@@ -85,6 +85,11 @@ group_fresh() {
     step fresh env SPLATFIT_QUICK=1 MAKEFLAGS_IN_ROOT="-j$(nproc)" COMPILERS=1 "${make[@]}" test-fresh TESTS="bookworm/bare trixie/desktop"
 }
 group_mutants() { step mutants "${make[@]}" mutants; }
+# What is for who writes code.
+group_debug() {
+    step debug "${make[@]}" DEBUG=1 TESTS="render ply" test
+    step commands "${make[@]}" compile_commands.json
+}
 group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
 # What follows takes what the first step has built.
 group_native() {
@@ -105,7 +110,7 @@ group_scenes() { step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test
 
 # Much of this keeps little more than one CPU busy: two workers take the groups, the longest first, and what a group says is
 # printed at its end. No two share a folder that either builds in, but for the native one, of which all is built by then.
-groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static crash)
+groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static debug crash)
 next() {
     flock $logs/taken.lock sh -c "echo >>$logs/taken; wc -l <$logs/taken"
 }

@@ -84,7 +84,7 @@ typedef struct sf_kernel_info {
 SF_API sf_status sf_kernel_describe(const sf_context *context, size_t index, sf_kernel_info *info);
 
 /* The version of these headers, "major.minor.patch". */
-#define SF_VERSION "0.1.0"
+#define SF_VERSION "0.2.0"
 
 /* The version of the binary interface that these headers describe: N of libsplatfit.so.N. README.md beside
  * them says what is promised. */

@@ -16,7 +16,7 @@
     VARIANT(level, exp6)                                                                                     \
     VARIANT(level, cull)
 
-/* As the Makefile builds them for the family of this machine. */
+/* As arch/levels.mk builds them for the family of this machine. */
 #if defined(__x86_64__) || defined(__i386__)
 #define LEVELS(X) X(sse4) X(avx2) X(avx512)
 #elif defined(__arm__) || defined(__aarch64__)

@@ -1,5 +1,6 @@
 #!/bin/sh
-# abi.sh - what SO gives to programs that link it is what tests/abi/abi.txt lists, under the version that context.h names.
+# abi.sh - what SO gives to programs that link it is what tests/abi/abi.txt lists, under the version that context.h names;
+# the changelog begins with the version of the library.
 set -eu
 
 command -v python3 >/dev/null || {
@@ -12,6 +13,11 @@ bad=0
 number=$(sed -n 's/^#define SF_ABI *//p' include/splatfit/context.h)
 grep -q "^SPLATFIT_$number {" src/exports.map || {
     echo "src/exports.map: its version is not SPLATFIT_$number, as SF_ABI in include/splatfit/context.h has it"
+    bad=1
+}
+version=$(sed -n 's/^#define SF_VERSION *"\(.*\)"/\1/p' include/splatfit/context.h)
+[ "$(grep -m 1 '^## ' include/splatfit/CHANGELOG.md)" = "## $version" ] || {
+    echo "include/splatfit/CHANGELOG.md: does not begin with \"## $version\", as SF_VERSION in context.h has it"
     bad=1
 }
 objdump -p "$SO" | grep -q "SONAME *libsplatfit.so.$number\$" || {

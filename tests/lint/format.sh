@@ -7,7 +7,7 @@ command -v clang-format >/dev/null || {
     exit 77
 }
 bad=0
-for file in $(find include src arch tests -name '*.[ch]' -o -name '*.cc' | sort); do
+for file in $(find include src arch tests -name '*.[ch]' -o -name '*.cc' | sort | tests/lint/changed.sh); do
     clang-format "$file" | cmp -s - "$file" || {
         echo "$file: clang-format -i would change it"
         bad=1

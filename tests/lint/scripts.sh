@@ -6,4 +6,5 @@ command -v shellcheck >/dev/null || {
     echo "shellcheck is not installed"
     exit 77
 }
-find .ci findings src tests toolchains -type f \( -name '*.sh' -o -name '*.bash' -o -path .ci/run \) -print0 | xargs -0 shellcheck
+find .ci findings src tests toolchains -type f \( -name '*.sh' -o -name '*.bash' -o -path .ci/run \) | tests/lint/changed.sh |
+    xargs -r shellcheck
