@@ -7,7 +7,7 @@
 #include "../base/linear.h"
 #include "../fit/refine.h"
 #include "../scene/neighbours.h"
-#include "carry.h"
+#include "deformation.h"
 #include "live.h"
 
 enum {
@@ -28,39 +28,39 @@ enum {
 
 /* 1. Pictures, small and sharp */
 
-double sf_live_thumb(const sf_picture *p, float thumb[SF_THUMB]) {
+double sf_make_thumbnail(const sf_picture *p, float thumbnail[SF_THUMBNAIL]) {
     size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
     double mean = 0, squares = 0;
-    for (size_t ty = 0; ty < SF_THUMB_HEIGHT; ty++)
-        for (size_t tx = 0; tx < SF_THUMB_WIDTH; tx++) {
-            size_t x0 = tx * width / SF_THUMB_WIDTH, x1 = (tx + 1) * width / SF_THUMB_WIDTH;
-            size_t y0 = ty * height / SF_THUMB_HEIGHT, y1 = (ty + 1) * height / SF_THUMB_HEIGHT;
+    for (size_t ty = 0; ty < SF_THUMBNAIL_HEIGHT; ty++)
+        for (size_t tx = 0; tx < SF_THUMBNAIL_WIDTH; tx++) {
+            size_t x0 = tx * width / SF_THUMBNAIL_WIDTH, x1 = (tx + 1) * width / SF_THUMBNAIL_WIDTH;
+            size_t y0 = ty * height / SF_THUMBNAIL_HEIGHT, y1 = (ty + 1) * height / SF_THUMBNAIL_HEIGHT;
             float sum = 0, count = 0;
             for (size_t y = y0; y < y1; y++)
                 for (size_t x = x0; x < x1; x++, count++) sum += sf_picture_grey(p, y * width + x);
-            thumb[ty * SF_THUMB_WIDTH + tx] = count > 0 ? sum / count : 0;
-            mean += (double)thumb[ty * SF_THUMB_WIDTH + tx] / SF_THUMB;
+            thumbnail[ty * SF_THUMBNAIL_WIDTH + tx] = count > 0 ? sum / count : 0;
+            mean += (double)thumbnail[ty * SF_THUMBNAIL_WIDTH + tx] / SF_THUMBNAIL;
         }
-    for (int i = 0; i < SF_THUMB; i++) squares += pow((double)thumb[i] - mean, 2);
-    for (int i = 0; i < SF_THUMB; i++)
-        thumb[i] = squares > 1e-9 ? (float)(((double)thumb[i] - mean) / sqrt(squares)) : 0;
-    return sqrt(squares / SF_THUMB);
+    for (int i = 0; i < SF_THUMBNAIL; i++) squares += pow((double)thumbnail[i] - mean, 2);
+    for (int i = 0; i < SF_THUMBNAIL; i++)
+        thumbnail[i] = squares > 1e-9 ? (float)(((double)thumbnail[i] - mean) / sqrt(squares)) : 0;
+    return sqrt(squares / SF_THUMBNAIL);
 }
 
 static double likeness(const float *a, const float *b) {
     double sum = 0;
-    for (int i = 0; i < SF_THUMB; i++) sum += (double)(a[i] * b[i]);
+    for (int i = 0; i < SF_THUMBNAIL; i++) sum += (double)(a[i] * b[i]);
     return sum;
 }
 
-const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank) {
+const sf_keyframe *sf_recognize_place(const sf_live *live, const float thumbnail[SF_THUMBNAIL], int rank) {
     double below = INFINITY;
     const sf_keyframe *found = NULL;
     for (int r = 0; r <= rank; r++) {
         double most = -INFINITY;
         found = NULL;
         for (size_t i = 0; i < live->keyframe_count; i++) {
-            double like = likeness(thumb, live->keyframes[i].thumb);
+            double like = likeness(thumbnail, live->keyframes[i].thumbnail);
             if (like < below && like > most) most = like, found = &live->keyframes[i];
         }
         below = most;
@@ -70,7 +70,7 @@ const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB]
 
 /* Mean square of the Laplacian of grey over 2 x 2 pixels, relative to the picture's own contrast: brightness
  * does not matter. */
-double sf_live_sharpness(const sf_picture *p) {
+double sf_picture_sharpness(const sf_picture *p) {
     size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
     double edges = 0, sum = 0, squares = 0, count = 0;
     for (size_t y = 2; y + 2 < height; y += 2)
@@ -196,7 +196,7 @@ static sf_status adjust(sf_live *live, uint32_t id) {
     size_t count;
     if (!status && !corrections) status = SF_ERR_MEMORY;
     if (!status) status = correct_all(live, id, corrections, &count);
-    if (!status && live->fitter) status = sf_carry_fit(live->fitter, corrections, count);
+    if (!status && live->fitter) status = sf_deform_fit(live->fitter, corrections, count);
     sf_free(live->ctx, corrections);
     return status;
 }
@@ -208,7 +208,7 @@ static sf_status take_keyframe(sf_live *live) {
     sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->pose};
     k.held_out = every > 0 && live->keyframes_made % every == every / 2;
     sf_camera_center(&live->frame.camera, k.center);
-    memcpy(k.thumb, live->thumb, sizeof k.thumb);
+    memcpy(k.thumbnail, live->thumbnail, sizeof k.thumbnail);
     status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
     k.hold = live->fixed;

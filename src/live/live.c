@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
-#include "heat.h"
+#include "throttling.h"
 
 enum { IDLE_MS = 20, FIRST_MS = 100 };
 
@@ -14,12 +14,13 @@ enum { IDLE_MS = 20, FIRST_MS = 100 };
 #define PLANNED       300 /* s, of a run without an end */
 #define PLANNED_STEPS 10000
 
-/* Heat is looked at so often (s); the part of its time that the fit works falls by the first factor each time
- * that the machine is hot, to no less than the least, and rises by the other when it is not. */
-#define HEAT_EVERY 2.0
-#define COOLER     0.7
-#define WARMER     1.15
-#define LEAST_DUTY 0.1
+/* Thermal throttling is checked every CHECK_EVERY seconds. `duty`, the part of its time that the fit works,
+ * is multiplied by COOLER while the processor is throttled, to no less than LEAST_DUTY, and by WARMER
+ * otherwise. */
+#define CHECK_EVERY 2.0
+#define COOLER      0.7
+#define WARMER      1.15
+#define LEAST_DUTY  0.1
 
 sf_live_options sf_live_options_default(void) {
     sf_live_options o = {.fit = sf_fit_options_default(),
@@ -117,11 +118,11 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     if (!status) status = sf_tracker_create(ctx, &live->tracker);
     if (!status) status = sf_landmarks_create(ctx, &live->landmarks);
     if (!status) status = sf_renderer_create(ctx, &live->renderer);
-    if (!status) status = sf_seeder_create(ctx, &live->seeder);
+    if (!status) status = sf_spawner_create(ctx, &live->spawner);
     if (!status && options->board) status = sf_detector_create(ctx, options->board, 1, &live->detector);
     if (!status)
-        status = sf_intake_create(ctx, source, &options->lens, options->downscale, options->track_rate,
-                                  &live->intake);
+        status = sf_frame_grabber_create(ctx, source, &options->lens, options->downscale, options->track_rate,
+                                         &live->grabber);
     *out = live;
     if (status) sf_live_destroy(out);
     return status;
@@ -130,8 +131,8 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
 void sf_live_destroy(sf_live **live_pointer) {
     sf_live *live = *live_pointer;
     if (!live) return;
-    sf_intake_destroy(&live->intake);
-    sf_seeder_destroy(&live->seeder);
+    sf_frame_grabber_destroy(&live->grabber);
+    sf_spawner_destroy(&live->spawner);
     sf_fitter_destroy(&live->fitter);
     sf_detector_destroy(&live->detector);
     sf_tracker_destroy(&live->tracker);
@@ -146,19 +147,19 @@ void sf_live_destroy(sf_live **live_pointer) {
 
 void sf_live_cancel(sf_live *live) { atomic_store(&live->cancelled, 1); }
 void sf_live_pause(sf_live *live, int paused) { live->paused = paused; }
-void sf_live_lock_exposure(sf_live *live, int locked) { sf_intake_lock(live->intake, locked); }
+void sf_live_lock_exposure(sf_live *live, int locked) { sf_frame_grabber_lock(live->grabber, locked); }
 
 void sf_live_reset(sf_live *live) {
-    sf_seeds seeds;
-    sf_seeder_wait(live->seeder);
-    if (sf_seeder_take(live->seeder, &seeds)) sf_seeds_free(live->seeder, &seeds);
+    sf_spawned_points points;
+    sf_spawner_wait(live->spawner);
+    if (sf_spawner_take(live->spawner, &points)) sf_spawned_points_free(live->spawner, &points);
     sf_fitter_destroy(&live->fitter);
     for (size_t i = 0; i < live->keyframe_count; i++)
         (void)sf_scene_remove_view(live->scene, live->keyframes[i].id);
     sf_landmarks_clear(live->landmarks);
     live->keyframe_count = 0;
     live->keyframes_made = 0;
-    live->seeded = 0;
+    live->spawned = 0;
     sf_live_forget_pose(live);
 }
 
@@ -176,7 +177,7 @@ static sf_status look_at_frame(sf_live *live) {
     double began = sf_clock();
     int taken = 0;
     sf_status status = note_frame(live);
-    if (!status) status = sf_live_locate(live);
+    if (!status) status = sf_live_localize(live);
     if (!status && !live->paused) status = sf_live_offer_keyframe(live, &taken);
     if (!status && !live->fitter && taken) status = sf_live_begin(live);
     if (!status && taken) status = sf_live_ask_for_points(live);
@@ -189,7 +190,7 @@ static sf_status look_at_frame(sf_live *live) {
 }
 
 static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
-    sf_status status = sf_intake_take(live->intake, timeout_ms, &live->picture);
+    sf_status status = sf_frame_grabber_take(live->grabber, timeout_ms, &live->picture);
     *looked = !status;
     if (status == SF_ERR_END) live->source_ended = 1;
     if (status == SF_ERR_TIMEOUT || status == SF_ERR_END) return SF_OK;
@@ -197,11 +198,11 @@ static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
 }
 
 /* What is repeated to the byte does not depend on the weather. */
-static void look_at_heat(sf_live *live, double now) {
+static void check_throttling(sf_live *live, double now) {
     char what[128] = "";
-    if (!live->options.thermal || live->options.steps_per_frame > 0 || now < live->next_heat) return;
-    int hot = sf_is_hot(live->options.thermal, what, sizeof what), worked_fully = live->duty >= 1;
-    live->next_heat = now + HEAT_EVERY;
+    if (!live->options.thermal || live->options.steps_per_frame > 0 || now < live->next_check) return;
+    int hot = sf_is_throttled(live->options.thermal, what, sizeof what), worked_fully = live->duty >= 1;
+    live->next_check = now + CHECK_EVERY;
     live->duty = hot ? fmax(live->duty * COOLER, LEAST_DUTY) : fmin(live->duty * WARMER, 1);
     if (hot && worked_fully)
         sf_log(live->ctx, SF_LOG_WARNING, "hot: %s: the fit rests for a part of the time", what);
@@ -210,7 +211,7 @@ static void look_at_heat(sf_live *live, double now) {
 
 static sf_status step_fit(sf_live *live) {
     double began = sf_clock();
-    look_at_heat(live, began);
+    check_throttling(live, began);
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_ask_for_points(live); /* for one that came while the thread was busy */
     if (!status) status = sf_live_evaluate(live);
@@ -225,7 +226,7 @@ static sf_status step_fit(sf_live *live) {
 static int frame_is_due(sf_live *live, int fits) {
     if (live->source_ended) return 0;
     if (live->options.steps_per_frame > 0) return !fits || live->steps_due <= 0;
-    return sf_clock() >= live->next_frame && (!fits || sf_intake_waits(live->intake));
+    return sf_clock() >= live->next_frame && (!fits || sf_frame_grabber_waits(live->grabber));
 }
 
 static int is_over(const sf_live *live) {
@@ -285,8 +286,9 @@ static void count_quality(const sf_live *live, sf_live_progress *p) {
 }
 
 static sf_live_trouble trouble_of(const sf_live *live) {
-    int ended = live->source_ended || sf_intake_waits(live->intake);
-    return !ended && sf_intake_silent(live->intake) >= SF_INTAKE_SILENCE ? SF_LIVE_SILENT : live->trouble;
+    int ended = live->source_ended || sf_frame_grabber_waits(live->grabber);
+    return !ended && sf_frame_grabber_silent(live->grabber) >= SF_FRAME_SILENCE ? SF_LIVE_SILENT
+                                                                                : live->trouble;
 }
 
 void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
@@ -295,7 +297,7 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     *p = (sf_live_progress){.state = live->state,
                             .trouble = trouble_of(live),
                             .paused = live->paused,
-                            .exposure_locked = sf_intake_locked(live->intake),
+                            .exposure_locked = sf_frame_grabber_locked(live->grabber),
                             .seconds = live->first_frame > 0 ? now - live->first_frame : 0,
                             .tracked = live->tracked,
                             .looked_at = live->looked_at,
@@ -304,9 +306,9 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
                             .track_ms = 1e3 * live->track_seconds,
                             .duty = live->duty,
                             .keyframes = live->keyframe_count,
-                            .seeded = live->seeded,
+                            .spawned = live->spawned,
                             .has_fit = live->fitter != NULL};
-    sf_intake_count(live->intake, &p->frames, &p->passed_over, &came);
+    sf_frame_grabber_count(live->grabber, &p->frames, &p->passed_over, &came);
     p->frame_rate = p->seconds > 0 ? (double)came / p->seconds : 0;
     count_quality(live, p);
     if (live->fitter) sf_fitter_get_progress(live->fitter, &p->fit);

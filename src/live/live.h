@@ -9,13 +9,13 @@
 #include "../fit/fitter.h"
 #include "../pose/landmarks.h"
 #include "../pose/track.h"
-#include "intake.h"
-#include "seeds.h"
+#include "frame_grabber.h"
+#include "point_spawner.h"
 
 enum {
-    SF_THUMB_WIDTH = 32,
-    SF_THUMB_HEIGHT = 24,
-    SF_THUMB = SF_THUMB_WIDTH * SF_THUMB_HEIGHT,
+    SF_THUMBNAIL_WIDTH = 32,
+    SF_THUMBNAIL_HEIGHT = 24,
+    SF_THUMBNAIL = SF_THUMBNAIL_WIDTH * SF_THUMBNAIL_HEIGHT,
     SF_LIVE_RECENT = 6, /* keyframes: the newest, none of which makes room for another */
     SF_LIVE_FIRST = 24,
     SF_LIVE_TIMES = 64,
@@ -26,13 +26,13 @@ enum {
 typedef struct sf_keyframe {
     uint32_t id; /* of the view */
     int held_out;
-    int hold, told;              /* its pose is to be held; the fit knows of it */
-    int searched;                /* for points */
-    double light;                /* as sf_picture has it */
-    sf_rigid pose;               /* as it was found */
-    double center[3];            /* of the camera */
-    float thumb[SF_THUMB];       /* grey, mean 0, norm 1 */
-    double psnr, psnr_corrected; /* dB, when last looked at; NAN */
+    int hold, told;                /* its pose is to be held; the fit knows of it */
+    int searched;                  /* for points */
+    double light;                  /* as sf_picture has it */
+    sf_rigid pose;                 /* as it was found */
+    double center[3];              /* of the camera */
+    float thumbnail[SF_THUMBNAIL]; /* grey, mean 0, norm 1 */
+    double psnr, psnr_corrected;   /* dB, when last looked at; NAN */
 } sf_keyframe;
 
 /* A pose that is known before the model is looked at. */
@@ -50,12 +50,12 @@ typedef struct sf_ticker {
 struct sf_live {
     sf_context *ctx;
     sf_live_options options;
-    sf_intake *intake;
+    sf_frame_grabber *grabber;
     sf_detector *detector; /* NULL: no board */
     sf_tracker *tracker;
     sf_landmarks *landmarks;
     sf_renderer *renderer;
-    sf_seeder *seeder;
+    sf_spawner *spawner;
     sf_scene *scene;
     sf_fitter *fitter; /* NULL: not begun */
     atomic_int cancelled;
@@ -65,12 +65,12 @@ struct sf_live {
     /* The frame that is looked at. */
     const sf_picture *picture;
     sf_live_frame frame;
-    float thumb[SF_THUMB]; /* of the picture */
-    sf_fix fix;            /* what is known of its pose from outside */
-    sf_followed followed;  /* what landmarks say of it */
-    int fixed;             /* its pose is known well from outside the model */
-    int sure;              /* it is where its pose says, and as sharp as others */
-    uint8_t *bytes;        /* [height][width][3], and grey */
+    float thumbnail[SF_THUMBNAIL]; /* of the picture */
+    sf_fix fix;                    /* what is known of its pose from outside */
+    sf_followed followed;          /* what landmarks say of it */
+    int fixed;                     /* its pose is known well from outside the model */
+    int sure;                      /* it is where its pose says, and as sharp as others */
+    uint8_t *bytes;                /* [height][width][3], and grey */
     size_t byte_capacity;
     double sharpness, usual_sharpness, unlike; /* unlike: in parts of what was usual before it */
 
@@ -96,17 +96,17 @@ struct sf_live {
     size_t evaluate_next;
     double evaluated; /* s */
 
-    double first_frame, next_frame;     /* s of the clock */
-    double duty, next_heat, rest_until; /* of the fit: the part of its time, and s of the clock */
+    double first_frame, next_frame;      /* s of the clock */
+    double duty, next_check, rest_until; /* of the fit: the part of its time, and s of the clock */
     uint64_t looked_at, tracked, lost;
-    size_t seeded;
+    size_t spawned;
     sf_ticker poses_found;
     double track_seconds; /* smoothed */
 };
 
-/* locate.c */
+/* localizer.c */
 /* Looks for the pose of live->picture, and fills in live->frame. */
-sf_status sf_live_locate(sf_live *live);
+sf_status sf_live_localize(sf_live *live);
 void sf_live_forget_pose(sf_live *live);
 /* The camera moved as it did, from a pose that has become another one. */
 void sf_live_correct_pose(sf_live *live, const sf_rigid *from, const sf_rigid *to);
@@ -117,13 +117,13 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken);
 /* The camera of the frames, at a pose. */
 sf_camera sf_live_camera_at(const sf_live *live, const sf_rigid *pose);
 /* Of a picture, relative to its own contrast: brightness does not matter. */
-double sf_live_sharpness(const sf_picture *picture);
+double sf_picture_sharpness(const sf_picture *picture);
 /* The keyframe that looks most like the picture of this thumbnail, of those after `rank` better ones. NULL.
  */
-const sf_keyframe *sf_live_like(const sf_live *live, const float thumb[SF_THUMB], int rank);
+const sf_keyframe *sf_recognize_place(const sf_live *live, const float thumbnail[SF_THUMBNAIL], int rank);
 /* A picture made small, its greys around 0 with squares that sum to 1. Returns the standard deviation of its
  * greys, 0..1. */
-double sf_live_thumb(const sf_picture *picture, float thumb[SF_THUMB]);
+double sf_make_thumbnail(const sf_picture *picture, float thumbnail[SF_THUMBNAIL]);
 /* Tells the fit which poses to hold, and what exposures to begin with, as soon as it has taken up the views.
  */
 void sf_live_tell_fit(sf_live *live);

@@ -36,7 +36,7 @@ static sf_keyframe *unsearched(const sf_live *live) {
 }
 
 /* That keyframe and its neighbours; references are the caller's. */
-static size_t seed_views(sf_live *live, const sf_keyframe *keyframe, sf_view *views[SF_SEED_VIEWS]) {
+static size_t spawn_views(sf_live *live, const sf_keyframe *keyframe, sf_view *views[SF_SPAWN_VIEWS]) {
     size_t n = 0, count = 0, self = SIZE_MAX, chosen[NEIGHBOURS];
     sf_view **all = sf_alloc(live->ctx, live->keyframe_count, sizeof *all);
     const sf_camera **cameras = sf_alloc(live->ctx, live->keyframe_count, sizeof *cameras);
@@ -92,8 +92,8 @@ static int is_crowded(const crowd *c, size_t px, size_t py, float z) {
 typedef struct sight {
     const sf_view *view;
     sf_camera camera;
-    double gain[SF_SEED_VIEWS][3],
-        bias[SF_SEED_VIEWS][3]; /* of the views that were searched, its own first */
+    double gain[SF_SPAWN_VIEWS][3],
+        bias[SF_SPAWN_VIEWS][3]; /* of the views that were searched, its own first */
     crowd crowd;
 } sight;
 
@@ -151,9 +151,9 @@ float sf_live_limit_radius(const sf_live *live, const float xyz[3], float radius
 }
 
 /* Those that the model lacks stay, in the scene's own colours. */
-static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
+static void keep_missing(const sf_live *live, const sight *s, sf_spawned_points *points) {
     size_t n = 0;
-    sf_cloud *cloud = &seeds->cloud;
+    sf_cloud *cloud = &points->cloud;
     for (size_t i = 0; i < cloud->n; i++) {
         if (!is_missing(s, cloud->xyz + 3 * i)) continue;
         uint32_t from = cloud->view[i];
@@ -161,7 +161,7 @@ static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
         memmove(cloud->rgb + 3 * n, cloud->rgb + 3 * i, 3);
         expose_back(cloud->rgb + 3 * n, s->gain[from], s->bias[from]);
         cloud->view[n] = from;
-        seeds->radius[n] = sf_live_limit_radius(live, cloud->xyz + 3 * n, seeds->radius[i]);
+        points->radius[n] = sf_live_limit_radius(live, cloud->xyz + 3 * n, points->radius[i]);
         n++;
     }
     cloud->n = n;
@@ -207,47 +207,47 @@ static sf_status is_wanting(sf_live *live, const sf_view *view, int *wanting) {
 }
 
 sf_status sf_live_ask_for_points(sf_live *live) {
-    sf_view *views[SF_SEED_VIEWS];
-    sf_keyframe *keyframe = live->fitter && sf_seeder_idle(live->seeder) ? unsearched(live) : NULL;
+    sf_view *views[SF_SPAWN_VIEWS];
+    sf_keyframe *keyframe = live->fitter && sf_spawner_idle(live->spawner) ? unsearched(live) : NULL;
     sf_status status = SF_OK;
     int wanting = 0;
     if (!keyframe) return SF_OK;
-    size_t n = seed_views(live, keyframe, views);
+    size_t n = spawn_views(live, keyframe, views);
     keyframe->searched = 1;
     if (n > 1) status = is_wanting(live, views[0], &wanting);
     if (!status && wanting) {
         sf_sweep_options options = {
             .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
-        sf_seeder_search(live->seeder, views, n, &options);
-        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
+        sf_spawner_search(live->spawner, views, n, &options);
+        if (live->options.steps_per_frame > 0) sf_spawner_wait(live->spawner); /* to be repeated */
     }
     for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
     return status;
 }
 
-static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *view) {
+static sf_status choose_points(sf_live *live, sf_spawned_points *points, const sf_view *view) {
     sight s = {0};
-    for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], s.gain[i], s.bias[i]);
+    for (int i = 0; i < SF_SPAWN_VIEWS; i++) sf_live_exposure(live, points->ids[i], s.gain[i], s.bias[i]);
     sf_status status = look_through(live, view, &s);
-    if (!status) keep_missing(live, &s, seeds);
+    if (!status) keep_missing(live, &s, points);
     free_sight(live, &s);
     return status;
 }
 
 sf_status sf_live_take_points(sf_live *live) {
-    sf_seeds seeds;
+    sf_spawned_points points;
     size_t added = 0;
-    if (!live->fitter || !sf_seeder_take(live->seeder, &seeds)) return SF_OK;
-    sf_view *view = sf_scene_retain_id(live->scene, seeds.ids[0]);
+    if (!live->fitter || !sf_spawner_take(live->spawner, &points)) return SF_OK;
+    sf_view *view = sf_scene_retain_id(live->scene, points.ids[0]);
     sf_status status = SF_OK;
-    if (view && seeds.cloud.n) {
-        status = choose_points(live, &seeds, view);
+    if (view && points.cloud.n) {
+        status = choose_points(live, &points, view);
         if (!status)
-            status = sf_fitter_add_points(live->fitter, seeds.cloud.n, seeds.cloud.xyz, seeds.cloud.rgb,
-                                          seeds.radius, &added);
+            status = sf_fitter_add_points(live->fitter, points.cloud.n, points.cloud.xyz, points.cloud.rgb,
+                                          points.radius, &added);
     }
-    live->seeded += added;
+    live->spawned += added;
     sf_view_release(view);
-    sf_seeds_free(live->seeder, &seeds);
+    sf_spawned_points_free(live->spawner, &points);
     return status;
 }

@@ -18,9 +18,9 @@ enum {
     LEAST_USED = 12, /* for a pose */
     ROUNDS = 12,     /* of Gauss and Newton, for a pose */
     BUNDLE_ROUNDS = 8,
-    LEAST_SIGHTINGS = 3, /* in keyframes, for a landmark's place to be known */
-    GIVEN_UP = 3,        /* misses one after another, of one whose place is not known */
-    JUDGED = 24          /* looks at one, until it may be given up */
+    LEAST_OBSERVATIONS = 3, /* in keyframes, for a landmark's place to be known */
+    GIVEN_UP = 3,           /* misses one after another, of one whose place is not known */
+    JUDGED = 24             /* searches for one, until it may be given up */
 };
 
 #define CORNER      3e-4f /* cornerness of a landmark at least */
@@ -29,15 +29,15 @@ enum {
 #define ALIKE_NEW   0.75
 #define LOOKS_ALIKE 0.6  /* cosine between the rays, at least */
 #define NEAR_MISS   2.0  /* px, from the line that a new one must lie on */
-#define SEEN_SIGMA  0.5  /* px, of a sighting where its pose may be off too */
+#define SEEN_SIGMA  0.5  /* px, of a observation where its pose may be off too */
 #define GUESSED     0.5  /* standard deviation of an inverse depth that was guessed, in parts of it */
 #define LEARNED     0.02 /* the least that is believed of one */
 #define PARALLAX    0.02 /* rad, for a landmark's place to be known */
-#define WIDEST      1.5  /* px: what is farther off is no sighting, */
+#define WIDEST      1.5  /* px: what is farther off is no observation, */
 #define WIDTHS      3.0  /* or by so many standard deviations */
 #define CORRELATED  4.0  /* landmarks that tell as much as one */
 #define STILL       1e-6 /* rad: a step that turns by less is the last */
-#define FOUND_LEAST 0.2  /* of the looks at one */
+#define FOUND_LEAST 0.2  /* of the searches for one */
 
 typedef enum landmark_state { EMPTY, NEW, KNOWN } landmark_state;
 
@@ -49,24 +49,24 @@ typedef struct landmark {
     double at[3];             /* world */
     double inverse, variance; /* of NEW: inverse z in that camera */
     double off_u, off_v;      /* of NEW: where it was seen from where it was expected */
-    int misses, looks, finds;
-    uint32_t sightings; /* in keyframes */
+    int misses, searches, finds;
+    uint32_t observations; /* in keyframes */
 } landmark;
 
-/* A look for a landmark in the picture. */
-typedef struct look {
+/* A landmark searched for in the picture. */
+typedef struct match {
     size_t landmark;
-    landmark_state state; /* its, and */
-    uint32_t sightings;   /* when the look was planned */
-    double back[4];       /* displacements in the picture to those in its patch */
+    landmark_state state;  /* its, and */
+    uint32_t observations; /* when the search was planned */
+    double back[4];        /* displacements in the picture to those in its patch */
     double u, v;
     int found, misled; /* misled: it agrees with no pose that the others do */
-} look;
+} match;
 
-typedef struct sighting {
+typedef struct observation {
     size_t keyframe, landmark;
     double u, v;
-} sighting;
+} observation;
 
 typedef struct keyframe {
     uint32_t id;
@@ -79,8 +79,8 @@ struct sf_landmarks {
     size_t count, capacity;
     keyframe *keyframes;
     size_t keyframe_count, keyframe_capacity;
-    sighting *sightings; /* in keyframes */
-    size_t sighting_count, sighting_capacity;
+    observation *observations; /* in keyframes */
+    size_t observation_count, observation_capacity;
 
     /* of the picture */
     sf_bundle_view view;
@@ -88,10 +88,10 @@ struct sf_landmarks {
     sf_pyramid pyramid;
     float *cornerness; /* [height][width], of the last keyframe */
     size_t cornerness_capacity;
-    look *looks;
-    size_t look_count, look_capacity;
-    int coarsest;      /* of the looks in progress */
-    double *distances; /* [looks] */
+    match *matches;
+    size_t match_count, match_capacity;
+    int coarsest;      /* of the search in progress */
+    double *distances; /* [matches] */
     size_t distance_capacity;
 };
 
@@ -105,7 +105,7 @@ sf_status sf_landmarks_create(sf_context *ctx, sf_landmarks **landmarks) {
 void sf_landmarks_destroy(sf_landmarks **landmarks) {
     sf_landmarks *l = *landmarks;
     if (!l) return;
-    void *const blocks[] = {l->all, l->keyframes, l->sightings, l->looks, l->cornerness, l->distances};
+    void *const blocks[] = {l->all, l->keyframes, l->observations, l->matches, l->cornerness, l->distances};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(l->ctx, blocks[i]);
     sf_pyramid_free(l->ctx, &l->pyramid);
     sf_free(l->ctx, l);
@@ -113,13 +113,13 @@ void sf_landmarks_destroy(sf_landmarks **landmarks) {
 }
 
 void sf_landmarks_clear(sf_landmarks *l) {
-    l->count = l->keyframe_count = l->sighting_count = l->look_count = 0;
+    l->count = l->keyframe_count = l->observation_count = l->match_count = 0;
 }
 
 sf_status sf_landmarks_take(sf_landmarks *l, const sf_camera *c, float *const rgb[3], size_t stride) {
     l->view = (sf_bundle_view){.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy, .is_free = 1};
     l->width = c->width, l->height = c->height;
-    l->look_count = 0;
+    l->match_count = 0;
     return sf_pyramid_make(l->ctx, c, rgb, stride, &l->pyramid);
 }
 
@@ -149,7 +149,7 @@ static double between_rays(const sf_landmarks *l, const landmark *m, const sf_ri
     return cosine(a, b);
 }
 
-/* 2. Looks */
+/* 2. Matches */
 
 /* Displacements here to those in the first picture. */
 static int map_back(const sf_landmarks *l, const landmark *m, const double here[2], double back[4]) {
@@ -172,14 +172,14 @@ static int map_back(const sf_landmarks *l, const landmark *m, const double here[
 }
 
 /* Whether the picture should show a landmark, from where it is thought to be taken. */
-static int expect(const sf_landmarks *l, size_t i, look *to) {
+static int expect(const sf_landmarks *l, size_t i, match *to) {
     const landmark *m = &l->all[i];
     const double margin = SF_PATCH_REACH + 2;
     double p[3], here[2];
     if (m->state == EMPTY) return 0;
     sf_rigid_apply(&l->view.pose, m->at, p);
     if (!sf_bundle_pixel(&l->view, p, here)) return 0;
-    *to = (look){.landmark = i, .state = m->state, .sightings = m->sightings};
+    *to = (match){.landmark = i, .state = m->state, .observations = m->observations};
     if (!(between_rays(l, m, &l->view.pose) > LOOKS_ALIKE) || !map_back(l, m, here, to->back)) return 0;
     to->u = here[0] + m->off_u, to->v = here[1] + m->off_v;
     return to->u > margin && to->v > margin && to->u < l->width - margin && to->v < l->height - margin;
@@ -191,9 +191,9 @@ static int cell_size(const sf_landmarks *l) {
 }
 
 static int better_first(const void *a, const void *b) {
-    const look *x = a, *y = b;
+    const match *x = a, *y = b;
     if (x->state != y->state) return x->state > y->state ? -1 : 1;
-    if (x->sightings != y->sightings) return x->sightings > y->sightings ? -1 : 1;
+    if (x->observations != y->observations) return x->observations > y->observations ? -1 : 1;
     return (x->landmark > y->landmark) - (x->landmark < y->landmark);
 }
 
@@ -202,31 +202,31 @@ static sf_status choose(sf_landmarks *l) {
     int size = cell_size(l), across = l->width / size + 1, down = l->height / size + 1;
     uint8_t *cells = sf_calloc(l->ctx, (size_t)across * (size_t)down, 1);
     if (!cells) return SF_ERR_MEMORY;
-    if (l->look_count) qsort(l->looks, l->look_count, sizeof *l->looks, better_first);
+    if (l->match_count) qsort(l->matches, l->match_count, sizeof *l->matches, better_first);
     size_t kept = 0;
-    for (size_t i = 0; i < l->look_count; i++) {
-        uint8_t *cell = &cells[(int)l->looks[i].v / size * across + (int)l->looks[i].u / size];
-        if (*cell < PER_CELL) ++*cell, l->looks[kept++] = l->looks[i];
+    for (size_t i = 0; i < l->match_count; i++) {
+        uint8_t *cell = &cells[(int)l->matches[i].v / size * across + (int)l->matches[i].u / size];
+        if (*cell < PER_CELL) ++*cell, l->matches[kept++] = l->matches[i];
     }
-    l->look_count = kept;
+    l->match_count = kept;
     sf_free(l->ctx, cells);
     return SF_OK;
 }
 
-static sf_status plan_looks(sf_landmarks *l) {
-    sf_status status = sf_grow(l->ctx, &l->looks, &l->look_capacity, 0, l->count, sizeof *l->looks);
+static sf_status plan_matches(sf_landmarks *l) {
+    sf_status status = sf_grow(l->ctx, &l->matches, &l->match_capacity, 0, l->count, sizeof *l->matches);
     if (!status) status = sf_grow(l->ctx, &l->distances, &l->distance_capacity, 0, l->count, sizeof(double));
     if (status) return status;
-    l->look_count = 0;
+    l->match_count = 0;
     for (size_t i = 0; i < l->count; i++)
-        if (expect(l, i, &l->looks[l->look_count])) l->look_count++;
+        if (expect(l, i, &l->matches[l->match_count])) l->match_count++;
     return choose(l);
 }
 
-static void look_task(void *landmarks, size_t i, int thread) {
+static void match_task(void *landmarks, size_t i, int thread) {
     (void)thread;
     sf_landmarks *l = landmarks;
-    look *at = &l->looks[i];
+    match *at = &l->matches[i];
     const landmark *m = &l->all[at->landmark];
     if (at->found) return;
     double u = at->u, v = at->v;
@@ -236,47 +236,47 @@ static void look_task(void *landmarks, size_t i, int thread) {
     at->found = 1;
 }
 
-static void look_for(sf_landmarks *l, int coarsest) {
+static void find_matches(sf_landmarks *l, int coarsest) {
     l->coarsest = coarsest;
-    sf_pool_run(l->ctx->pool, l->look_count, look_task, l);
+    sf_pool_run(l->ctx->pool, l->match_count, match_task, l);
 }
 
 /* Those that were not found, from where the pose says by now. */
-static void look_again(sf_landmarks *l) {
-    for (size_t i = 0; i < l->look_count; i++) {
-        look *at = &l->looks[i], now;
+static void search_again(sf_landmarks *l) {
+    for (size_t i = 0; i < l->match_count; i++) {
+        match *at = &l->matches[i], now;
         if (at->found && !at->misled) continue;
         if (expect(l, at->landmark, &now))
             *at = now;
         else
             at->found = 0, at->misled = 1;
     }
-    look_for(l, 1);
+    find_matches(l, 1);
 }
 
 /* 3. The pose */
 
-static int tells(const sf_landmarks *l, const look *at) {
+static int tells(const sf_landmarks *l, const match *at) {
     return at->found && !at->misled && l->all[at->landmark].state == KNOWN;
 }
 
-static double distance_of(const sf_landmarks *l, const look *at) {
+static double distance_of(const sf_landmarks *l, const match *at) {
     return sf_bundle_distance(&l->view, l->all[at->landmark].at, at->u, at->v);
 }
 
 static double measure_spread(sf_landmarks *l) {
     size_t count = 0;
-    for (size_t i = 0; i < l->look_count; i++) {
-        double d = tells(l, &l->looks[i]) ? distance_of(l, &l->looks[i]) : INFINITY;
+    for (size_t i = 0; i < l->match_count; i++) {
+        double d = tells(l, &l->matches[i]) ? distance_of(l, &l->matches[i]) : INFINITY;
         if (isfinite(d)) l->distances[count++] = d;
     }
     return fmax(sf_spread(l->distances, count), SF_LEAST_SPREAD);
 }
 
-/* Px: how far off a sighting may be. */
+/* Px: how far off a observation may be. */
 static double farthest(double spread) { return fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST); }
 
-static void add_look(const sf_landmarks *l, const look *at, double c2, double A[36], double g[6]) {
+static void add_match(const sf_landmarks *l, const match *at, double c2, double A[36], double g[6]) {
     double p[3], pixel[2], J[2 * SF_TWIST];
     sf_rigid_apply(&l->view.pose, l->all[at->landmark].at, p);
     if (!sf_bundle_pixel(&l->view, p, pixel)) return;
@@ -291,8 +291,8 @@ static void add_look(const sf_landmarks *l, const look *at, double c2, double A[
 
 static size_t count_telling(const sf_landmarks *l, double within) {
     size_t count = 0;
-    for (size_t i = 0; i < l->look_count; i++)
-        count += tells(l, &l->looks[i]) && distance_of(l, &l->looks[i]) <= within;
+    for (size_t i = 0; i < l->match_count; i++)
+        count += tells(l, &l->matches[i]) && distance_of(l, &l->matches[i]) <= within;
     return count;
 }
 
@@ -301,8 +301,8 @@ static int find_step(sf_landmarks *l, const sf_track_prior *prior, sf_followed *
     double A[36] = {0}, off[SF_TWIST] = {0}, c2, scale;
     f->spread = measure_spread(l);
     c2 = pow(SF_CAUCHY * f->spread, 2), scale = 1 / (f->spread * f->spread * CORRELATED);
-    for (size_t i = 0; i < l->look_count; i++)
-        if (tells(l, &l->looks[i])) add_look(l, &l->looks[i], c2, A, g);
+    for (size_t i = 0; i < l->match_count; i++)
+        if (tells(l, &l->matches[i])) add_match(l, &l->matches[i], c2, A, g);
     for (int k = 0; k < 36; k++) f->information[k] = A[k] *= scale;
     for (int k = 0; k < SF_TWIST; k++) g[k] *= scale;
     if (prior) sf_rigid_twist(&prior->pose, &l->view.pose, off);
@@ -329,18 +329,18 @@ static void find_pose(sf_landmarks *l, const sf_track_prior *prior, sf_followed 
 
 static void note_misled(sf_landmarks *l, double spread) {
     double most = farthest(spread);
-    for (size_t i = 0; i < l->look_count; i++)
-        if (tells(l, &l->looks[i])) l->looks[i].misled = !(distance_of(l, &l->looks[i]) <= most);
+    for (size_t i = 0; i < l->match_count; i++)
+        if (tells(l, &l->matches[i])) l->matches[i].misled = !(distance_of(l, &l->matches[i]) <= most);
 }
 
 sf_status sf_landmarks_follow(sf_landmarks *l, const sf_rigid *guess, const sf_track_prior *prior,
                               sf_followed *f) {
     *f = (sf_followed){.pose = *guess};
     l->view.pose = *guess;
-    sf_status status = plan_looks(l);
+    sf_status status = plan_matches(l);
     if (status) return status;
-    for (size_t i = 0; i < l->look_count; i++) f->expected += l->all[l->looks[i].landmark].state == KNOWN;
-    look_for(l, SF_PYRAMID_LEVELS - 1);
+    for (size_t i = 0; i < l->match_count; i++) f->expected += l->all[l->matches[i].landmark].state == KNOWN;
+    find_matches(l, SF_PYRAMID_LEVELS - 1);
     if (count_telling(l, INFINITY) < LEAST_USED) return SF_OK;
     find_pose(l, prior, f);
     if (f->used < LEAST_USED) {
@@ -348,7 +348,7 @@ sf_status sf_landmarks_follow(sf_landmarks *l, const sf_rigid *guess, const sf_t
         return SF_OK;
     }
     note_misled(l, f->spread);
-    look_again(l);
+    search_again(l);
     find_pose(l, prior, f);
     return SF_OK;
 }
@@ -356,7 +356,7 @@ sf_status sf_landmarks_follow(sf_landmarks *l, const sf_rigid *guess, const sf_t
 /* 4. What was seen */
 
 /* A new landmark's inverse depth, by Kalman's filter; 0: it lies off the line that it must lie on. */
-static int learn_depth(const sf_landmarks *l, landmark *m, const look *at) {
+static int learn_depth(const sf_landmarks *l, landmark *m, const match *at) {
     double here[2], there[2], p[3], e[2], far[3], step = 0.01 * m->inverse;
     place(l, m, m->inverse, m->at);
     sf_rigid_apply(&l->view.pose, m->at, p);
@@ -378,49 +378,49 @@ static int learn_depth(const sf_landmarks *l, landmark *m, const look *at) {
     return 1;
 }
 
-static void note_look(landmark *m, int found) {
-    m->looks++, m->finds += found;
+static void count_search(landmark *m, int found) {
+    m->searches++, m->finds += found;
     m->misses = found ? 0 : m->misses + 1;
     if (m->state == NEW && m->misses >= GIVEN_UP) m->state = EMPTY;
-    if (m->looks < JUDGED) return;
-    if (m->finds < FOUND_LEAST * m->looks) m->state = EMPTY;
-    m->looks /= 2, m->finds /= 2;
+    if (m->searches < JUDGED) return;
+    if (m->finds < FOUND_LEAST * m->searches) m->state = EMPTY;
+    m->searches /= 2, m->finds /= 2;
 }
 
 void sf_landmarks_settle(sf_landmarks *l, const sf_rigid *pose) {
     l->view.pose = *pose;
     double most = farthest(measure_spread(l));
-    for (size_t i = 0; i < l->look_count; i++) {
-        look *at = &l->looks[i];
+    for (size_t i = 0; i < l->match_count; i++) {
+        match *at = &l->matches[i];
         landmark *m = &l->all[at->landmark];
         if (at->found && m->state == KNOWN) at->misled = !(distance_of(l, at) <= most);
         if (at->found && m->state == NEW) at->misled = !learn_depth(l, m, at);
         at->found &= !at->misled;
-        note_look(m, at->found);
+        count_search(m, at->found);
     }
 }
 
 /* 5. Keyframes */
 
 /* Those of landmarks that are no more. */
-static void drop_sightings(sf_landmarks *l) {
+static void drop_observations(sf_landmarks *l) {
     size_t kept = 0;
-    for (size_t i = 0; i < l->count; i++) l->all[i].sightings = 0;
-    for (size_t i = 0; i < l->sighting_count; i++) {
-        const sighting *s = &l->sightings[i];
+    for (size_t i = 0; i < l->count; i++) l->all[i].observations = 0;
+    for (size_t i = 0; i < l->observation_count; i++) {
+        const observation *s = &l->observations[i];
         if (l->all[s->landmark].state == EMPTY) continue;
-        l->all[s->landmark].sightings++;
-        l->sightings[kept++] = *s;
+        l->all[s->landmark].observations++;
+        l->observations[kept++] = *s;
     }
-    l->sighting_count = kept;
+    l->observation_count = kept;
 }
 
-static sf_status note_sighting(sf_landmarks *l, size_t landmark_index, double u, double v) {
-    sf_status status = sf_grow(l->ctx, &l->sightings, &l->sighting_capacity, l->sighting_count,
-                               l->sighting_count + 1, sizeof *l->sightings);
+static sf_status note_observation(sf_landmarks *l, size_t landmark_index, double u, double v) {
+    sf_status status = sf_grow(l->ctx, &l->observations, &l->observation_capacity, l->observation_count,
+                               l->observation_count + 1, sizeof *l->observations);
     if (status) return status;
-    l->sightings[l->sighting_count++] = (sighting){l->keyframe_count - 1, landmark_index, u, v};
-    l->all[landmark_index].sightings++;
+    l->observations[l->observation_count++] = (observation){l->keyframe_count - 1, landmark_index, u, v};
+    l->all[landmark_index].observations++;
     return SF_OK;
 }
 
@@ -428,8 +428,8 @@ static sf_status note_sighting(sf_landmarks *l, size_t landmark_index, double u,
 static double depth_near(const sf_landmarks *l, double u, double v, double otherwise) {
     double nearest[NEAREST], depth[NEAREST], sum = 0;
     int n = 0;
-    for (size_t i = 0; i < l->look_count; i++) {
-        const look *at = &l->looks[i];
+    for (size_t i = 0; i < l->match_count; i++) {
+        const match *at = &l->matches[i];
         double p[3], d = hypot(at->u - u, at->v - v);
         if (!tells(l, at) || (n == NEAREST && d >= nearest[n - 1])) continue;
         sf_rigid_apply(&l->view.pose, l->all[at->landmark].at, p);
@@ -455,7 +455,7 @@ static sf_status take_up(sf_landmarks *l, int x, int y, double distance) {
     if (!sf_patch_cut(&l->pyramid, u, v, &m->patch)) return SF_OK;
     m->state = NEW;
     place(l, m, m->inverse, m->at);
-    return note_sighting(l, i, u, v);
+    return note_observation(l, i, u, v);
 }
 
 /* The best corner of a cell that is far from all others. */
@@ -465,9 +465,9 @@ typedef struct corner {
 } corner;
 
 static int is_apart(const sf_landmarks *l, int x, int y, double apart) {
-    for (size_t i = 0; i < l->look_count; i++) {
-        double u = l->looks[i].u - x, v = l->looks[i].v - y;
-        if (l->looks[i].found && u * u + v * v < apart * apart) return 0;
+    for (size_t i = 0; i < l->match_count; i++) {
+        double u = l->matches[i].u - x, v = l->matches[i].v - y;
+        if (l->matches[i].found && u * u + v * v < apart * apart) return 0;
     }
     return 1;
 }
@@ -521,14 +521,14 @@ sf_status sf_landmarks_keep(sf_landmarks *l, uint32_t id, const sf_rigid *pose, 
     sf_status status = sf_grow(l->ctx, &l->keyframes, &l->keyframe_capacity, l->keyframe_count,
                                l->keyframe_count + 1, sizeof *l->keyframes);
     if (status) return status;
-    drop_sightings(l);
+    drop_observations(l);
     keyframe *k = &l->keyframes[l->keyframe_count++];
     *k = (keyframe){.id = id, .view = l->view};
     k->view.pose = l->view.pose = *pose;
     if (known) k->view.is_known = 1, k->view.prior = *known;
-    for (size_t i = 0; !status && i < l->look_count; i++)
-        if (l->looks[i].found && l->all[l->looks[i].landmark].state != EMPTY)
-            status = note_sighting(l, l->looks[i].landmark, l->looks[i].u, l->looks[i].v);
+    for (size_t i = 0; !status && i < l->match_count; i++)
+        if (l->matches[i].found && l->all[l->matches[i].landmark].state != EMPTY)
+            status = note_observation(l, l->matches[i].landmark, l->matches[i].u, l->matches[i].v);
     if (!status) status = find_new(l, distance, weight);
     if (status) sf_landmarks_drop(l, id);
     return status;
@@ -549,14 +549,14 @@ void sf_landmarks_drop(sf_landmarks *l, uint32_t id) {
         if (l->all[i].keyframe == at) l->all[i].state = EMPTY;
         l->all[i].keyframe -= l->all[i].keyframe > at;
     }
-    for (size_t i = 0; i < l->sighting_count; i++) {
-        sighting s = l->sightings[i];
+    for (size_t i = 0; i < l->observation_count; i++) {
+        observation s = l->observations[i];
         if (s.keyframe == at) continue;
         s.keyframe -= s.keyframe > at;
-        l->sightings[kept++] = s;
+        l->observations[kept++] = s;
     }
-    l->sighting_count = kept;
-    drop_sightings(l);
+    l->observation_count = kept;
+    drop_observations(l);
 }
 
 int sf_landmarks_pose(const sf_landmarks *l, uint32_t id, sf_rigid *pose) {
@@ -571,8 +571,8 @@ int sf_landmarks_pose(const sf_landmarks *l, uint32_t id, sf_rigid *pose) {
 /* What goes into a bundle, and where it came from. */
 typedef struct gathering {
     sf_bundle bundle;
-    sf_bundle_sighting *sightings;
-    size_t *order;         /* [sightings]: those of l, by landmark; */
+    sf_bundle_observation *observations;
+    size_t *order;         /* [observations]: those of l, by landmark; */
     size_t *first;         /* [landmarks + 1]: each one's first there */
     uint32_t *shared;      /* [keyframes]: landmarks of the newest that it sees */
     uint8_t *is_free;      /* [keyframes] */
@@ -581,33 +581,34 @@ typedef struct gathering {
 
 static int make_gathering(sf_landmarks *l, gathering *g) {
     sf_context *ctx = l->ctx;
-    g->sightings = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->sightings);
-    g->order = sf_alloc(ctx, l->sighting_count + 1, sizeof *g->order);
+    g->observations = sf_alloc(ctx, l->observation_count + 1, sizeof *g->observations);
+    g->order = sf_alloc(ctx, l->observation_count + 1, sizeof *g->order);
     g->first = sf_calloc(ctx, l->count + 2, sizeof *g->first);
     g->shared = sf_calloc(ctx, l->keyframe_count + 1, sizeof *g->shared);
     g->is_free = sf_calloc(ctx, l->keyframe_count + 1, 1);
     g->landmark_of = sf_alloc(ctx, l->count + 1, sizeof *g->landmark_of);
     g->bundle.views = sf_alloc(ctx, l->keyframe_count + 1, sizeof *g->bundle.views);
     g->bundle.points = sf_alloc(ctx, l->count + 1, sizeof *g->bundle.points);
-    return g->sightings && g->order && g->first && g->shared && g->is_free && g->landmark_of &&
+    return g->observations && g->order && g->first && g->shared && g->is_free && g->landmark_of &&
            g->bundle.views && g->bundle.points;
 }
 
 static void free_gathering(sf_landmarks *l, gathering *g) {
-    void *const blocks[] = {g->sightings, g->order,       g->first,        g->shared,
-                            g->is_free,   g->landmark_of, g->bundle.views, g->bundle.points};
+    void *const blocks[] = {g->observations, g->order,       g->first,        g->shared,
+                            g->is_free,      g->landmark_of, g->bundle.views, g->bundle.points};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(l->ctx, blocks[i]);
 }
 
-/* Sightings in the order of their landmarks. */
-static void sort_sightings(const sf_landmarks *l, gathering *g) {
-    for (size_t i = 0; i < l->sighting_count; i++) g->first[l->sightings[i].landmark + 2]++;
+/* Observations in the order of their landmarks. */
+static void sort_observations(const sf_landmarks *l, gathering *g) {
+    for (size_t i = 0; i < l->observation_count; i++) g->first[l->observations[i].landmark + 2]++;
     for (size_t i = 2; i < l->count + 2; i++) g->first[i] += g->first[i - 1];
-    for (size_t i = 0; i < l->sighting_count; i++) g->order[g->first[l->sightings[i].landmark + 1]++] = i;
+    for (size_t i = 0; i < l->observation_count; i++)
+        g->order[g->first[l->observations[i].landmark + 1]++] = i;
 }
 
-static const sighting *sighting_at(const sf_landmarks *l, const gathering *g, size_t i) {
-    return &l->sightings[g->order[i]];
+static const observation *observation_at(const sf_landmarks *l, const gathering *g, size_t i) {
+    return &l->observations[g->order[i]];
 }
 
 /* How many landmarks of the newest keyframe each of the others sees. */
@@ -615,9 +616,9 @@ static void count_shared(const sf_landmarks *l, gathering *g, size_t newest) {
     for (size_t m = 0; m < l->count; m++) {
         int by_newest = 0;
         for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
-            by_newest |= sighting_at(l, g, i)->keyframe == newest;
+            by_newest |= observation_at(l, g, i)->keyframe == newest;
         for (size_t i = g->first[m]; by_newest && i < g->first[m + 1]; i++)
-            g->shared[sighting_at(l, g, i)->keyframe]++;
+            g->shared[observation_at(l, g, i)->keyframe]++;
     }
 }
 
@@ -655,14 +656,15 @@ static sf_bundle_point point_of(const sf_landmarks *l, const landmark *m) {
 /* Whether a landmark belongs into the bundle: a free keyframe sees it, and another one. */
 static int belongs(const sf_landmarks *l, const gathering *g, size_t m) {
     int seen = 0;
-    for (size_t i = g->first[m]; i < g->first[m + 1]; i++) seen |= g->is_free[sighting_at(l, g, i)->keyframe];
+    for (size_t i = g->first[m]; i < g->first[m + 1]; i++)
+        seen |= g->is_free[observation_at(l, g, i)->keyframe];
     return seen && g->first[m + 1] - g->first[m] > 1 && l->all[m].state != EMPTY;
 }
 
 static void gather(const sf_landmarks *l, gathering *g) {
     sf_bundle *b = &g->bundle;
     b->view_count = l->keyframe_count;
-    b->sightings = g->sightings;
+    b->observations = g->observations;
     for (size_t k = 0; k < l->keyframe_count; k++) {
         b->views[k] = l->keyframes[k].view;
         b->views[k].is_free = g->is_free[k];
@@ -673,14 +675,14 @@ static void gather(const sf_landmarks *l, gathering *g) {
         b->points[point] = point_of(l, &l->all[m]);
         g->landmark_of[point] = (uint32_t)m;
         for (size_t i = g->first[m]; i < g->first[m + 1]; i++) {
-            const sighting *s = sighting_at(l, g, i);
-            g->sightings[b->sighting_count++] =
-                (sf_bundle_sighting){(uint32_t)s->keyframe, point, s->u, s->v};
+            const observation *s = observation_at(l, g, i);
+            g->observations[b->observation_count++] =
+                (sf_bundle_observation){(uint32_t)s->keyframe, point, s->u, s->v};
         }
     }
 }
 
-/* A landmark's place as it came out, and which of its sightings were wrong. */
+/* A landmark's place as it came out, and which of its observations were wrong. */
 static void accept_point(sf_landmarks *l, const gathering *g, size_t point, double most) {
     landmark *m = &l->all[g->landmark_of[point]];
     const size_t *first = &g->first[g->landmark_of[point]];
@@ -688,7 +690,7 @@ static void accept_point(sf_landmarks *l, const gathering *g, size_t point, doub
     int good = 0;
     memcpy(m->at, g->bundle.points[point].at, sizeof m->at);
     for (size_t i = first[0]; i < first[1]; i++) {
-        sighting *s = &l->sightings[g->order[i]];
+        observation *s = &l->observations[g->order[i]];
         const sf_bundle_view *view = &l->keyframes[s->keyframe].view;
         if (!(sf_bundle_distance(view, m->at, s->u, s->v) <= most)) {
             s->landmark = SIZE_MAX;
@@ -702,7 +704,7 @@ static void accept_point(sf_landmarks *l, const gathering *g, size_t point, doub
         m->state = EMPTY;
     } else if (m->state == NEW) {
         m->inverse = 1 / p[2];
-        if (good >= LEAST_SIGHTINGS && widest < cos(PARALLAX)) m->state = KNOWN, m->off_u = m->off_v = 0;
+        if (good >= LEAST_OBSERVATIONS && widest < cos(PARALLAX)) m->state = KNOWN, m->off_u = m->off_v = 0;
     }
 }
 
@@ -711,10 +713,10 @@ static void accept(sf_landmarks *l, const gathering *g, double spread) {
     size_t kept = 0;
     for (size_t k = 0; k < l->keyframe_count; k++) l->keyframes[k].view.pose = g->bundle.views[k].pose;
     for (size_t p = 0; p < g->bundle.point_count; p++) accept_point(l, g, p, farthest(spread));
-    for (size_t i = 0; i < l->sighting_count; i++)
-        if (l->sightings[i].landmark != SIZE_MAX) l->sightings[kept++] = l->sightings[i];
-    l->sighting_count = kept;
-    drop_sightings(l);
+    for (size_t i = 0; i < l->observation_count; i++)
+        if (l->observations[i].landmark != SIZE_MAX) l->observations[kept++] = l->observations[i];
+    l->observation_count = kept;
+    drop_observations(l);
     for (size_t i = 0; i < l->count; i++) /* where their keyframes are by now */
         if (l->all[i].state == NEW) place(l, &l->all[i], l->all[i].inverse, l->all[i].at);
 }
@@ -726,7 +728,7 @@ sf_status sf_landmarks_adjust(sf_landmarks *l, size_t most) {
     int ready = make_gathering(l, &g);
     sf_status status = ready ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
-        sort_sightings(l, &g);
+        sort_observations(l, &g);
         choose_free(l, &g, most);
         gather(l, &g);
         status = sf_bundle_adjust(l->ctx, &g.bundle, BUNDLE_ROUNDS, &spread);

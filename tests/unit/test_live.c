@@ -121,7 +121,7 @@ static void every_keyframe_is_searched(void **state) {
     assert_int_equal(older->searched, 1);
     assert_ok(r.ctx, sf_live_take_points(r.live));
     assert_ok(r.ctx, sf_live_ask_for_points(r.live)); /* nothing is left to search */
-    assert_int_equal(sf_seeder_idle(r.live->seeder), 1);
+    assert_int_equal(sf_spawner_idle(r.live->spawner), 1);
     close_run(&r);
 }
 

@@ -1,4 +1,4 @@
-/* locate.c - where the camera is: by what is known from outside, and by the model. */
+/* localizer.c - the pose of a frame: from a board or from outside, from landmarks and from the model. */
 #include <math.h>
 #include <string.h>
 
@@ -203,7 +203,8 @@ static sf_status join_landmarks(sf_live *live, const sf_track_prior *known, sf_r
 /* From the keyframes that look most like the picture. */
 static sf_status find_again(sf_live *live, sf_track *track, int *good) {
     for (int turn = 0; turn < 2 && !*good; turn++) {
-        const sf_keyframe *like = sf_live_like(live, live->thumb, turn ? 1 + live->misses % TURNS : 0);
+        const sf_keyframe *like =
+            sf_recognize_place(live, live->thumbnail, turn ? 1 + live->misses % TURNS : 0);
         if (!like) continue;
         sf_status status = track_from(live, &like->pose, NULL, SF_GUESS_FAR, track);
         if (status) return status;
@@ -352,7 +353,7 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     return live->frame.from == SF_POSE_NONE ? SF_OK : note_landmarks(live);
 }
 
-sf_status sf_live_locate(sf_live *live) {
+sf_status sf_live_localize(sf_live *live) {
     const sf_picture *p = live->picture;
     live->frame = (sf_live_frame){.number = live->looked_at + 1,
                                   .time_ns = p->time_ns,
@@ -363,8 +364,8 @@ sf_status sf_live_locate(sf_live *live) {
     sf_status status = find_fix(live, &live->fix);
     if (!status) status = sf_tracker_take(live->tracker, &p->camera, p->rgb, (size_t)p->camera.width);
     if (!status) status = sf_landmarks_take(live->landmarks, &p->camera, p->rgb, (size_t)p->camera.width);
-    live->blank = sf_live_thumb(p, live->thumb) < BLANK ? live->blank + 1 : 0;
-    live->sharpness = sf_live_sharpness(p);
+    live->blank = sf_make_thumbnail(p, live->thumbnail) < BLANK ? live->blank + 1 : 0;
+    live->sharpness = sf_picture_sharpness(p);
     if (!status) status = look(live, &live->fix);
     live->looked_at++;
     return status;

@@ -1,5 +1,5 @@
-/* carry.c - Gaussians that go with the keyframes whose poses are corrected. */
-#include "carry.h"
+/* deformation.c - map deformation: Gaussians follow the corrected poses of keyframes. */
+#include "deformation.h"
 
 #include "../base/linear.h"
 #include "../base/pool.h"
@@ -17,7 +17,7 @@ typedef struct job {
     size_t count;
 } job;
 
-enum { CARRIED = 64 }; /* blocks a task */
+enum { BLOCKS = 64 }; /* blocks a task */
 
 static sight sight_of(const sf_correction *c) {
     const sf_camera *from = &c->camera;
@@ -56,7 +56,7 @@ static void add_sight(const sight *s, const float *restrict x, float *restrict s
     }
 }
 
-static void carry_block(const job *j, size_t block) {
+static void deform_block(const job *j, size_t block) {
     float *mean = j->model->params.field[SF_FIELD_mean] + 3 * SF_LANES * block, sum[4 * SF_LANES] = {0};
     size_t left = j->model->count - SF_LANES * block, lanes = left < SF_LANES ? left : SF_LANES;
     for (size_t n = 0; n < j->count; n++) add_sight(&j->sights[n], mean, sum);
@@ -65,11 +65,11 @@ static void carry_block(const job *j, size_t block) {
             mean[SF_LANES * k + i] += sum[SF_LANES * k + i] / sum[3 * SF_LANES + i];
 }
 
-static void carry_task(void *pointer, size_t task, int thread) {
+static void deform_task(void *pointer, size_t task, int thread) {
     const job *j = pointer;
-    size_t blocks = sf_blocks(j->model->count), end = (task + 1) * CARRIED;
+    size_t blocks = sf_blocks(j->model->count), end = (task + 1) * BLOCKS;
     (void)thread;
-    for (size_t i = task * CARRIED; i < end && i < blocks; i++) carry_block(j, i);
+    for (size_t i = task * BLOCKS; i < end && i < blocks; i++) deform_block(j, i);
 }
 
 static sf_status find_sights(sf_context *ctx, job *j, const sf_correction *corrections, size_t count) {
@@ -79,27 +79,27 @@ static sf_status find_sights(sf_context *ctx, job *j, const sf_correction *corre
     return SF_OK;
 }
 
-static void carry(sf_context *ctx, job *j, sf_model *model) {
+static void deform(sf_context *ctx, job *j, sf_model *model) {
     j->model = model;
-    sf_pool_run(ctx->pool, (sf_blocks(model->count) + CARRIED - 1) / CARRIED, carry_task, j);
+    sf_pool_run(ctx->pool, (sf_blocks(model->count) + BLOCKS - 1) / BLOCKS, deform_task, j);
     sf_model_note_change(model);
 }
 
-sf_status sf_carry(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count) {
+sf_status sf_deform_map(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count) {
     job j;
     sf_status status = find_sights(ctx, &j, corrections, count);
-    if (!status) carry(ctx, &j, model);
+    if (!status) deform(ctx, &j, model);
     sf_free(ctx, j.sights);
     return status;
 }
 
-sf_status sf_carry_fit(sf_fitter *f, const sf_correction *corrections, size_t count) {
+sf_status sf_deform_fit(sf_fitter *f, const sf_correction *corrections, size_t count) {
     job j;
     sf_status status = find_sights(f->ctx, &j, corrections, count);
     if (!status) {
         sf_trials_end(f);
-        carry(f->ctx, &j, f->model);
-        if (f->best) carry(f->ctx, &j, f->best);
+        deform(f->ctx, &j, f->model);
+        if (f->best) deform(f->ctx, &j, f->best);
     }
     sf_free(f->ctx, j.sights);
     return status;
