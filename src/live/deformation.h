@@ -3,8 +3,8 @@
 #define SF_LIVE_DEFORMATION_H
 
 #include <splatfit/camera.h>
+#include <splatfit/fitter.h>
 
-#include "../fit/fitter.h"
 #include "../pose/view.h"
 #include "../scene/gaussians.h"
 
@@ -21,8 +21,7 @@ typedef struct sf_correction {
  * that no camera sees stays. SF_ERR_MEMORY: all stay. */
 sf_status sf_deform_map(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count);
 
-/* The same with all that a fit keeps of its model: the best one too, which may come back, and without pairs
- * on trial, which would come back as they were. SF_ERR_MEMORY: all stay. */
-sf_status sf_deform_fit(sf_fitter *fitter, const sf_correction *corrections, size_t count);
+/* The same for all models of a fit (sf_online_move_means). SF_ERR_MEMORY: all stay. */
+sf_status sf_deform_fit(sf_context *ctx, sf_fitter *fitter, const sf_correction *corrections, size_t count);
 
 #endif

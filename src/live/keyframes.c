@@ -5,7 +5,7 @@
 
 #include "../base/clock.h"
 #include "../base/linear.h"
-#include "../fit/refine.h"
+#include "../fit/online.h"
 #include "../scene/neighbours.h"
 #include "deformation.h"
 #include "live.h"
@@ -154,7 +154,7 @@ static sf_status correct(sf_live *live, sf_keyframe *k, const sf_rigid *pose) {
     sf_camera camera = sf_live_camera_at(live, pose);
     k->pose = *pose;
     sf_camera_center(&camera, k->center);
-    if (live->fitter && sf_view_state_of(&live->fitter->views, k->id)) /* else it comes with the view */
+    if (live->fitter && sf_online_has_view(live->fitter, k->id)) /* else it comes with the view */
         (void)sf_fitter_set_pose(live->fitter, k->id, pose->R, pose->t);
     return sf_scene_set_pose(live->scene, k->id, pose->R, pose->t);
 }
@@ -196,7 +196,7 @@ static sf_status adjust(sf_live *live, uint32_t id) {
     size_t count;
     if (!status && !corrections) status = SF_ERR_MEMORY;
     if (!status) status = correct_all(live, id, corrections, &count);
-    if (!status && live->fitter) status = sf_deform_fit(live->fitter, corrections, count);
+    if (!status && live->fitter) status = sf_deform_fit(live->ctx, live->fitter, corrections, count);
     sf_free(live->ctx, corrections);
     return status;
 }
@@ -296,7 +296,7 @@ void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double b
 void sf_live_tell_fit(sf_live *live) {
     for (size_t i = live->keyframe_count; i--;) {
         sf_keyframe *k = &live->keyframes[i];
-        if (k->told || k->held_out || !sf_view_state_of(&live->fitter->views, k->id)) continue;
+        if (k->told || k->held_out || !sf_online_has_view(live->fitter, k->id)) continue;
         if (k->hold) (void)sf_fitter_hold_pose(live->fitter, k->id);
         double gain[3], bias[3];
         if (first_exposure(live, i, gain, bias))

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "../fit/online.h"
 #include "throttling.h"
 
 enum { IDLE_MS = 20, FIRST_MS = 100 };
@@ -113,7 +114,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     live->duty = 1;
     plan(live, source);
     atomic_init(&live->cancelled, 0);
-    status = sf_fit_options_check(ctx, &live->options.fit);
+    status = sf_online_check(ctx, &live->options.fit);
     if (!status) status = sf_scene_create(ctx, &live->scene);
     if (!status) status = sf_tracker_create(ctx, &live->tracker);
     if (!status) status = sf_landmarks_create(ctx, &live->landmarks);

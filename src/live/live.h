@@ -6,7 +6,7 @@
 
 #include <splatfit/live.h>
 
-#include "../fit/fitter.h"
+#include "../scene/scene.h"
 #include "../pose/landmarks.h"
 #include "../pose/track.h"
 #include "frame_grabber.h"

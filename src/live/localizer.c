@@ -4,6 +4,7 @@
 
 #include "../base/clock.h"
 #include "../base/linear.h"
+#include "../fit/online.h"
 #include "../scene/neighbours.h"
 #include "live.h"
 
@@ -159,9 +160,8 @@ static int jumps(const sf_live *live, const sf_rigid *from, const sf_rigid *to) 
 static sf_status track_from(sf_live *live, const sf_rigid *guess, const sf_track_prior *prior,
                             sf_track_guess how, sf_track *track) {
     sf_render_options options;
-    sf_fitter_render_options(live->fitter, &options);
-    options.sh_degree = live->fitter->sh_degree;
-    return sf_track_picture(live->tracker, sf_fitter_shown(live->fitter), &options, guess, prior, how, track);
+    const sf_model *model = sf_online_model(live->fitter, &options);
+    return sf_track_picture(live->tracker, model, &options, guess, prior, how, track);
 }
 
 /* What landmarks and `prior` (NULL: nothing) say together; 0: landmarks tell nothing. */

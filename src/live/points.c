@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../fit/online.h"
 #include "../scene/neighbours.h"
 #include "live.h"
 
@@ -138,7 +139,7 @@ static void expose_back(uint8_t *rgb, const double gain[3], const double bias[3]
 float sf_live_limit_radius(const sf_live *live, const float xyz[3], float radius) {
     const double p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
     const sf_camera *c = &live->frame.camera;
-    double least = (double)radius, near_plane = (double)live->fitter->near_plane;
+    double least = (double)radius, near_plane = sf_online_near_plane(live->fitter);
     for (size_t i = 0; i < live->keyframe_count; i++) {
         double q[3];
         sf_rigid_apply(&live->keyframes[i].pose, p, q);
@@ -169,12 +170,10 @@ static void keep_missing(const sf_live *live, const sight *s, sf_spawned_points 
 
 /* Draws the model as a keyframe shows it; `sight` is the caller's to free even so. */
 static sf_status look_through(sf_live *live, const sf_view *view, sight *s) {
-    sf_render_options options;
-    sf_workspace *ws = &live->fitter->workspace;
+    const sf_workspace *ws;
     s->view = view;
-    sf_fitter_render_options(live->fitter, &options);
     sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s->camera);
-    if (!status) status = sf_forward(ws, sf_fitter_shown(live->fitter), &s->camera, &options, 1);
+    if (!status) status = sf_online_draw(live->fitter, &s->camera, &ws);
     return status ? status : gather(live->ctx, ws, &s->crowd);
 }
 
@@ -216,8 +215,9 @@ sf_status sf_live_ask_for_points(sf_live *live) {
     keyframe->searched = 1;
     if (n > 1) status = is_wanting(live, views[0], &wanting);
     if (!status && wanting) {
-        sf_sweep_options options = {
-            .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
+        sf_sweep_options options = {.wanted = POINTS,
+                                    .nearest = sf_online_near_plane(live->fitter),
+                                    .extent = sf_online_extent(live->fitter)};
         sf_spawner_search(live->spawner, views, n, &options);
         if (live->options.steps_per_frame > 0) sf_spawner_wait(live->spawner); /* to be repeated */
     }

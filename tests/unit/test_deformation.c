@@ -163,7 +163,7 @@ static void all_of_a_fit_goes_along(void **state) {
     sf_worth_free(ctx, &w);
     assert_true(f->trials.count > 0);
 
-    assert_ok(ctx, sf_deform_fit(f, &c, 1));
+    assert_ok(ctx, sf_deform_fit(ctx, f, &c, 1));
     sf_trials_end(f);
     get_means(f->model, deformed);
     for (int i = 0; i < COUNT; i++) {
