@@ -189,7 +189,7 @@ static void add_priors(adjustment *a) {
     }
 }
 
-/* S -= W_i V^-1 W_j^T, for a observation and all of its point's; the lower triangle. */
+/* S -= W_i V^-1 W_j^T, for an observation and all of its point's; the lower triangle. */
 static void take_out(adjustment *a, size_t row, size_t i) {
     size_t n = 6 * a->free_count, point = a->b->observations[i].point;
     const point_sums *sums = &a->sums[point];
