@@ -24,14 +24,14 @@ typedef struct sf_live_input {
 } sf_live_input;
 
 /* Whose turn it is: a frame's or the fit's. Times are s of the clock. */
-typedef struct sf_pace {
+typedef struct sf_live_pace {
     double first_frame, next_frame; /* when the first came, and when the next is due */
     double track_seconds;           /* that a frame takes, moving average */
     int steps_due;                  /* with steps_per_frame, before the next frame */
     double duty;                    /* the part of its time that the fit works, 0..1 */
     double next_check;              /* of thermal throttling */
     double rest_until;              /* of the fit */
-} sf_pace;
+} sf_live_pace;
 
 struct sf_live {
     sf_context *ctx;
@@ -48,7 +48,7 @@ struct sf_live {
     sf_keyframes keyframes;
     sf_spawning spawning;
     sf_evaluation evaluation;
-    sf_pace pace;
+    sf_live_pace pace;
 };
 
 #endif

@@ -291,7 +291,7 @@ static void keeps_no_more_keyframes_than_allowed(void **state) {
 static sf_status slow_pose(void *live, int64_t time_ns, double R_cw[9], double t_cw[3],
                            double information[36]) {
     (void)time_ns;
-    const sf_camera *truth = &(*(sf_live *const *)live)->picture->truth;
+    const sf_camera *truth = &(*(sf_live *const *)live)->input.picture->truth;
     memcpy(R_cw, truth->R_cw, sizeof truth->R_cw);
     memcpy(t_cw, truth->t_cw, sizeof truth->t_cw);
     for (int k = 0; k < 36; k++) information[k] = k % 7 ? 0 : 1e8;
