@@ -1,7 +1,7 @@
 /* calibrate.h - boards of AprilTags: drawn, found in pictures; cameras calibrated and placed by them.
  *
  * A calibration: sf_board_open, sf_detector_create; for each frame sf_detector_find_in_frame and
- * sf_sightings_offer, until sf_sightings_advice has none; sf_calibrate; sf_calibration_save.
+ * sf_observations_offer, until sf_observations_advice has none; sf_calibrate; sf_calibration_save.
  * The equations are in src/pose/README.md.
  */
 #ifndef SPLATFIT_CALIBRATE_H
@@ -106,31 +106,32 @@ SF_API sf_status sf_board_pose(sf_context *context, const sf_lens *lens, const s
 /* Calibration. */
 
 /* What one camera saw of a board: the views of a calibration. */
-typedef struct sf_sightings sf_sightings;
+typedef struct sf_observations sf_observations;
 
 /* For pictures of width x height px, 16..65535 each. */
-SF_API sf_status sf_sightings_create(sf_context *context, int32_t width, int32_t height,
-                                     sf_sightings **sightings);
-SF_API void sf_sightings_destroy(sf_sightings **sightings);
+SF_API sf_status sf_observations_create(sf_context *context, int32_t width, int32_t height,
+                                        sf_observations **observations);
+SF_API void sf_observations_destroy(sf_observations **observations);
 
 /* Adds a view as it is. SF_ERR_ARGUMENT: fewer than 4 corners, one outside of the picture's surroundings
  * (a width or height beyond it) or not finite. */
-SF_API sf_status sf_sightings_add(sf_sightings *sightings, const sf_board_corner *corners, size_t count);
+SF_API sf_status sf_observations_add(sf_observations *observations, const sf_board_corner *corners,
+                                     size_t count);
 
 /* Adds a view where it tells something new: at least 8 corners, and the board at another place, distance or
  * tilt than in every view before, or in parts of the picture where none was. *taken: 0 or 1. */
-SF_API sf_status sf_sightings_offer(sf_sightings *sightings, const sf_board_corner *corners, size_t count,
-                                    int *taken);
+SF_API sf_status sf_observations_offer(sf_observations *observations, const sf_board_corner *corners,
+                                       size_t count, int *taken);
 
 /* Views so far. */
-SF_API size_t sf_sightings_count(const sf_sightings *sightings);
+SF_API size_t sf_observations_count(const sf_observations *observations);
 
 /* The share of the 8 x 6 cells of the picture in which a corner was seen, 0..1. */
-SF_API double sf_sightings_coverage(const sf_sightings *sightings);
+SF_API double sf_observations_coverage(const sf_observations *observations);
 
 /* What the views still lack, a few words for who holds the board ("tilt its left edge towards the camera");
  * NULL: nothing that matters. */
-SF_API const char *sf_sightings_advice(const sf_sightings *sightings);
+SF_API const char *sf_observations_advice(const sf_observations *observations);
 
 /* What is estimated. */
 typedef struct sf_calibrate_options {
@@ -153,7 +154,7 @@ typedef struct sf_calibration {
     double coverage;          /* share of the 8 x 6 cells of the picture with a corner that was used */
     double tilt_most;         /* degrees between the camera's axis and the board's, the greatest */
     double tilt_spread;       /* degrees between the board's axes in two views, the greatest */
-    size_t views, worst_view; /* used; index among the sightings */
+    size_t views, worst_view; /* used; index among the observations */
     size_t views_rejected;    /* did not fit */
     size_t corners, corners_rejected; /* of the views that were used */
 } sf_calibration;
@@ -163,19 +164,20 @@ typedef struct sf_calibration {
  * name, with what to do: SF_ERR_EMPTY: fewer than 3 views fit, all face the camera, all have one tilt, the
  * focal length is known to less than 3 %. Tilts that differ by less than 15 degrees, and a focal length known
  * to less than 0.5 %, are logged as warnings. SF_ERR_ARGUMENT: radial not in 0..2. */
-SF_API sf_status sf_calibrate(sf_sightings *sightings, const sf_calibrate_options *options,
+SF_API sf_status sf_calibrate(sf_observations *observations, const sf_calibrate_options *options,
                               sf_calibration *calibration);
 
 /* A view after sf_calibrate. */
-typedef struct sf_sighting_info {
+typedef struct sf_observation_info {
     int rejected;                     /* the whole view */
     size_t corners, corners_rejected; /* of `corners` */
     double rms;                       /* px, of those used; 0 where rejected */
     double R_cb[9], t_cb[3];          /* as in sf_pose */
-} sf_sighting_info;
+} sf_observation_info;
 
 /* SF_ERR_END past the last. */
-SF_API sf_status sf_sightings_get(const sf_sightings *sightings, size_t index, sf_sighting_info *info);
+SF_API sf_status sf_observations_get(const sf_observations *observations, size_t index,
+                                     sf_observation_info *info);
 
 /* Writes a calibration as JSON, whole or not at all. */
 SF_API sf_status sf_calibration_save(sf_context *context, const sf_calibration *calibration,

@@ -122,7 +122,7 @@ typedef struct sf_live_progress {
     double track_ms;            /* that a look at a frame takes, over the last */
     double duty;                /* part of its time that the fit works: 1, down to 0.1 on a hot machine */
     size_t keyframes, held_out; /* all of them; those that are never trained on */
-    size_t seeded;              /* Gaussians at points found after the start */
+    size_t spawned;             /* Gaussians at points found after the start */
     int has_fit;                /* the fields below hold */
     sf_fit_progress fit;        /* of the fit itself */
     double held_out_psnr;       /* dB, mean over the keyframes held out, with the poses as tracked, exposed as

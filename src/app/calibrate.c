@@ -32,8 +32,8 @@ typedef struct attempt {
     sf_source *source;
     sf_source_info info;
     sf_detector *detector;
-    sf_sightings *sightings; /* from the first frame on */
-    int32_t width, height;   /* px */
+    sf_observations *observations; /* from the first frame on */
+    int32_t width, height;         /* px */
     size_t frames, with_board, damaged;
     sf_board_corner *before; /* of the last frame, while the source is live */
     size_t before_count;
@@ -92,10 +92,10 @@ static void show(attempt *s, int at_once) {
     char text[192];
     double seconds = app_seconds() - s->began;
     if (!progress_due(&s->line, seconds, at_once)) return;
-    const char *advice = s->sightings ? sf_sightings_advice(s->sightings) : NULL;
+    const char *advice = s->observations ? sf_observations_advice(s->observations) : NULL;
     snprintf(text, sizeof text, "frames %zu  with board %zu  views %zu  coverage %.0f %%%s%s", s->frames,
-             s->with_board, s->sightings ? sf_sightings_count(s->sightings) : 0,
-             s->sightings ? 100 * sf_sightings_coverage(s->sightings) : 0, advice ? "  " : "",
+             s->with_board, s->observations ? sf_observations_count(s->observations) : 0,
+             s->observations ? 100 * sf_observations_coverage(s->observations) : 0, advice ? "  " : "",
              advice ? advice : "");
     progress_text(&s->line, text);
 }
@@ -119,10 +119,10 @@ static sf_status look_at(attempt *s, const sf_frame *frame) {
     const sf_board_corner *corners;
     size_t count;
     int taken;
-    if (!s->sightings) {
+    if (!s->observations) {
         s->width = frame->width;
         s->height = frame->height;
-        sf_status status = sf_sightings_create(s->ctx, frame->width, frame->height, &s->sightings);
+        sf_status status = sf_observations_create(s->ctx, frame->width, frame->height, &s->observations);
         if (status) return status;
     }
     s->frames++;
@@ -133,12 +133,12 @@ static sf_status look_at(attempt *s, const sf_frame *frame) {
     }
     s->with_board += count > 0;
     if (status || (s->info.live && !stands_still(s, corners, count))) return status;
-    return sf_sightings_offer(s->sightings, corners, count, &taken);
+    return sf_observations_offer(s->observations, corners, count, &taken);
 }
 
 static int wrong_size(const attempt *s, const sf_frame *frame) {
     char text[128];
-    if (!s->sightings || (frame->width == s->width && frame->height == s->height)) return 0;
+    if (!s->observations || (frame->width == s->width && frame->height == s->height)) return 0;
     snprintf(text, sizeof text, "frame %zu: %d x %d px after frames of %d x %d: one camera, one size",
              s->frames, (int)frame->width, (int)frame->height, (int)s->width, (int)s->height);
     return app_say(s->a, s->source_name, text);
@@ -146,7 +146,7 @@ static int wrong_size(const attempt *s, const sf_frame *frame) {
 
 static int wants_more(const attempt *s) {
     if (app_stopped_by() || (s->frames_most && s->frames >= (size_t)s->frames_most)) return 0;
-    return !(s->info.live && s->sightings && !sf_sightings_advice(s->sightings));
+    return !(s->info.live && s->observations && !sf_observations_advice(s->observations));
 }
 
 /* One frame, or a while without one. *over: there will be none. 0 or an exit code. */
@@ -230,11 +230,11 @@ static int conclude(attempt *s) {
     if (!s->with_board)
         return app_say(s->a, s->source_name,
                        "no frame shows a tag of the board: is --board the one that was printed?");
-    if (sf_calibrate(s->sightings, &s->options, &c)) return app_fail(s->a, s->ctx);
+    if (sf_calibrate(s->observations, &s->options, &c)) return app_fail(s->a, s->ctx);
     if (!is_silent(s->a)) {
         print_lens(&c);
         print_fit(s, &c);
-        const char *advice = sf_sightings_advice(s->sightings);
+        const char *advice = sf_observations_advice(s->observations);
         if (advice) printf("would be better: %s\n", advice);
         if (s->damaged) printf("%zu frames could not be decoded\n", s->damaged);
     }
@@ -270,7 +270,7 @@ static int run(const args *a) {
     if (!error) error = app_context(a, &s.ctx);
     if (!error) error = path ? convert(&s, path) : calibrate(&s);
     free(s.before);
-    sf_sightings_destroy(&s.sightings);
+    sf_observations_destroy(&s.observations);
     sf_detector_destroy(&s.detector);
     sf_source_close(&s.source);
     sf_context_destroy(&s.ctx);

@@ -293,15 +293,14 @@ static sf_status folder_next(void *self, int timeout_ms, int newest, sf_frame *f
     slot *s = &f->slots[f->slots[0].taken ? 1 : 0];
     int64_t deadline = sf_clock_ns() + (int64_t)timeout_ms * 1000000;
     for (size_t tries = 0; tries < f->count; tries++) {
-        uint64_t number;
-        int64_t time_ns;
+        sf_pace_frame due;
         int left = tries ? milliseconds_left(deadline) : timeout_ms;
-        sf_status status = sf_pace_next(&f->pace, f->ctx, f->name, left, newest, counts, &number, &time_ns);
+        sf_status status = sf_pace_next(&f->pace, f->ctx, f->name, left, newest, counts, &due);
         if (status != SF_OK) return status;
-        const picture_file *file = &f->files[number % f->count];
+        const picture_file *file = &f->files[due.number % f->count];
         status = load(f, file->path, s, frame);
         if (status == SF_OK) {
-            stamp(f, file, number, time_ns, frame);
+            stamp(f, file, due.number, due.time_ns, frame);
             frame->lease = s;
             s->taken = 1;
             return SF_OK;

@@ -38,22 +38,22 @@ static sf_status wait_for_next(sf_pace *p, sf_context *ctx, const char *name, in
 }
 
 sf_status sf_pace_next(sf_pace *p, sf_context *ctx, const char *name, int timeout_ms, int newest,
-                       sf_source_counts *counts, uint64_t *number, int64_t *time_ns) {
+                       sf_source_counts *counts, sf_pace_frame *frame) {
     if (p->frames && p->next == p->frames)
         return sf_fail(ctx, SF_ERR_END, "%s: no more frames after %llu", name, (unsigned long long)p->next);
     if (p->fps == 0) {
-        *number = p->next++;
-        *time_ns = (int64_t)(*number * 1000000000 / 30);
+        frame->number = p->next++;
+        frame->time_ns = (int64_t)(frame->number * 1000000000 / 30);
         return SF_OK;
     }
     sf_status status = wait_for_next(p, ctx, name, timeout_ms);
     if (status != SF_OK) return status;
     uint64_t last = newest_due(p, sf_clock_ns()), first = p->next;
     if (last - first >= SF_PACE_WAITING) first = last - SF_PACE_WAITING + 1;
-    *number = newest ? last : first;
-    *time_ns = due(p, *number);
+    frame->number = newest ? last : first;
+    frame->time_ns = due(p, frame->number);
     counts->dropped += first - p->next;
-    counts->skipped += *number - first;
-    p->next = *number + 1;
+    counts->skipped += frame->number - first;
+    p->next = frame->number + 1;
     return SF_OK;
 }

@@ -74,13 +74,13 @@ static sf_status wait_for_plug(sim_source *s, int *timeout_ms, sf_source_counts 
 
 static sf_status sim_next(void *self, int timeout_ms, int newest, sf_frame *frame, sf_source_counts *counts) {
     sim_source *s = self;
-    uint64_t number;
-    int64_t time_ns;
+    sf_pace_frame due;
     sf_status status = wait_for_plug(s, &timeout_ms, counts);
     if (status == SF_OK)
-        status =
-            sf_pace_next(&s->pace, s->ctx, scheme_name(s), timeout_ms, newest, counts, &number, &time_ns);
+        status = sf_pace_next(&s->pace, s->ctx, scheme_name(s), timeout_ms, newest, counts, &due);
     if (status != SF_OK) return status;
+    uint64_t number = due.number;
+    int64_t time_ns = due.time_ns;
     int slot = s->taken[0] ? 1 : 0;
     sf_sim_moment m = sf_sim_moment_of(&s->frames, number);
     if (s->frames.sim.has_board && s->pace.fps == 0)

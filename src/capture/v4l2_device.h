@@ -123,6 +123,13 @@ sf_status sf_v4l2_set_picture(sf_v4l2_device *device, const sf_v4l2_settings *se
 typedef sf_status (*sf_v4l2_mode_fn)(void *user, const sf_device_mode *mode);
 sf_status sf_v4l2_each_mode(sf_v4l2_device *device, sf_v4l2_mode_fn fn, void *user);
 
+/* ---- inputs: v4l2_input.c ---- */
+
+/* Set what `settings` name. SF_ERR_UNSUPPORTED: not offered; SF_ERR_ARGUMENT: timings that are none;
+ * SF_ERR_IO. */
+sf_status sf_v4l2_set_input(sf_v4l2_device *device, const sf_v4l2_settings *settings);
+sf_status sf_v4l2_set_timings(sf_v4l2_device *device, const sf_v4l2_settings *settings);
+
 /* Why the input carries no picture ("no signal"); NULL: it does, or does not say. */
 const char *sf_v4l2_signal(sf_v4l2_device *device);
 

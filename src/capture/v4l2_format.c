@@ -1,13 +1,12 @@
-/* v4l2_format.c - formats, sizes and rates of a V4L2 node: what it offers, which is chosen, how it lies in
- * memory.
+/* v4l2_format.c - formats, sizes and rates of a V4L2 node: what it offers, and which is chosen.
  *
  * Where no format is asked for: of those that offer the size, the first without compression, in the order of
  * the table, that is as fast as was asked for (15 frames a second where nothing was, or as fast as the camera
  * is at that size where that is less); where none is, MJPEG; where there is none, the fastest; grey last.
  */
 #ifdef __linux__
-#include "convert.h"
 #include "v4l2_device.h"
+#include "v4l2_layout.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -264,256 +263,9 @@ static sf_status check_format_name(sf_context *ctx, const sf_v4l2_settings *sett
                    settings->format, w.text);
 }
 
-/* 5. Input and timings of what is no camera but a socket */
+/* 5. The rate, and all together */
 
-static sf_status set_input(sf_v4l2_device *device, const sf_v4l2_settings *settings) {
-    if (settings->input < 0) return SF_OK;
-    int input = settings->input;
-    if (sf_v4l2_ioctl(device, VIDIOC_S_INPUT, &input) == 0) return SF_OK;
-    if (errno != EINVAL && errno != ENOTTY) return sf_v4l2_fail(device, "input");
-    int inputs = 0;
-    for (struct v4l2_input e; inputs < 64; inputs++) {
-        memset(&e, 0, sizeof e);
-        e.index = (uint32_t)inputs;
-        if (sf_v4l2_ioctl(device, VIDIOC_ENUMINPUT, &e)) break;
-    }
-    return sf_fail(device->ctx, SF_ERR_UNSUPPORTED, "%s: input: %d is not there; there are %d, from 0 on",
-                   device->path, settings->input, inputs);
-}
-
-const char *sf_v4l2_signal(sf_v4l2_device *device) {
-    int index = 0;
-    if (sf_v4l2_ioctl(device, VIDIOC_G_INPUT, &index)) return NULL;
-    struct v4l2_input input = {.index = (uint32_t)index};
-    if (sf_v4l2_ioctl(device, VIDIOC_ENUMINPUT, &input)) return NULL;
-    if (input.status & V4L2_IN_ST_NO_POWER) return "no power";
-    if (input.status & V4L2_IN_ST_NO_SIGNAL) return "no signal";
-    if (input.status & (V4L2_IN_ST_NO_SYNC | V4L2_IN_ST_NO_H_LOCK)) return "no lock on the signal";
-    return NULL;
-}
-
-static sf_status find_timings(sf_v4l2_device *device, const sf_v4l2_settings *settings,
-                              struct v4l2_dv_timings *timings) {
-    enum { MOST_TIMINGS = 512 };
-    int32_t width, height;
-    if (strcmp(settings->timings, "auto") == 0) {
-        if (sf_v4l2_ioctl(device, VIDIOC_QUERY_DV_TIMINGS, timings) == 0) return SF_OK;
-        return sf_v4l2_fail(device, "timings: auto: none are found");
-    }
-    if (!sf_v4l2_parse_size(settings->timings, &width, &height))
-        return sf_fail(device->ctx, SF_ERR_ARGUMENT, "%s: timings: \"%s\" is neither auto nor WIDTHxHEIGHT",
-                       device->path, settings->timings);
-    for (uint32_t i = 0; i < MOST_TIMINGS; i++) {
-        struct v4l2_enum_dv_timings e = {.index = i};
-        if (sf_v4l2_ioctl(device, VIDIOC_ENUM_DV_TIMINGS, &e)) break;
-        if (e.timings.bt.width == (uint32_t)width && e.timings.bt.height == (uint32_t)height &&
-            !e.timings.bt.interlaced) {
-            *timings = e.timings;
-            return SF_OK;
-        }
-    }
-    return sf_fail(device->ctx, SF_ERR_UNSUPPORTED, "%s: timings: the input has none of %s", device->path,
-                   settings->timings);
-}
-
-static sf_status set_timings(sf_v4l2_device *device, const sf_v4l2_settings *settings) {
-    struct v4l2_dv_timings timings;
-    memset(&timings, 0, sizeof timings);
-    if (!*settings->timings) return SF_OK;
-    sf_status status = find_timings(device, settings, &timings);
-    if (status == SF_OK && sf_v4l2_ioctl(device, VIDIOC_S_DV_TIMINGS, &timings))
-        status = sf_v4l2_fail(device, "timings");
-    return status;
-}
-
-/* 6. What the driver gives */
-
-/* The same of both kinds of nodes. */
-typedef struct given {
-    uint32_t fourcc, width, height, field, colorspace, ycbcr_enc, quantization;
-    uint32_t planes;                      /* of memory */
-    size_t stride[SF_FRAME_PLANES];       /* bytes, of each plane of memory; 0: unknown */
-    size_t memory_bytes[SF_FRAME_PLANES]; /* of each */
-} given;
-
-static void take_single(const struct v4l2_pix_format *p, given *g) {
-    *g = (given){.fourcc = p->pixelformat,
-                 .width = p->width,
-                 .height = p->height,
-                 .field = p->field,
-                 .colorspace = p->colorspace,
-                 .planes = 1,
-                 .stride = {p->bytesperline},
-                 .memory_bytes = {p->sizeimage}};
-    if (p->priv != V4L2_PIX_FMT_PRIV_MAGIC) return; /* an old driver: these fields hold nothing */
-    g->ycbcr_enc = p->ycbcr_enc;
-    g->quantization = p->quantization;
-}
-
-static void take_multi(const struct v4l2_pix_format_mplane *p, given *g) {
-    *g = (given){.fourcc = p->pixelformat,
-                 .width = p->width,
-                 .height = p->height,
-                 .field = p->field,
-                 .colorspace = p->colorspace,
-                 .ycbcr_enc = p->ycbcr_enc,
-                 .quantization = p->quantization,
-                 .planes = p->num_planes};
-    for (uint32_t k = 0; k < p->num_planes && k < SF_FRAME_PLANES; k++) {
-        g->stride[k] = p->plane_fmt[k].bytesperline;
-        g->memory_bytes[k] = p->plane_fmt[k].sizeimage;
-    }
-}
-
-static void take_given(const struct v4l2_format *f, given *g) {
-    if (f->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE)
-        take_multi(&f->fmt.pix_mp, g);
-    else
-        take_single(&f->fmt.pix, g);
-}
-
-static sf_status get_given(sf_v4l2_device *device, given *g) {
-    struct v4l2_format f;
-    memset(&f, 0, sizeof f);
-    f.type = device->type;
-    if (sf_v4l2_ioctl(device, VIDIOC_G_FMT, &f)) return sf_v4l2_fail(device, "format: cannot be read");
-    take_given(&f, g);
-    return SF_OK;
-}
-
-static sf_status set_given(sf_v4l2_device *device, const sf_v4l2_pixels *pixels, int32_t width,
-                           int32_t height, given *g) {
-    struct v4l2_format f;
-    memset(&f, 0, sizeof f);
-    f.type = device->type;
-    if (device->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE) {
-        f.fmt.pix_mp.width = (uint32_t)width;
-        f.fmt.pix_mp.height = (uint32_t)height;
-        f.fmt.pix_mp.pixelformat = pixels->fourcc;
-        f.fmt.pix_mp.field = V4L2_FIELD_NONE;
-        f.fmt.pix_mp.num_planes = (uint8_t)pixels->planes;
-    } else {
-        f.fmt.pix.width = (uint32_t)width;
-        f.fmt.pix.height = (uint32_t)height;
-        f.fmt.pix.pixelformat = pixels->fourcc;
-        f.fmt.pix.field = V4L2_FIELD_NONE;
-        f.fmt.pix.priv = V4L2_PIX_FMT_PRIV_MAGIC;
-    }
-    if (sf_v4l2_ioctl(device, VIDIOC_S_FMT, &f)) return sf_v4l2_fail(device, "format");
-    take_given(&f, g);
-    return SF_OK;
-}
-
-/* 7. What that means */
-
-static void set_colors(sf_context *ctx, const char *path, const given *g, sf_v4l2_picture *p) {
-    uint32_t encoding = g->ycbcr_enc, range = g->quantization;
-    sf_pixel_format format = p->pixels->format;
-    int rgb = format == SF_PIXEL_RGB24 || format == SF_PIXEL_BGR24;
-    if (format == SF_PIXEL_MJPEG) { /* as JFIF says, whatever the driver does */
-        p->matrix = SF_YUV_601;
-        p->full_range = 1;
-        return;
-    }
-    if (encoding == V4L2_YCBCR_ENC_DEFAULT) encoding = V4L2_MAP_YCBCR_ENC_DEFAULT(g->colorspace);
-    if (range == V4L2_QUANTIZATION_DEFAULT)
-        range = V4L2_MAP_QUANTIZATION_DEFAULT(rgb, g->colorspace, encoding);
-    p->full_range = range == V4L2_QUANTIZATION_FULL_RANGE;
-    p->limited_rgb = rgb && !p->full_range;
-    switch (encoding) {
-    case V4L2_YCBCR_ENC_709:
-    case V4L2_YCBCR_ENC_XV709:
-        p->matrix = SF_YUV_709;
-        break;
-    case V4L2_YCBCR_ENC_BT2020:
-        p->matrix = SF_YUV_2020;
-        break;
-    case V4L2_YCBCR_ENC_601:
-    case V4L2_YCBCR_ENC_XV601:
-        p->matrix = SF_YUV_601;
-        break;
-    default:
-        p->matrix = encoding == V4L2_YCBCR_ENC_BT2020_CONST_LUM ? SF_YUV_2020 : SF_YUV_709;
-        sf_log(ctx, SF_LOG_WARNING, "%s: ycbcr_enc %u is read as %s", path, (unsigned)encoding,
-               p->matrix == SF_YUV_2020 ? "BT.2020" : "BT.709");
-    }
-}
-
-/* A plane of a picture: bytes of a row, rows, and how many times the first plane's stride fits theirs where
- * they lie together. */
-typedef struct plane_shape {
-    size_t row_bytes, rows, part;
-} plane_shape;
-
-/* Of an MJPEG, a file, the one plane has no rows. */
-static uint32_t shape_of(sf_pixel_format format, int32_t w, int32_t h, plane_shape shape[SF_FRAME_PLANES]) {
-    int halves = format == SF_PIXEL_YU12 || format == SF_PIXEL_422P, planes = sf_format_planes(format);
-    for (int i = 0; i < SF_FRAME_PLANES; i++) {
-        sf_pixel_plane(format, w, h, i, &shape[i].row_bytes, &shape[i].rows);
-        shape[i].part = i && halves ? 2 : 1;
-    }
-    return planes ? (uint32_t)planes : 1;
-}
-
-static sf_status check_stride(sf_v4l2_device *device, size_t stride, const plane_shape *shape,
-                              int32_t width) {
-    if (stride >= shape->row_bytes) return SF_OK;
-    return sf_fail(device->ctx, SF_ERR_UNSUPPORTED,
-                   "%s: stride: %zu bytes are too few for a row of %d px (%zu)", device->path, stride,
-                   (int)width, shape->row_bytes);
-}
-
-/* Where the planes lie, and how much memory they take. */
-static sf_status lay_out(sf_v4l2_device *device, const given *g, sf_v4l2_picture *p) {
-    plane_shape shape[SF_FRAME_PLANES];
-    size_t offset = 0;
-    p->planes = shape_of(p->pixels->format, p->width, p->height, shape);
-    int together = p->pixels->planes == 1;
-    for (uint32_t k = 0; k < p->planes; k++) {
-        uint32_t memory = together ? 0 : k;
-        size_t stride = g->stride[memory] ? g->stride[memory] : shape[memory].row_bytes; /* 0: not told */
-        if (together) stride /= shape[k].part;
-        if (!shape[k].rows) stride = 0;
-        sf_status status = check_stride(device, stride, &shape[k], p->width);
-        if (status != SF_OK) return status;
-        if (!together) offset = 0;
-        p->plane[k].memory = memory;
-        p->plane[k].offset = offset;
-        p->plane[k].stride = stride;
-        if ((uint64_t)offset + (uint64_t)shape[k].rows * stride > SIZE_MAX / 2)
-            return sf_fail(device->ctx, SF_ERR_UNSUPPORTED,
-                           "%s: size: %dx%d with %zu bytes a row is too large", device->path, (int)p->width,
-                           (int)p->height, stride);
-        /* the last row ends where its pixels do */
-        p->need[memory] = shape[k].rows ? offset + (shape[k].rows - 1) * stride + shape[k].row_bytes : 1;
-        offset += shape[k].rows * stride;
-    }
-    for (uint32_t m = 0; m < p->pixels->planes; m++)
-        if (g->memory_bytes[m] < p->need[m])
-            return sf_fail(device->ctx, SF_ERR_UNSUPPORTED,
-                           "%s: sizeimage: %zu bytes of plane %u are too few for %dx%d (%zu)", device->path,
-                           g->memory_bytes[m], (unsigned)m, (int)p->width, (int)p->height, p->need[m]);
-    return SF_OK;
-}
-
-static sf_status check_field(sf_v4l2_device *device, uint32_t field) {
-    switch (field) {
-    case V4L2_FIELD_ANY:
-    case V4L2_FIELD_NONE:
-        return SF_OK;
-    case V4L2_FIELD_INTERLACED:
-    case V4L2_FIELD_INTERLACED_TB:
-    case V4L2_FIELD_INTERLACED_BT:
-        sf_log(device->ctx, SF_LOG_WARNING, "%s: the frames are interlaced: what moves has combed edges",
-               device->path);
-        return SF_OK;
-    default:
-        return sf_fail(device->ctx, SF_ERR_UNSUPPORTED, "%s: field: %u: half frames are not read",
-                       device->path, (unsigned)field);
-    }
-}
-
-static sf_status interpret(sf_v4l2_device *device, const sf_v4l2_settings *settings, const given *g,
+static sf_status interpret(sf_v4l2_device *device, const sf_v4l2_settings *settings, const sf_v4l2_given *g,
                            sf_v4l2_picture *p) {
     p->pixels = sf_v4l2_pixels_of(g->fourcc);
     if (!p->pixels || !is_wanted(settings, p->pixels)) {
@@ -522,18 +274,8 @@ static sf_status interpret(sf_v4l2_device *device, const sf_v4l2_settings *setti
         return sf_fail(device->ctx, SF_ERR_UNSUPPORTED, "%s: format: the driver gives %s instead",
                        device->path, name);
     }
-    if (g->planes != p->pixels->planes || g->width < 1 || g->height < 1 || g->width > 65535 ||
-        g->height > 65535)
-        return sf_fail(device->ctx, SF_ERR_UNSUPPORTED, "%s: format: the driver gives %ux%u in %u planes",
-                       device->path, (unsigned)g->width, (unsigned)g->height, (unsigned)g->planes);
-    p->width = (int32_t)g->width;
-    p->height = (int32_t)g->height;
-    sf_status status = check_field(device, g->field);
-    set_colors(device->ctx, device->path, g, p);
-    return status == SF_OK ? lay_out(device, g, p) : status;
+    return sf_v4l2_lay_out(device, g, p);
 }
-
-/* 8. The rate */
 
 static void set_rate(sf_v4l2_device *device, const sf_v4l2_settings *settings, sf_v4l2_picture *p) {
     struct v4l2_streamparm parm;
@@ -554,18 +296,18 @@ static void set_rate(sf_v4l2_device *device, const sf_v4l2_settings *settings, s
 sf_status sf_v4l2_set_picture(sf_v4l2_device *device, const sf_v4l2_settings *settings,
                               sf_v4l2_picture *picture) {
     const sf_v4l2_pixels *pixels = NULL;
-    given now = {0};
+    sf_v4l2_given now = {0};
     int32_t width = settings->fixed_width ? settings->fixed_width : settings->width;
     int32_t height = settings->fixed_width ? settings->fixed_height : settings->height;
     memset(picture, 0, sizeof *picture);
     sf_status status = check_format_name(device->ctx, settings);
-    if (status == SF_OK) status = set_input(device, settings);
-    if (status == SF_OK) status = set_timings(device, settings);
-    if (status == SF_OK) status = get_given(device, &now);
+    if (status == SF_OK) status = sf_v4l2_set_input(device, settings);
+    if (status == SF_OK) status = sf_v4l2_set_timings(device, settings);
+    if (status == SF_OK) status = sf_v4l2_get_given(device, &now);
     if (status != SF_OK) return status;
     if (!width) width = (int32_t)now.width, height = (int32_t)now.height;
     status = choose(device, settings, width, height, &pixels);
-    if (status == SF_OK) status = set_given(device, pixels, width, height, &now);
+    if (status == SF_OK) status = sf_v4l2_set_given(device, pixels, width, height, &now);
     if (status != SF_OK) return status;
     int exactly = settings->width || settings->fixed_width;
     if (exactly && (now.width != (uint32_t)width || now.height != (uint32_t)height)) {

@@ -5,7 +5,8 @@
 #include <string.h>
 
 #include "../base/clock.h"
-#include "heat.h"
+#include "../fit/online.h"
+#include "throttling.h"
 
 enum { IDLE_MS = 20, FIRST_MS = 100 };
 
@@ -14,12 +15,13 @@ enum { IDLE_MS = 20, FIRST_MS = 100 };
 #define PLANNED       300 /* s, of a run without an end */
 #define PLANNED_STEPS 10000
 
-/* Heat is looked at so often (s); the part of its time that the fit works falls by the first factor each time
- * that the machine is hot, to no less than the least, and rises by the other when it is not. */
-#define HEAT_EVERY 2.0
-#define COOLER     0.7
-#define WARMER     1.15
-#define LEAST_DUTY 0.1
+/* Thermal throttling is checked every CHECK_EVERY seconds. `duty`, the part of its time that the fit works,
+ * is multiplied by COOLER while the processor is throttled, to no less than LEAST_DUTY, and by WARMER
+ * otherwise. */
+#define CHECK_EVERY 2.0
+#define COOLER      0.7
+#define WARMER      1.15
+#define LEAST_DUTY  0.1
 
 sf_live_options sf_live_options_default(void) {
     sf_live_options o = {.fit = sf_fit_options_default(),
@@ -51,14 +53,14 @@ sf_live_options sf_live_options_default(void) {
 }
 
 /* Times of the last few seconds. */
-void sf_tick(sf_ticker *t, double now) { t->time[t->count++ % SF_LIVE_TIMES] = now; }
+void sf_tick(sf_ticker *t, double now) { t->time[t->count++ % SF_TICKS] = now; }
 
 double sf_tick_rate(const sf_ticker *t, double now) {
     const double window = 3;
     double first = now;
     int n = 0;
-    for (uint64_t k = 1; k <= SF_LIVE_TIMES && k <= t->count; k++) {
-        double time = t->time[(t->count - k) % SF_LIVE_TIMES];
+    for (uint64_t k = 1; k <= SF_TICKS && k <= t->count; k++) {
+        double time = t->time[(t->count - k) % SF_TICKS];
         if (time < now - window) break;
         first = time, n++;
     }
@@ -109,19 +111,20 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     if (!live) return SF_ERR_MEMORY;
     live->ctx = ctx;
     live->options = *options;
-    live->duty = 1;
+    live->pace.duty = 1;
     plan(live, source);
     atomic_init(&live->cancelled, 0);
-    status = sf_fit_options_check(ctx, &live->options.fit);
+    status = sf_online_check(ctx, &live->options.fit);
     if (!status) status = sf_scene_create(ctx, &live->scene);
-    if (!status) status = sf_tracker_create(ctx, &live->tracker);
-    if (!status) status = sf_landmarks_create(ctx, &live->landmarks);
-    if (!status) status = sf_renderer_create(ctx, &live->renderer);
-    if (!status) status = sf_seeder_create(ctx, &live->seeder);
-    if (!status && options->board) status = sf_detector_create(ctx, options->board, 1, &live->detector);
+    if (!status) status = sf_tracker_create(ctx, &live->localizer.tracker);
+    if (!status) status = sf_landmarks_create(ctx, &live->localizer.landmarks);
+    if (!status) status = sf_renderer_create(ctx, &live->evaluation.renderer);
+    if (!status) status = sf_spawner_create(ctx, &live->spawning.spawner);
+    if (!status && options->board)
+        status = sf_detector_create(ctx, options->board, 1, &live->localizer.detector);
     if (!status)
-        status = sf_intake_create(ctx, source, &options->lens, options->downscale, options->track_rate,
-                                  &live->intake);
+        status = sf_frame_grabber_create(ctx, source, &options->lens, options->downscale, options->track_rate,
+                                         &live->grabber);
     *out = live;
     if (status) sf_live_destroy(out);
     return status;
@@ -130,66 +133,69 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
 void sf_live_destroy(sf_live **live_pointer) {
     sf_live *live = *live_pointer;
     if (!live) return;
-    sf_intake_destroy(&live->intake);
-    sf_seeder_destroy(&live->seeder);
+    sf_frame_grabber_destroy(&live->grabber);
+    sf_spawner_destroy(&live->spawning.spawner);
     sf_fitter_destroy(&live->fitter);
-    sf_detector_destroy(&live->detector);
-    sf_tracker_destroy(&live->tracker);
-    sf_landmarks_destroy(&live->landmarks);
-    sf_renderer_destroy(&live->renderer);
+    sf_detector_destroy(&live->localizer.detector);
+    sf_tracker_destroy(&live->localizer.tracker);
+    sf_landmarks_destroy(&live->localizer.landmarks);
+    sf_renderer_destroy(&live->evaluation.renderer);
     sf_scene_destroy(&live->scene);
-    sf_free(live->ctx, live->keyframes);
-    sf_free(live->ctx, live->bytes);
+    sf_free(live->ctx, live->keyframes.list);
+    sf_free(live->ctx, live->input.bytes);
     sf_free(live->ctx, live);
     *live_pointer = NULL;
 }
 
 void sf_live_cancel(sf_live *live) { atomic_store(&live->cancelled, 1); }
 void sf_live_pause(sf_live *live, int paused) { live->paused = paused; }
-void sf_live_lock_exposure(sf_live *live, int locked) { sf_intake_lock(live->intake, locked); }
+void sf_live_lock_exposure(sf_live *live, int locked) { sf_frame_grabber_lock(live->grabber, locked); }
 
 void sf_live_reset(sf_live *live) {
-    sf_seeds seeds;
-    sf_seeder_wait(live->seeder);
-    if (sf_seeder_take(live->seeder, &seeds)) sf_seeds_free(live->seeder, &seeds);
+    sf_spawned_points points;
+    sf_spawner_wait(live->spawning.spawner);
+    if (sf_spawner_take(live->spawning.spawner, &points))
+        sf_spawned_points_free(live->spawning.spawner, &points);
     sf_fitter_destroy(&live->fitter);
-    for (size_t i = 0; i < live->keyframe_count; i++)
-        (void)sf_scene_remove_view(live->scene, live->keyframes[i].id);
-    sf_landmarks_clear(live->landmarks);
-    live->keyframe_count = 0;
-    live->keyframes_made = 0;
-    live->seeded = 0;
+    for (size_t i = 0; i < live->keyframes.count; i++)
+        (void)sf_scene_remove_view(live->scene, live->keyframes.list[i].id);
+    sf_landmarks_clear(live->localizer.landmarks);
+    live->keyframes.count = 0;
+    live->keyframes.made = 0;
+    live->spawning.spawned = 0;
     sf_live_forget_pose(live);
 }
 
 /* Room for the picture's bytes: colours, and a mask or grey. */
 static sf_status note_frame(sf_live *live) {
-    const sf_camera *c = &live->picture->camera;
+    const sf_camera *c = &live->input.picture->camera;
     double now = sf_clock();
-    if (!(live->first_frame > 0)) live->first_frame = now;
-    live->next_frame = fmax(live->next_frame + 1 / live->options.track_rate, now);
-    return sf_grow(live->ctx, &live->bytes, &live->byte_capacity, 0, 4 * (size_t)c->width * (size_t)c->height,
-                   1);
+    if (!(live->pace.first_frame > 0)) live->pace.first_frame = now;
+    live->pace.next_frame = fmax(live->pace.next_frame + 1 / live->options.track_rate, now);
+    return sf_grow(live->ctx, &live->input.bytes, &live->input.byte_capacity, 0,
+                   4 * (size_t)c->width * (size_t)c->height, 1);
 }
 
 static sf_status look_at_frame(sf_live *live) {
     double began = sf_clock();
     int taken = 0;
     sf_status status = note_frame(live);
-    if (!status) status = sf_live_locate(live);
+    if (!status) status = sf_live_localize(live);
     if (!status && !live->paused) status = sf_live_offer_keyframe(live, &taken);
     if (!status && !live->fitter && taken) status = sf_live_begin(live);
     if (!status && taken) status = sf_live_ask_for_points(live);
-    live->steps_due = live->options.steps_per_frame;
+    live->pace.steps_due = live->options.steps_per_frame;
     double ended = sf_clock(), took = ended - began;
     /* Where a look takes longer than from one frame to the next, the fit would have no time at all. */
-    if (live->fitter && !live->paused) live->next_frame = fmax(live->next_frame, ended + FIT_SHARE * took);
-    live->track_seconds += (live->looked_at > 1 ? TRACK_MEMORY : 1) * (took - live->track_seconds);
+    if (live->fitter && !live->paused)
+        live->pace.next_frame = fmax(live->pace.next_frame, ended + FIT_SHARE * took);
+    live->pace.track_seconds +=
+        (live->localizer.looked_at > 1 ? TRACK_MEMORY : 1) * (took - live->pace.track_seconds);
     return status;
 }
 
 static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
-    sf_status status = sf_intake_take(live->intake, timeout_ms, &live->picture);
+    sf_status status = sf_frame_grabber_take(live->grabber, timeout_ms, &live->input.picture);
     *looked = !status;
     if (status == SF_ERR_END) live->source_ended = 1;
     if (status == SF_ERR_TIMEOUT || status == SF_ERR_END) return SF_OK;
@@ -197,52 +203,53 @@ static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
 }
 
 /* What is repeated to the byte does not depend on the weather. */
-static void look_at_heat(sf_live *live, double now) {
+static void check_throttling(sf_live *live, double now) {
     char what[128] = "";
-    if (!live->options.thermal || live->options.steps_per_frame > 0 || now < live->next_heat) return;
-    int hot = sf_is_hot(live->options.thermal, what, sizeof what), worked_fully = live->duty >= 1;
-    live->next_heat = now + HEAT_EVERY;
-    live->duty = hot ? fmax(live->duty * COOLER, LEAST_DUTY) : fmin(live->duty * WARMER, 1);
+    if (!live->options.thermal || live->options.steps_per_frame > 0 || now < live->pace.next_check) return;
+    int hot = sf_is_throttled(live->options.thermal, what, sizeof what), worked_fully = live->pace.duty >= 1;
+    live->pace.next_check = now + CHECK_EVERY;
+    live->pace.duty = hot ? fmax(live->pace.duty * COOLER, LEAST_DUTY) : fmin(live->pace.duty * WARMER, 1);
     if (hot && worked_fully)
         sf_log(live->ctx, SF_LOG_WARNING, "hot: %s: the fit rests for a part of the time", what);
-    if (!worked_fully && live->duty >= 1) sf_log(live->ctx, SF_LOG_INFO, "cool again: the fit rests no more");
+    if (!worked_fully && live->pace.duty >= 1)
+        sf_log(live->ctx, SF_LOG_INFO, "cool again: the fit rests no more");
 }
 
 static sf_status step_fit(sf_live *live) {
     double began = sf_clock();
-    look_at_heat(live, began);
+    check_throttling(live, began);
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_ask_for_points(live); /* for one that came while the thread was busy */
     if (!status) status = sf_live_evaluate(live);
     if (!status) status = sf_fitter_step(live->fitter);
     if (!status) sf_live_tell_fit(live);
     double now = sf_clock();
-    live->rest_until = now + (now - began) * (1 / live->duty - 1);
+    live->pace.rest_until = now + (now - began) * (1 / live->pace.duty - 1);
     return status;
 }
 
 /* Whether it is a frame's turn, if there is one. */
 static int frame_is_due(sf_live *live, int fits) {
     if (live->source_ended) return 0;
-    if (live->options.steps_per_frame > 0) return !fits || live->steps_due <= 0;
-    return sf_clock() >= live->next_frame && (!fits || sf_intake_waits(live->intake));
+    if (live->options.steps_per_frame > 0) return !fits || live->pace.steps_due <= 0;
+    return sf_clock() >= live->pace.next_frame && (!fits || sf_frame_grabber_waits(live->grabber));
 }
 
 static int is_over(const sf_live *live) {
     if (live->source_ended && (!live->fitter || live->options.fit.open_end)) return 1;
-    return live->first_frame > 0 && live->options.fit.time_limit > 0 && !live->options.fit.open_end &&
-           sf_clock() - live->first_frame >= live->options.fit.time_limit;
+    return live->pace.first_frame > 0 && live->options.fit.time_limit > 0 && !live->options.fit.open_end &&
+           sf_clock() - live->pace.first_frame >= live->options.fit.time_limit;
 }
 
 /* How long a frame is waited for while nothing is fitted. */
 static int idle_ms(const sf_live *live) {
-    if (!(live->first_frame > 0)) return FIRST_MS;
-    double rest = live->fitter && !live->paused ? 1e3 * (live->rest_until - sf_clock()) : IDLE_MS;
+    if (!(live->pace.first_frame > 0)) return FIRST_MS;
+    double rest = live->fitter && !live->paused ? 1e3 * (live->pace.rest_until - sf_clock()) : IDLE_MS;
     return (int)fmin(fmax(rest, 1), IDLE_MS);
 }
 
 static sf_status advance(sf_live *live) {
-    int looked = 0, fits = live->fitter && !live->paused && sf_clock() >= live->rest_until;
+    int looked = 0, fits = live->fitter && !live->paused && sf_clock() >= live->pace.rest_until;
     if (atomic_load(&live->cancelled)) return SF_ERR_CANCELLED;
     if (is_over(live)) return SF_ERR_END;
     int due = frame_is_due(live, fits);
@@ -255,7 +262,7 @@ static sf_status advance(sf_live *live) {
         if (!due) sf_sleep(1e-3 * idle_ms(live)); /* paused or resting, and no frame is due */
         return SF_OK;
     }
-    live->steps_due--;
+    live->pace.steps_due--;
     return step_fit(live);
 }
 
@@ -273,46 +280,47 @@ sf_status sf_live_step(sf_live *live) {
 
 static void count_quality(const sf_live *live, sf_live_progress *p) {
     double sum = 0, corrected = 0, n = 0;
-    for (size_t i = 0; i < live->keyframe_count; i++) {
-        const sf_keyframe *k = &live->keyframes[i];
+    for (size_t i = 0; i < live->keyframes.count; i++) {
+        const sf_keyframe *k = &live->keyframes.list[i];
         p->held_out += k->held_out != 0;
         if (!k->held_out || isnan(k->psnr)) continue;
         sum += k->psnr, corrected += k->psnr_corrected, n++;
     }
     p->held_out_psnr = n > 0 ? sum / n : NAN;
     p->held_out_psnr_corrected = n > 0 ? corrected / n : NAN;
-    p->first_psnr = live->keyframe_count ? live->keyframes[0].psnr_corrected : NAN;
+    p->first_psnr = live->keyframes.count ? live->keyframes.list[0].psnr_corrected : NAN;
 }
 
 static sf_live_trouble trouble_of(const sf_live *live) {
-    int ended = live->source_ended || sf_intake_waits(live->intake);
-    return !ended && sf_intake_silent(live->intake) >= SF_INTAKE_SILENCE ? SF_LIVE_SILENT : live->trouble;
+    int ended = live->source_ended || sf_frame_grabber_waits(live->grabber);
+    return !ended && sf_frame_grabber_silent(live->grabber) >= SF_FRAME_SILENCE ? SF_LIVE_SILENT
+                                                                                : live->quality.trouble;
 }
 
 void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     double now = sf_clock();
     uint64_t came;
-    *p = (sf_live_progress){.state = live->state,
+    *p = (sf_live_progress){.state = live->localizer.state,
                             .trouble = trouble_of(live),
                             .paused = live->paused,
-                            .exposure_locked = sf_intake_locked(live->intake),
-                            .seconds = live->first_frame > 0 ? now - live->first_frame : 0,
-                            .tracked = live->tracked,
-                            .looked_at = live->looked_at,
-                            .lost = live->lost,
-                            .track_rate = sf_tick_rate(&live->poses_found, now),
-                            .track_ms = 1e3 * live->track_seconds,
-                            .duty = live->duty,
-                            .keyframes = live->keyframe_count,
-                            .seeded = live->seeded,
+                            .exposure_locked = sf_frame_grabber_locked(live->grabber),
+                            .seconds = live->pace.first_frame > 0 ? now - live->pace.first_frame : 0,
+                            .tracked = live->localizer.tracked,
+                            .looked_at = live->localizer.looked_at,
+                            .lost = live->localizer.lost,
+                            .track_rate = sf_tick_rate(&live->localizer.poses_found, now),
+                            .track_ms = 1e3 * live->pace.track_seconds,
+                            .duty = live->pace.duty,
+                            .keyframes = live->keyframes.count,
+                            .spawned = live->spawning.spawned,
                             .has_fit = live->fitter != NULL};
-    sf_intake_count(live->intake, &p->frames, &p->passed_over, &came);
+    sf_frame_grabber_count(live->grabber, &p->frames, &p->passed_over, &came);
     p->frame_rate = p->seconds > 0 ? (double)came / p->seconds : 0;
     count_quality(live, p);
     if (live->fitter) sf_fitter_get_progress(live->fitter, &p->fit);
 }
 
-void sf_live_get_frame(const sf_live *live, sf_live_frame *frame) { *frame = live->frame; }
+void sf_live_get_frame(const sf_live *live, sf_live_frame *frame) { *frame = live->input.frame; }
 
 sf_status sf_live_snapshot(const sf_live *live, sf_model **model) {
     *model = NULL;

@@ -1,7 +1,10 @@
 /* points.c - new Gaussians where a keyframe shows what the model lacks. */
+#include "points.h"
+
 #include <math.h>
 #include <string.h>
 
+#include "../fit/online.h"
 #include "../scene/neighbours.h"
 #include "live.h"
 
@@ -29,19 +32,19 @@ typedef struct crowd {
 } crowd;
 
 /* The newest keyframe that is trained on and was not searched yet; NULL: there is none. */
-static sf_keyframe *unsearched(const sf_live *live) {
-    size_t at = live->keyframe_count;
-    while (at && (live->keyframes[at - 1].held_out || live->keyframes[at - 1].searched)) at--;
-    return at ? &live->keyframes[at - 1] : NULL;
+static sf_keyframe *unsearched(const sf_keyframes *keyframes) {
+    size_t at = keyframes->count;
+    while (at && (keyframes->list[at - 1].held_out || keyframes->list[at - 1].searched)) at--;
+    return at ? &keyframes->list[at - 1] : NULL;
 }
 
 /* That keyframe and its neighbours; references are the caller's. */
-static size_t seed_views(sf_live *live, const sf_keyframe *keyframe, sf_view *views[SF_SEED_VIEWS]) {
+static size_t spawn_views(sf_live *live, const sf_keyframe *keyframe, sf_view *views[SF_SPAWN_VIEWS]) {
     size_t n = 0, count = 0, self = SIZE_MAX, chosen[NEIGHBOURS];
-    sf_view **all = sf_alloc(live->ctx, live->keyframe_count, sizeof *all);
-    const sf_camera **cameras = sf_alloc(live->ctx, live->keyframe_count, sizeof *cameras);
-    for (size_t i = 0; all && cameras && i < live->keyframe_count; i++) {
-        const sf_keyframe *k = &live->keyframes[i];
+    sf_view **all = sf_alloc(live->ctx, live->keyframes.count, sizeof *all);
+    const sf_camera **cameras = sf_alloc(live->ctx, live->keyframes.count, sizeof *cameras);
+    for (size_t i = 0; all && cameras && i < live->keyframes.count; i++) {
+        const sf_keyframe *k = &live->keyframes.list[i];
         sf_view *view = k->held_out ? NULL : sf_scene_retain_id(live->scene, k->id);
         if (!view) continue;
         if (k == keyframe) self = count;
@@ -50,7 +53,8 @@ static size_t seed_views(sf_live *live, const sf_keyframe *keyframe, sf_view *vi
     }
     if (self < count) {
         views[n++] = sf_view_retain(all[self]);
-        size_t found = sf_choose_neighbours(cameras, count, self, live->distance, NEIGHBOURS, chosen);
+        size_t found =
+            sf_choose_neighbours(cameras, count, self, live->localizer.distance, NEIGHBOURS, chosen);
         for (size_t i = 0; i < found; i++) views[n++] = sf_view_retain(all[chosen[i]]);
     }
     for (size_t i = 0; i < count; i++) sf_view_release(all[i]);
@@ -92,8 +96,8 @@ static int is_crowded(const crowd *c, size_t px, size_t py, float z) {
 typedef struct sight {
     const sf_view *view;
     sf_camera camera;
-    double gain[SF_SEED_VIEWS][3],
-        bias[SF_SEED_VIEWS][3]; /* of the views that were searched, its own first */
+    double gain[SF_SPAWN_VIEWS][3],
+        bias[SF_SPAWN_VIEWS][3]; /* of the views that were searched, its own first */
     crowd crowd;
 } sight;
 
@@ -135,13 +139,13 @@ static void expose_back(uint8_t *rgb, const double gain[3], const double bias[3]
 /* A keyframe that was taken from near shows in detail what is around the point, and the model has it: a few
  * Gaussians as wide as points are apart in a picture from far away hid so much of it that it fell by 2 to
  * 3 dB until they were fitted. */
-float sf_live_limit_radius(const sf_live *live, const float xyz[3], float radius) {
+float sf_limit_radius(const sf_keyframes *keyframes, const sf_camera *c, double near_plane,
+                      const float xyz[3], float radius) {
     const double p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
-    const sf_camera *c = &live->frame.camera;
-    double least = (double)radius, near_plane = (double)live->fitter->near_plane;
-    for (size_t i = 0; i < live->keyframe_count; i++) {
+    double least = (double)radius;
+    for (size_t i = 0; i < keyframes->count; i++) {
         double q[3];
-        sf_rigid_apply(&live->keyframes[i].pose, p, q);
+        sf_rigid_apply(&keyframes->list[i].pose, p, q);
         double most = LARGE * q[2] / c->fx, reach = 3 * least * c->fx / q[2];
         if (q[2] < near_plane || least <= most) continue;
         double u = c->fx * q[0] / q[2] + c->cx, v = c->fy * q[1] / q[2] + c->cy;
@@ -151,9 +155,10 @@ float sf_live_limit_radius(const sf_live *live, const float xyz[3], float radius
 }
 
 /* Those that the model lacks stay, in the scene's own colours. */
-static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
+static void keep_missing(const sf_live *live, const sight *s, sf_spawned_points *points) {
     size_t n = 0;
-    sf_cloud *cloud = &seeds->cloud;
+    sf_cloud *cloud = &points->cloud;
+    double near_plane = sf_online_near_plane(live->fitter);
     for (size_t i = 0; i < cloud->n; i++) {
         if (!is_missing(s, cloud->xyz + 3 * i)) continue;
         uint32_t from = cloud->view[i];
@@ -161,7 +166,8 @@ static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
         memmove(cloud->rgb + 3 * n, cloud->rgb + 3 * i, 3);
         expose_back(cloud->rgb + 3 * n, s->gain[from], s->bias[from]);
         cloud->view[n] = from;
-        seeds->radius[n] = sf_live_limit_radius(live, cloud->xyz + 3 * n, seeds->radius[i]);
+        points->radius[n] = sf_limit_radius(&live->keyframes, &live->input.frame.camera, near_plane,
+                                            cloud->xyz + 3 * n, points->radius[i]);
         n++;
     }
     cloud->n = n;
@@ -169,12 +175,10 @@ static void keep_missing(const sf_live *live, const sight *s, sf_seeds *seeds) {
 
 /* Draws the model as a keyframe shows it; `sight` is the caller's to free even so. */
 static sf_status look_through(sf_live *live, const sf_view *view, sight *s) {
-    sf_render_options options;
-    sf_workspace *ws = &live->fitter->workspace;
+    const sf_workspace *ws;
     s->view = view;
-    sf_fitter_render_options(live->fitter, &options);
     sf_status status = sf_fitter_get_camera(live->fitter, view->id, &s->camera);
-    if (!status) status = sf_forward(ws, sf_fitter_shown(live->fitter), &s->camera, &options, 1);
+    if (!status) status = sf_online_draw(live->fitter, &s->camera, &ws);
     return status ? status : gather(live->ctx, ws, &s->crowd);
 }
 
@@ -207,47 +211,49 @@ static sf_status is_wanting(sf_live *live, const sf_view *view, int *wanting) {
 }
 
 sf_status sf_live_ask_for_points(sf_live *live) {
-    sf_view *views[SF_SEED_VIEWS];
-    sf_keyframe *keyframe = live->fitter && sf_seeder_idle(live->seeder) ? unsearched(live) : NULL;
+    sf_view *views[SF_SPAWN_VIEWS];
+    sf_keyframe *keyframe =
+        live->fitter && sf_spawner_idle(live->spawning.spawner) ? unsearched(&live->keyframes) : NULL;
     sf_status status = SF_OK;
     int wanting = 0;
     if (!keyframe) return SF_OK;
-    size_t n = seed_views(live, keyframe, views);
+    size_t n = spawn_views(live, keyframe, views);
     keyframe->searched = 1;
     if (n > 1) status = is_wanting(live, views[0], &wanting);
     if (!status && wanting) {
-        sf_sweep_options options = {
-            .wanted = POINTS, .nearest = (double)live->fitter->near_plane, .extent = live->fitter->extent};
-        sf_seeder_search(live->seeder, views, n, &options);
-        if (live->options.steps_per_frame > 0) sf_seeder_wait(live->seeder); /* to be repeated */
+        sf_sweep_options options = {.wanted = POINTS,
+                                    .nearest = sf_online_near_plane(live->fitter),
+                                    .extent = sf_online_extent(live->fitter)};
+        sf_spawner_search(live->spawning.spawner, views, n, &options);
+        if (live->options.steps_per_frame > 0) sf_spawner_wait(live->spawning.spawner); /* to be repeated */
     }
     for (size_t i = 0; i < n; i++) sf_view_release(views[i]);
     return status;
 }
 
-static sf_status choose_points(sf_live *live, sf_seeds *seeds, const sf_view *view) {
+static sf_status choose_points(sf_live *live, sf_spawned_points *points, const sf_view *view) {
     sight s = {0};
-    for (int i = 0; i < SF_SEED_VIEWS; i++) sf_live_exposure(live, seeds->ids[i], s.gain[i], s.bias[i]);
+    for (int i = 0; i < SF_SPAWN_VIEWS; i++) sf_live_exposure(live, points->ids[i], s.gain[i], s.bias[i]);
     sf_status status = look_through(live, view, &s);
-    if (!status) keep_missing(live, &s, seeds);
+    if (!status) keep_missing(live, &s, points);
     free_sight(live, &s);
     return status;
 }
 
 sf_status sf_live_take_points(sf_live *live) {
-    sf_seeds seeds;
+    sf_spawned_points points;
     size_t added = 0;
-    if (!live->fitter || !sf_seeder_take(live->seeder, &seeds)) return SF_OK;
-    sf_view *view = sf_scene_retain_id(live->scene, seeds.ids[0]);
+    if (!live->fitter || !sf_spawner_take(live->spawning.spawner, &points)) return SF_OK;
+    sf_view *view = sf_scene_retain_id(live->scene, points.ids[0]);
     sf_status status = SF_OK;
-    if (view && seeds.cloud.n) {
-        status = choose_points(live, &seeds, view);
+    if (view && points.cloud.n) {
+        status = choose_points(live, &points, view);
         if (!status)
-            status = sf_fitter_add_points(live->fitter, seeds.cloud.n, seeds.cloud.xyz, seeds.cloud.rgb,
-                                          seeds.radius, &added);
+            status = sf_fitter_add_points(live->fitter, points.cloud.n, points.cloud.xyz, points.cloud.rgb,
+                                          points.radius, &added);
     }
-    live->seeded += added;
+    live->spawning.spawned += added;
     sf_view_release(view);
-    sf_seeds_free(live->seeder, &seeds);
+    sf_spawned_points_free(live->spawning.spawner, &points);
     return status;
 }

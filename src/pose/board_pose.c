@@ -5,9 +5,9 @@
 #include "../base/context.h"
 #include "../base/linear.h"
 #include "../io/undistort.h"
-#include "swelling.h"
+#include "edge_bias.h"
 
-enum { LEAST_CORNERS = 4, ROUNDS = 3, SWELLING_ROUNDS = 2 };
+enum { LEAST_CORNERS = 4, ROUNDS = 3, EDGE_BIAS_ROUNDS = 2 };
 
 /* Corners further off than REJECT spreads, and than REJECT_PX, do not belong to the pose. */
 static const double LEAST_SPREAD = 0.1, REJECT = 4.5, REJECT_PX = 0.5;
@@ -18,8 +18,8 @@ typedef struct search {
     sf_corner_list list;
     double distances[SF_CORNERS_MOST];
     uint8_t rejected[SF_CORNERS_MOST];
-    sf_board_corner corners[SF_CORNERS_MOST]; /* as they would be without the swelling */
-    sf_swelling swelling;
+    sf_board_corner corners[SF_CORNERS_MOST]; /* as they would be without the edge bias */
+    sf_edge_bias edge_bias;
 } search;
 
 static double spread_about(search *s, const sf_rigid *T) {
@@ -104,9 +104,9 @@ static int covariance(const search *s, const sf_rigid *T, double out[SF_TWIST * 
     double variance = fmax(sums.squares / freedom, LEAST_SPREAD * LEAST_SPREAD);
     if (!sf_cholesky(SF_TWIST, sums.twist)) return 0;
     sf_cholesky_invert(SF_TWIST, sums.twist, out);
-    const double *twist = s->swelling.twist;
+    const double *twist = s->edge_bias.twist;
     for (int i = 0; i < SF_TWIST * SF_TWIST; i++)
-        out[i] = variance * out[i] + s->swelling.variance * twist[i / SF_TWIST] * twist[i % SF_TWIST];
+        out[i] = variance * out[i] + s->edge_bias.variance * twist[i / SF_TWIST] * twist[i % SF_TWIST];
     return 1;
 }
 
@@ -115,8 +115,9 @@ static int find_pose(search *s, sf_pose *pose) {
     sf_rigid T;
     if (!sf_view_first_pose(s->lens, &s->list, &T)) return 0;
     pose->rejected = fit(s, &T);
-    for (int round = 0; round < SWELLING_ROUNDS; round++)
-        if (sf_find_swelling(s->lens, &T, &s->list, s->corners, &s->swelling)) pose->rejected = fit(s, &T);
+    for (int round = 0; round < EDGE_BIAS_ROUNDS; round++)
+        if (sf_estimate_edge_bias(s->lens, &T, &s->list, s->corners, &s->edge_bias))
+            pose->rejected = fit(s, &T);
     pose->ambiguity = choose(s, &T, &pose->rejected);
     pose->used = s->list.count - pose->rejected;
     pose->rms = rms_of(s, &T);

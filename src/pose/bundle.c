@@ -29,21 +29,21 @@ typedef struct adjustment {
     const sf_bundle *b;
     size_t *rank; /* [views]: among the free ones, SIZE_MAX of others */
     size_t free_count;
-    size_t *first;      /* [points + 1]: each one's first sighting */
-    size_t *of_view;    /* [sightings]: those of the free views, by view; */
+    size_t *first;      /* [points + 1]: each one's first observation */
+    size_t *of_view;    /* [observations]: those of the free views, by view; */
     size_t *from;       /* [free + 1]: each one's first there */
     double *S, *g;      /* [6 free][6 free], [6 free] */
     double *U;          /* [free][6][6]: before points are taken out */
-    double (*W)[CROSS]; /* [sightings]: pose by point */
+    double (*W)[CROSS]; /* [observations]: pose by point */
     point_sums *sums;   /* [points] */
     sf_rigid *poses;    /* [views], and */
     double *at;         /* [points][3]: before the step */
-    double *distances;  /* [sightings], px, */
+    double *distances;  /* [observations], px, */
     double *finite;     /* and those that are finite, for their median */
     double spread, damp;
 } adjustment;
 
-/* 1. One sighting */
+/* 1. One observation */
 
 int sf_bundle_pixel(const sf_bundle_view *view, const double p[3], double pixel[2]) {
     if (!(p[2] > 1e-9)) return 0;
@@ -69,7 +69,7 @@ void sf_bundle_derive(const sf_bundle_view *view, const double p[3], double J[2 
 }
 
 /* The residual, and its derivatives by the pose's twist [2][6] and by the point [2][3]. */
-static int derive(const sf_bundle_view *view, const sf_bundle_point *point, const sf_bundle_sighting *s,
+static int derive(const sf_bundle_view *view, const sf_bundle_point *point, const sf_bundle_observation *s,
                   double r[2], double J[2 * SF_TWIST], double K[6]) {
     double p[3], pixel[2], d[6];
     const double *R = view->pose.R;
@@ -96,7 +96,7 @@ static void distances_task(void *pointer, size_t chunk, int thread) {
     adjustment *a = pointer;
     (void)thread;
     for (size_t i = a->first[chunk * CHUNK]; i < a->first[end_of_chunk(a, chunk)]; i++) {
-        const sf_bundle_sighting *s = &a->b->sightings[i];
+        const sf_bundle_observation *s = &a->b->observations[i];
         a->distances[i] = sf_bundle_distance(&a->b->views[s->view], a->b->points[s->point].at, s->u, s->v);
     }
 }
@@ -106,7 +106,7 @@ static void measure_distances(adjustment *a) { sf_pool_run(a->ctx->pool, chunks_
 /* The spread of all distances, by their median. */
 static double spread_of(adjustment *a) {
     size_t count = 0;
-    for (size_t i = 0; i < a->b->sighting_count; i++)
+    for (size_t i = 0; i < a->b->observation_count; i++)
         if (isfinite(a->distances[i])) a->finite[count++] = a->distances[i];
     return count < LEAST_SPREAD_COUNT ? 1 : fmax(sf_spread(a->finite, count), SF_LEAST_SPREAD);
 }
@@ -123,7 +123,7 @@ static double prior_cost(const sf_bundle_view *view) {
 
 static double cost_of(const adjustment *a) {
     double cost = 0, c2 = pow(SF_CAUCHY * a->spread, 2), far = 20 * SF_CAUCHY * a->spread;
-    for (size_t i = 0; i < a->b->sighting_count; i++) {
+    for (size_t i = 0; i < a->b->observation_count; i++) {
         double d = fmin(a->distances[i], far);
         cost += c2 * log1p(d * d / c2) / 2 / (a->spread * a->spread);
     }
@@ -145,9 +145,9 @@ static double weight_of(const adjustment *a, const double r[2]) {
     return c2 / (c2 + r[0] * r[0] + r[1] * r[1]) / (a->spread * a->spread);
 }
 
-/* A sighting's part in the sums of its point. */
-static void add_sighting(adjustment *a, size_t i, double V[9], double g[3]) {
-    const sf_bundle_sighting *s = &a->b->sightings[i];
+/* A observation's part in the sums of its point. */
+static void add_observation(adjustment *a, size_t i, double V[9], double g[3]) {
+    const sf_bundle_observation *s = &a->b->observations[i];
     double r[2], J[2 * SF_TWIST], K[6];
     memset(a->W[i], 0, sizeof a->W[i]);
     if (!derive(&a->b->views[s->view], &a->b->points[s->point], s, r, J, K)) return;
@@ -163,7 +163,7 @@ static void add_sighting(adjustment *a, size_t i, double V[9], double g[3]) {
 
 /* And in those of its view. */
 static void add_to_view(adjustment *a, size_t i, double U[36], double e[SF_TWIST]) {
-    const sf_bundle_sighting *s = &a->b->sightings[i];
+    const sf_bundle_observation *s = &a->b->observations[i];
     double r[2], J[2 * SF_TWIST], K[6];
     if (!derive(&a->b->views[s->view], &a->b->points[s->point], s, r, J, K)) return;
     double w = weight_of(a, r);
@@ -189,9 +189,9 @@ static void add_priors(adjustment *a) {
     }
 }
 
-/* S -= W_i V^-1 W_j^T, for a sighting and all of its point's; the lower triangle. */
+/* S -= W_i V^-1 W_j^T, for an observation and all of its point's; the lower triangle. */
 static void take_out(adjustment *a, size_t row, size_t i) {
-    size_t n = 6 * a->free_count, point = a->b->sightings[i].point;
+    size_t n = 6 * a->free_count, point = a->b->observations[i].point;
     const point_sums *sums = &a->sums[point];
     const double *W = a->W[i];
     double Y[CROSS];
@@ -201,7 +201,7 @@ static void take_out(adjustment *a, size_t row, size_t i) {
         a->g[6 * row + (size_t)k] -= sf_dot3(Y + 3 * k, sums->g);
     }
     for (size_t j = a->first[point]; j < a->first[point + 1]; j++) {
-        size_t column = a->rank[a->b->sightings[j].view];
+        size_t column = a->rank[a->b->observations[j].view];
         if (column == SIZE_MAX || column > row) continue;
         const double *x = a->W[j], *y = x + SF_TWIST, *z = y + SF_TWIST;
         for (size_t k = 0; k < SF_TWIST; k++) {
@@ -217,7 +217,7 @@ static void add_point(adjustment *a, size_t at) {
     point_sums *sums = &a->sums[at];
     double V[9] = {0}, L[9];
     memset(sums, 0, sizeof *sums);
-    for (size_t i = a->first[at]; i < a->first[at + 1]; i++) add_sighting(a, i, V, sums->g);
+    for (size_t i = a->first[at]; i < a->first[at + 1]; i++) add_observation(a, i, V, sums->g);
     double along = 0;
     for (int k = 0; k < 3; k++) along += (p->at[k] - a->at[3 * at + (size_t)k]) * p->ray[k];
     for (int k = 0; k < 3; k++) {
@@ -274,7 +274,7 @@ static void move_points(adjustment *a) {
         double rhs[3], step[3];
         for (int k = 0; k < 3; k++) rhs[k] = -a->sums[at].g[k];
         for (size_t i = a->first[at]; i < a->first[at + 1]; i++) {
-            size_t rank = a->rank[a->b->sightings[i].view];
+            size_t rank = a->rank[a->b->observations[i].view];
             if (rank == SIZE_MAX) continue;
             for (size_t l = 0; l < 3; l++)
                 for (size_t k = 0; k < SF_TWIST; k++)
@@ -334,18 +334,18 @@ static void adjust(adjustment *a, int rounds) {
     a->spread = spread_of(a);
 }
 
-/* Where the sightings of each point begin, and which are those of each free view. */
-static void sort_sightings(adjustment *a) {
+/* Where the observations of each point begin, and which are those of each free view. */
+static void sort_observations(adjustment *a) {
     const sf_bundle *b = a->b;
-    for (size_t i = 0; i < b->sighting_count; i++) {
-        size_t rank = a->rank[b->sightings[i].view];
-        a->first[b->sightings[i].point + 1]++;
+    for (size_t i = 0; i < b->observation_count; i++) {
+        size_t rank = a->rank[b->observations[i].view];
+        a->first[b->observations[i].point + 1]++;
         if (rank != SIZE_MAX) a->from[rank + 2]++;
     }
     for (size_t i = 1; i <= b->point_count; i++) a->first[i] += a->first[i - 1];
     for (size_t i = 2; i <= a->free_count; i++) a->from[i] += a->from[i - 1];
-    for (size_t i = 0; i < b->sighting_count; i++) {
-        size_t rank = a->rank[b->sightings[i].view];
+    for (size_t i = 0; i < b->observation_count; i++) {
+        size_t rank = a->rank[b->observations[i].view];
         if (rank != SIZE_MAX) a->of_view[a->from[rank + 1]++] = i;
     }
 }
@@ -354,17 +354,17 @@ static int make_room(adjustment *a) {
     const sf_bundle *b = a->b;
     size_t n = 6 * a->free_count;
     a->first = sf_calloc(a->ctx, b->point_count + 1, sizeof *a->first);
-    a->of_view = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->of_view);
+    a->of_view = sf_alloc(a->ctx, b->observation_count + 1, sizeof *a->of_view);
     a->from = sf_calloc(a->ctx, a->free_count + 2, sizeof *a->from);
     a->S = sf_alloc(a->ctx, n * n + 1, sizeof *a->S);
     a->g = sf_alloc(a->ctx, n + 1, sizeof *a->g);
     a->U = sf_alloc(a->ctx, 36 * a->free_count + 1, sizeof *a->U);
-    a->W = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->W);
+    a->W = sf_alloc(a->ctx, b->observation_count + 1, sizeof *a->W);
     a->sums = sf_alloc(a->ctx, b->point_count + 1, sizeof *a->sums);
     a->poses = sf_alloc(a->ctx, b->view_count + 1, sizeof *a->poses);
     a->at = sf_alloc(a->ctx, 6 * b->point_count + 1, sizeof *a->at);
-    a->distances = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->distances);
-    a->finite = sf_alloc(a->ctx, b->sighting_count + 1, sizeof *a->finite);
+    a->distances = sf_alloc(a->ctx, b->observation_count + 1, sizeof *a->distances);
+    a->finite = sf_alloc(a->ctx, b->observation_count + 1, sizeof *a->finite);
     return a->first && a->of_view && a->from && a->finite && a->S && a->g && a->U && a->W && a->sums &&
            a->poses && a->at && a->distances;
 }
@@ -381,8 +381,8 @@ sf_status sf_bundle_adjust(sf_context *ctx, const sf_bundle *b, int rounds, doub
     for (size_t i = 0; a.rank && i < b->view_count; i++)
         a.rank[i] = b->views[i].is_free ? a.free_count++ : SIZE_MAX;
     int ready = a.rank && make_room(&a);
-    if (ready) sort_sightings(&a);
-    if (ready && b->sighting_count) adjust(&a, rounds);
+    if (ready) sort_observations(&a);
+    if (ready && b->observation_count) adjust(&a, rounds);
     *spread = a.spread;
     free_all(&a);
     return ready ? SF_OK : SF_ERR_MEMORY;

@@ -26,18 +26,18 @@ typedef struct sf_bundle_point {
 } sf_bundle_point;
 
 /* A point seen at a pixel. They are in the order of their points. */
-typedef struct sf_bundle_sighting {
+typedef struct sf_bundle_observation {
     uint32_t view, point;
     double u, v;
-} sf_bundle_sighting;
+} sf_bundle_observation;
 
 typedef struct sf_bundle {
     sf_bundle_view *views;
     size_t view_count;
     sf_bundle_point *points;
     size_t point_count;
-    const sf_bundle_sighting *sightings;
-    size_t sighting_count;
+    const sf_bundle_observation *observations;
+    size_t observation_count;
 } sf_bundle;
 
 /* Moves points and the free views' poses, by Levenberg and Marquardt with Cauchy's weights, `rounds` times at

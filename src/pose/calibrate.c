@@ -5,7 +5,7 @@
 
 #include "../base/linear.h"
 #include "../io/undistort.h"
-#include "sightings.h"
+#include "observations.h"
 
 enum { N = SF_LENS_PARAMETERS, LEAST_VIEWS = 3, LEAST_CORNERS = 6, ROUNDS = 8, STEPS = 100 };
 
@@ -22,7 +22,7 @@ sf_calibrate_options sf_calibrate_options_default(void) {
 }
 
 typedef struct problem {
-    sf_sightings *s;
+    sf_observations *s;
     sf_lens lens;
     int column[N]; /* of each parameter among those that are estimated; -1: fixed */
     int free;      /* how many are */
@@ -59,7 +59,7 @@ static int reduce(problem *p, double damping, double S[N * N], double b[N]) {
     memset(b, 0, N * sizeof *b);
     int n = p->free;
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         const sf_view_sums *sums = &view->sums;
         double rows[N * N], W[N * SF_TWIST], U[N * N], e[N], turned[N * N];
         if (view->rejected) continue;
@@ -88,7 +88,7 @@ static int reduce(problem *p, double damping, double S[N * N], double b[N]) {
 }
 
 /* p = V^-1 (-g - W^T a) for the step `a` of all eight parameters. */
-static void back_substitute(const sf_sighting *view, const double a[N], double twist[SF_TWIST]) {
+static void back_substitute(const sf_observation *view, const double a[N], double twist[SF_TWIST]) {
     for (int k = 0; k < SF_TWIST; k++) {
         twist[k] = -view->sums.d_twist[k];
         for (int i = 0; i < N; i++) twist[k] -= view->sums.cross[i * SF_TWIST + k] * a[i];
@@ -107,7 +107,7 @@ static int try_step(problem *p, double damping, sf_lens *next) {
         values(next)[i] += a[i];
     }
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         double twist[SF_TWIST];
         if (view->rejected) continue;
         back_substitute(view, a, twist);
@@ -121,7 +121,7 @@ static int try_step(problem *p, double damping, sf_lens *next) {
 static double evaluate(problem *p, const sf_lens *lens, int next) {
     double cost = 0;
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         sf_view_sums *sums = next ? &view->next_sums : &view->sums;
         if (view->rejected) continue;
         sf_view_sum(lens, next ? &view->next : &view->pose, &view->list, p->scale, SF_VIEW_ALL, sums);
@@ -133,7 +133,7 @@ static double evaluate(problem *p, const sf_lens *lens, int next) {
 static void accept(problem *p, const sf_lens *next) {
     p->lens = *next;
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         if (view->rejected) continue;
         view->pose = view->next;
         view->sums = view->next_sums;
@@ -161,7 +161,7 @@ static void minimize(problem *p) {
 /* The start. */
 
 /* Zhang's equations of one view for 1/f^2, the centre being the picture's middle: a x + b = 0 twice. */
-static int focal_equations(const sf_sightings *s, const sf_corner_list *list, double a[2], double b[2]) {
+static int focal_equations(const sf_observations *s, const sf_corner_list *list, double a[2], double b[2]) {
     double points[2 * SF_CORNERS_MOST], H[9], side = s->width > s->height ? s->width : s->height;
     for (size_t i = 0; i < list->count; i++) {
         points[2 * i] = (list->corners[i].pixel[0] - s->width / 2.0) / side;
@@ -177,7 +177,7 @@ static int focal_equations(const sf_sightings *s, const sf_corner_list *list, do
 }
 
 /* In longer sides of the picture; 0: the views tell none. */
-static double closed_form(const sf_sightings *s) {
+static double closed_form(const sf_observations *s) {
     double aa = 0, ab = 0;
     for (size_t v = 0; v < s->count; v++) {
         double a[2], b[2];
@@ -192,10 +192,10 @@ static double closed_form(const sf_sightings *s) {
 }
 
 /* Each view's pose through the lens; views that have none are rejected. Returns the cost. */
-static double place_views(sf_sightings *s, const sf_lens *lens) {
+static double place_views(sf_observations *s, const sf_lens *lens) {
     double cost = 0, scale = 0.01 * lens->cx;
     for (size_t v = 0; v < s->count; v++) {
-        sf_sighting *view = &s->views[v];
+        sf_observation *view = &s->views[v];
         view->rejected = !sf_view_first_pose(lens, &view->list, &view->pose);
         if (!view->rejected) cost += sf_view_refine(lens, &view->list, scale, &view->pose);
     }
@@ -206,20 +206,20 @@ static double place_views(sf_sightings *s, const sf_lens *lens) {
 static void start(problem *p) {
     double focals[] = {closed_form(p->s), 0.7, 1, 1.5, 2.5}, best = INFINITY, focal = 1;
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         memset(view->list.rejected, 0, view->list.count);
-        sf_swell(view->corners, view->list.count, view->swelling.px);
-        view->swelling = (sf_swelling){0};
+        sf_shift_edges(view->corners, view->list.count, view->edge_bias.px);
+        view->edge_bias = (sf_edge_bias){0};
     }
     for (size_t i = 0; i < sizeof focals / sizeof *focals; i++) {
         if (!(focals[i] > 0)) continue;
-        sf_lens lens = sf_sightings_guess(p->s, focals[i]);
+        sf_lens lens = sf_observations_guess(p->s, focals[i]);
         double cost = place_views(p->s, &lens);
         if (!(cost < best)) continue;
         best = cost;
         focal = focals[i];
     }
-    p->lens = sf_sightings_guess(p->s, focal);
+    p->lens = sf_observations_guess(p->s, focal);
     place_views(p->s, &p->lens);
 }
 
@@ -229,7 +229,7 @@ static void start(problem *p) {
 static double find_spread(problem *p) {
     size_t count = 0;
     for (size_t v = 0; v < p->s->count; v++) {
-        const sf_sighting *view = &p->s->views[v];
+        const sf_observation *view = &p->s->views[v];
         if (view->rejected) continue;
         sf_view_distances(&p->lens, &view->pose, &view->list, p->distances + count);
         count += view->list.count;
@@ -241,7 +241,7 @@ static double find_spread(problem *p) {
 static void reject(problem *p, double spread) {
     double limit = fmax(REJECT * spread, REJECT_PX);
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         size_t kept = 0;
         if (view->rejected) continue;
         sf_view_distances(&p->lens, &view->pose, &view->list, p->distances);
@@ -251,35 +251,36 @@ static void reject(problem *p, double spread) {
     }
 }
 
-static size_t count_views(const sf_sightings *s) {
+static size_t count_views(const sf_observations *s) {
     size_t count = 0;
     for (size_t v = 0; v < s->count; v++) count += !s->views[v].rejected;
     return count;
 }
 
 /* One for all views, the mean of what each tells: it is the camera's. */
-static void find_swelling(problem *p) {
+static void estimate_edge_bias(problem *p) {
     double sum = 0, weights = 0;
     for (size_t v = 0; v < p->s->count; v++) {
-        sf_sighting *view = &p->s->views[v];
+        sf_observation *view = &p->s->views[v];
         if (view->rejected) continue;
-        if (!sf_find_swelling(&p->lens, &view->pose, &view->list, view->corners, &view->swelling)) continue;
-        sum += view->swelling.px / view->swelling.variance, weights += 1 / view->swelling.variance;
+        if (!sf_estimate_edge_bias(&p->lens, &view->pose, &view->list, view->corners, &view->edge_bias))
+            continue;
+        sum += view->edge_bias.px / view->edge_bias.variance, weights += 1 / view->edge_bias.variance;
     }
     for (size_t v = 0; v < p->s->count && weights > 0; v++) {
-        sf_sighting *view = &p->s->views[v];
-        sf_swell(view->corners, view->list.count, view->swelling.px - sum / weights);
-        view->swelling.px = sum / weights;
+        sf_observation *view = &p->s->views[v];
+        sf_shift_edges(view->corners, view->list.count, view->edge_bias.px - sum / weights);
+        view->edge_bias.px = sum / weights;
     }
 }
 
 /* Robust rounds over all corners while the spread settles, then rejection, then rounds without what was
- * rejected, and without the swelling; the last with all weights 1, so that the covariance is that of least
+ * rejected, and without the edge bias; the last with all weights 1, so that the covariance is that of least
  * squares. */
 static void fit(problem *p) {
     for (int round = 0; round < ROUNDS && count_views(p->s) >= LEAST_VIEWS; round++) {
         int settled = round >= ROUNDS / 2;
-        if (settled) find_swelling(p);
+        if (settled) estimate_edge_bias(p);
         double spread = find_spread(p);
         if (settled) reject(p, spread);
         p->scale = round == ROUNDS - 1 ? 0 : SF_CAUCHY * spread;
@@ -295,11 +296,11 @@ static double angle_between(const double a[3], const double b[3]) {
     return atan2(sqrt(sf_dot3(across, across)), sf_dot3(a, b)) * DEGREES;
 }
 
-static void axis_of(const sf_sighting *view, double axis[3]) {
+static void axis_of(const sf_observation *view, double axis[3]) {
     for (int i = 0; i < 3; i++) axis[i] = view->pose.R[3 * i + 2];
 }
 
-static void measure_tilts(const sf_sightings *s, sf_calibration *c) {
+static void measure_tilts(const sf_observations *s, sf_calibration *c) {
     const double forward[3] = {0, 0, 1};
     for (size_t v = 0; v < s->count; v++) {
         double a[3], b[3];
@@ -314,11 +315,11 @@ static void measure_tilts(const sf_sightings *s, sf_calibration *c) {
 }
 
 static void sum_up(const problem *p, sf_calibration *c) {
-    const sf_sightings *s = p->s;
+    const sf_observations *s = p->s;
     uint8_t cells[SF_CELLS] = {0};
     double squares = 0;
     for (size_t v = 0; v < s->count; v++) {
-        const sf_sighting *view = &s->views[v];
+        const sf_observation *view = &s->views[v];
         if (view->rejected) {
             c->views_rejected++;
             continue;
@@ -330,7 +331,7 @@ static void sum_up(const problem *p, sf_calibration *c) {
         c->views++;
         c->corners += view->sums.count;
         c->corners_rejected += view->list.count - view->sums.count;
-        sf_sightings_mark(s, &view->list, cells);
+        sf_observations_mark(s, &view->list, cells);
     }
     c->rms = c->corners ? sqrt(squares / (double)c->corners) : 0;
     c->coverage = sf_cells_share(cells);
@@ -408,7 +409,7 @@ static sf_status solve(problem *p, sf_calibration *c) {
     return judge(p, find_sigma(p, c), c);
 }
 
-sf_status sf_calibrate(sf_sightings *s, const sf_calibrate_options *options, sf_calibration *calibration) {
+sf_status sf_calibrate(sf_observations *s, const sf_calibrate_options *options, sf_calibration *calibration) {
     sf_calibrate_options o = options ? *options : sf_calibrate_options_default();
     problem p = {.s = s};
     size_t corners = 0;
@@ -425,10 +426,10 @@ sf_status sf_calibrate(sf_sightings *s, const sf_calibrate_options *options, sf_
     return status;
 }
 
-sf_status sf_sightings_get(const sf_sightings *s, size_t index, sf_sighting_info *info) {
+sf_status sf_observations_get(const sf_observations *s, size_t index, sf_observation_info *info) {
     memset(info, 0, sizeof *info);
     if (index >= s->count) return SF_ERR_END;
-    const sf_sighting *view = &s->views[index];
+    const sf_observation *view = &s->views[index];
     info->rejected = view->rejected;
     info->corners = view->list.count;
     info->corners_rejected = view->rejected ? 0 : view->list.count - view->sums.count;

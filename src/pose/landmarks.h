@@ -30,11 +30,11 @@ sf_status sf_landmarks_take(sf_landmarks *landmarks, const sf_camera *camera, fl
 sf_status sf_landmarks_follow(sf_landmarks *landmarks, const sf_rigid *guess, const sf_track_prior *prior,
                               sf_followed *followed);
 
-/* Tells the pose that the picture has, of all that is known: what was found elsewhere is no sighting, and
+/* Tells the pose that the picture has, of all that is known: what was found elsewhere is no observation, and
  * depths are learned. */
 void sf_landmarks_settle(sf_landmarks *landmarks, const sf_rigid *pose);
 
-/* Makes the picture a keyframe: notes the sightings, and takes up new landmarks where there are none, at
+/* Makes the picture a keyframe: notes the observations, and takes up new landmarks where there are none, at
  * first at `distance`. known: its pose from outside, NULL: none. weight: [height][width], of pixels that
  * count, NULL: all do. SF_ERR_MEMORY: it is none. */
 sf_status sf_landmarks_keep(sf_landmarks *landmarks, uint32_t id, const sf_rigid *pose,

@@ -40,3 +40,7 @@ void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TW
     for (int k = 0; k < 3; k++) twist[k] = way.t[k];
     sf_rotation_log(way.R, twist + 3);
 }
+
+void sf_rigid_center(const sf_rigid *T, double center[3]) {
+    sf_rigid_apply_back(T, (const double[3]){0, 0, 0}, center);
+}

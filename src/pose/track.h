@@ -59,4 +59,7 @@ void sf_rigid_apply_back(const sf_rigid *T, const double at[3], double to[3]);
 void sf_rigid_compose(const sf_rigid *a, const sf_rigid *b, sf_rigid *c);
 void sf_rigid_invert(const sf_rigid *a, sf_rigid *inverse);
 
+/* The place of a camera whose pose (world to camera) is T. */
+void sf_rigid_center(const sf_rigid *T, double center[3]);
+
 #endif

@@ -384,7 +384,7 @@ static sf_status remap(world *w) {
     return status;
 }
 
-/* Boards in an empty picture: what is calibrated from sightings, test_calibrate walks through. */
+/* Boards in an empty picture: what is calibrated from observations, test_calibrate walks through. */
 static sf_status write_board(world *w) {
     static uint8_t grey[SIDE * SIDE];
     sf_board *board = NULL;

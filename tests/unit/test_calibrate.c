@@ -11,7 +11,7 @@
 #include "../../src/base/rng.h"
 #include "../../src/io/picture.h"
 #include "../../src/base/linear.h"
-#include "../../src/pose/swelling.h"
+#include "../../src/pose/edge_bias.h"
 #include "../../src/pose/tags.h"
 #include "../../src/pose/view.h"
 
@@ -75,7 +75,7 @@ static size_t project_board(const sf_board *board, const sf_lens *lens, const sf
 typedef struct fixture {
     sf_context *ctx;
     sf_board *board;
-    sf_sightings *sightings;
+    sf_observations *observations;
     sf_rng rng;
     sf_board_corner corners[MOST_CORNERS];
 } fixture;
@@ -83,12 +83,12 @@ typedef struct fixture {
 static void begin(fixture *f, uint64_t seed) {
     f->ctx = test_context();
     assert_ok(f->ctx, sf_board_open(f->ctx, "a4-36h11", 0, &f->board));
-    assert_ok(f->ctx, sf_sightings_create(f->ctx, WIDTH, HEIGHT, &f->sightings));
+    assert_ok(f->ctx, sf_observations_create(f->ctx, WIDTH, HEIGHT, &f->observations));
     sf_rng_seed(&f->rng, seed);
 }
 
 static void end(fixture *f) {
-    sf_sightings_destroy(&f->sightings);
+    sf_observations_destroy(&f->observations);
     sf_board_close(&f->board);
     sf_context_destroy(&f->ctx);
 }
@@ -101,7 +101,7 @@ static size_t see(fixture *f, const stand *s, double sigma) {
 static void add_stands(fixture *f, size_t count, double sigma) {
     for (size_t i = 0; i < count; i++) {
         size_t n = see(f, &stands[i], sigma);
-        assert_ok(f->ctx, sf_sightings_add(f->sightings, f->corners, n));
+        assert_ok(f->ctx, sf_observations_add(f->observations, f->corners, n));
     }
 }
 
@@ -132,7 +132,7 @@ static void test_exact_corners(void **state) {
     sf_calibration c;
     begin(&f, 1);
     add_stands(&f, STANDS, 0);
-    assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
+    assert_ok(f.ctx, sf_calibrate(f.observations, NULL, &c));
     print_lens("exact corners", &c);
     assert_true(c.rms < 1e-6);
     assert_true(fabs(c.lens.fx - truth.fx) < 1e-3 && fabs(c.lens.cy - truth.cy) < 1e-3);
@@ -140,9 +140,9 @@ static void test_exact_corners(void **state) {
     assert_int_equal(c.views, STANDS);
     assert_int_equal(c.corners_rejected, 0);
     for (size_t i = 0; i < STANDS; i++) {
-        sf_sighting_info info;
+        sf_observation_info info;
         sf_rigid T = pose_of(&truth, &stands[i]);
-        assert_ok(f.ctx, sf_sightings_get(f.sightings, i, &info));
+        assert_ok(f.ctx, sf_observations_get(f.observations, i, &info));
         for (int k = 0; k < 3; k++) assert_true(fabs(info.t_cb[k] - T.t[k]) < 1e-5);
         for (int k = 0; k < 9; k++) assert_true(fabs(info.R_cb[k] - T.R[k]) < 1e-5);
     }
@@ -160,7 +160,7 @@ static void test_standard_deviations(void **state) {
         sf_calibration c;
         begin(&f, 100 + seed);
         add_stands(&f, STANDS, 0.5);
-        assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
+        assert_ok(f.ctx, sf_calibrate(f.observations, NULL, &c));
         const double *got = &c.lens.fx, *sigma = &c.sigma.fx, *want = &truth.fx;
         for (int i = 0; i < SF_LENS_PARAMETERS; i++) {
             double z = (got[i] - want[i]) / sigma[i];
@@ -186,7 +186,7 @@ static void assert_as_told(const sf_calibration *c) {
 
 static void assert_robust(fixture *f, size_t views, size_t views_rejected) {
     sf_calibration c;
-    assert_ok(f->ctx, sf_calibrate(f->sightings, NULL, &c));
+    assert_ok(f->ctx, sf_calibrate(f->observations, NULL, &c));
     print_lens("outliers", &c);
     assert_as_told(&c);
     assert_int_equal(c.views, views);
@@ -203,16 +203,16 @@ static void test_wrong_corners(void **state) {
         size_t n = see(&f, &stands[i], 0.1), wrong = sf_rng_below(&f.rng, n);
         f.corners[wrong].pixel[0] += 12;
         f.corners[(wrong + 7) % n].pixel[1] -= 3;
-        assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
+        assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
     }
     assert_robust(&f, STANDS, 0);
     for (size_t i = 0; i < STANDS; i++) {
-        sf_sighting_info info;
-        assert_ok(f.ctx, sf_sightings_get(f.sightings, i, &info));
+        sf_observation_info info;
+        assert_ok(f.ctx, sf_observations_get(f.observations, i, &info));
         assert_true(info.corners_rejected >= 2 && info.corners_rejected <= 5);
     }
-    sf_sighting_info past;
-    assert_int_equal(sf_sightings_get(f.sightings, STANDS, &past), SF_ERR_END);
+    sf_observation_info past;
+    assert_int_equal(sf_observations_get(f.observations, STANDS, &past), SF_ERR_END);
     end(&f);
 }
 
@@ -225,7 +225,7 @@ static void test_moved_tag(void **state) {
         size_t n = see(&f, &stands[i], 0.1);
         for (size_t k = 0; k < n; k++)
             if (f.corners[k].id == 6) f.corners[k].board[0] += 0.003;
-        assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
+        assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
     }
     assert_robust(&f, STANDS, 0);
     end(&f);
@@ -238,11 +238,11 @@ static void test_wrong_view(void **state) {
     begin(&f, 4);
     for (size_t i = 0; i < STANDS; i++) {
         size_t n = see(&f, &stands[i], i == 5 ? 6 : 0.1);
-        assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
+        assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
     }
     assert_robust(&f, STANDS - 1, 1);
-    sf_sighting_info info;
-    assert_ok(f.ctx, sf_sightings_get(f.sightings, 5, &info));
+    sf_observation_info info;
+    assert_ok(f.ctx, sf_observations_get(f.observations, 5, &info));
     assert_true(info.rejected);
     end(&f);
 }
@@ -253,9 +253,9 @@ static void assert_refused(fixture *f, const stand *list, size_t count, const ch
     sf_calibration c;
     for (size_t i = 0; i < count; i++) {
         size_t n = see(f, &list[i], 0.1);
-        assert_ok(f->ctx, sf_sightings_add(f->sightings, f->corners, n));
+        assert_ok(f->ctx, sf_observations_add(f->observations, f->corners, n));
     }
-    assert_status(f->ctx, sf_calibrate(f->sightings, NULL, &c), SF_ERR_EMPTY);
+    assert_status(f->ctx, sf_calibrate(f->observations, NULL, &c), SF_ERR_EMPTY);
     assert_error_names(f->ctx, why);
     assert_true(c.width == 0 && c.lens.fx == 0);
 }
@@ -280,7 +280,7 @@ static void test_degenerate_sets(void **state) {
     end(&f);
     begin(&f, 8);
     sf_calibration c;
-    assert_status(f.ctx, sf_calibrate(f.sightings, NULL, &c), SF_ERR_EMPTY);
+    assert_status(f.ctx, sf_calibrate(f.observations, NULL, &c), SF_ERR_EMPTY);
     assert_error_names(f.ctx, "0 of 0");
     end(&f);
 }
@@ -298,10 +298,10 @@ static void test_loose_set(void **state) {
     test_log_clear();
     for (size_t i = 0; i < 4; i++) {
         size_t n = see(&f, &weak[i], 0.1);
-        assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
+        assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
     }
     sf_calibrate_options o = {.radial = 0};
-    assert_ok(f.ctx, sf_calibrate(f.sightings, &o, &c));
+    assert_ok(f.ctx, sf_calibrate(f.observations, &o, &c));
     print_lens("weak views", &c);
     assert_true(c.lens.k1 == 0 && c.sigma.k1 == 0 && c.lens.p2 == 0);
     assert_true(strstr(test_log, "the focal length is known to") != NULL);
@@ -315,15 +315,15 @@ static void test_options(void **state) {
     begin(&f, 10);
     add_stands(&f, STANDS, 0.1);
     sf_calibrate_options o = {.fix_aspect = 1, .fix_center = 1, .radial = 1};
-    assert_ok(f.ctx, sf_calibrate(f.sightings, &o, &c));
+    assert_ok(f.ctx, sf_calibrate(f.observations, &o, &c));
     assert_true(c.lens.fx == c.lens.fy && c.sigma.fx == c.sigma.fy && c.sigma.fx > 0);
     assert_true(c.lens.cx == WIDTH / 2.0 && c.lens.cy == HEIGHT / 2.0 && c.sigma.cx == 0);
     assert_true(c.lens.k1 != 0 && c.sigma.k1 > 0 && c.lens.k2 == 0 && c.lens.p1 == 0 && c.sigma.p2 == 0);
     o = (sf_calibrate_options){.radial = 2};
-    assert_ok(f.ctx, sf_calibrate(f.sightings, &o, &c));
+    assert_ok(f.ctx, sf_calibrate(f.observations, &o, &c));
     assert_true(c.lens.k2 != 0 && c.lens.p1 == 0 && c.lens.fx != c.lens.fy);
     o.radial = 3;
-    assert_status(f.ctx, sf_calibrate(f.sightings, &o, &c), SF_ERR_ARGUMENT);
+    assert_status(f.ctx, sf_calibrate(f.observations, &o, &c), SF_ERR_ARGUMENT);
     assert_error_names(f.ctx, "radial: 3");
     end(&f);
 }
@@ -344,9 +344,9 @@ static void test_other_lenses(void **state) {
             s.distance *= lens->fx / truth.fx;
             sf_rigid T = pose_of(lens, &s);
             size_t n = project_board(f.board, lens, &T, 0.05, &f.rng, f.corners);
-            assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
+            assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
         }
-        assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
+        assert_ok(f.ctx, sf_calibrate(f.observations, NULL, &c));
         print_message("fx %.0f: %+.3f %% (+-%.3f), cx %+.2f px (+-%.2f)\n", lens->fx,
                       100 * (c.lens.fx / lens->fx - 1), 100 * c.sigma.fx / lens->fx, c.lens.cx - lens->cx,
                       c.sigma.cx);
@@ -363,27 +363,28 @@ static void test_offers_and_advice(void **state) {
     fixture f;
     int taken;
     begin(&f, 11);
-    assert_string_equal(sf_sightings_advice(f.sightings), "show the board to the camera");
+    assert_string_equal(sf_observations_advice(f.observations), "show the board to the camera");
     size_t n = see(&f, &stands[0], 0);
-    assert_ok(f.ctx, sf_sightings_offer(f.sightings, f.corners, 4, &taken));
+    assert_ok(f.ctx, sf_observations_offer(f.observations, f.corners, 4, &taken));
     assert_false(taken); /* a single tag */
-    assert_ok(f.ctx, sf_sightings_offer(f.sightings, f.corners, n, &taken));
+    assert_ok(f.ctx, sf_observations_offer(f.observations, f.corners, n, &taken));
     assert_true(taken);
-    assert_ok(f.ctx, sf_sightings_offer(f.sightings, f.corners, n, &taken));
+    assert_ok(f.ctx, sf_observations_offer(f.observations, f.corners, n, &taken));
     assert_false(taken); /* the same again */
-    assert_int_equal(sf_sightings_count(f.sightings), 1);
-    assert_non_null(strstr(sf_sightings_advice(f.sightings), "right edge"));
+    assert_int_equal(sf_observations_count(f.observations), 1);
+    assert_non_null(strstr(sf_observations_advice(f.observations), "right edge"));
     /* Doing as it says ends the advice. */
     const char *before = "";
-    for (size_t i = 1; i < STANDS && sf_sightings_advice(f.sightings); i++) {
-        before = sf_sightings_advice(f.sightings);
+    for (size_t i = 1; i < STANDS && sf_observations_advice(f.observations); i++) {
+        before = sf_observations_advice(f.observations);
         n = see(&f, &stands[i], 0);
-        assert_ok(f.ctx, sf_sightings_offer(f.sightings, f.corners, n, &taken));
+        assert_ok(f.ctx, sf_observations_offer(f.observations, f.corners, n, &taken));
         assert_true(taken);
     }
-    if (sf_sightings_advice(f.sightings)) print_message("%s; %s\n", before, sf_sightings_advice(f.sightings));
-    assert_null(sf_sightings_advice(f.sightings));
-    assert_true(sf_sightings_coverage(f.sightings) > 0.9);
+    if (sf_observations_advice(f.observations))
+        print_message("%s; %s\n", before, sf_observations_advice(f.observations));
+    assert_null(sf_observations_advice(f.observations));
+    assert_true(sf_observations_coverage(f.observations) > 0.9);
     end(&f);
 }
 
@@ -396,28 +397,28 @@ static void test_advice_has_the_right_side(void **state) {
     sf_rigid T = pose_of(&truth, &left_near);
     assert_true(T.R[6] < 0); /* the board's +x comes nearer: its right edge is near */
     size_t n = see(&f, &left_near, 0);
-    assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
-    assert_non_null(strstr(sf_sightings_advice(f.sightings), "left edge"));
+    assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
+    assert_non_null(strstr(sf_observations_advice(f.observations), "left edge"));
     end(&f);
 }
 
-static void test_bad_sightings(void **state) {
+static void test_bad_observations(void **state) {
     (void)state;
     fixture f;
-    sf_sightings *none;
+    sf_observations *none;
     begin(&f, 13);
-    assert_status(f.ctx, sf_sightings_create(f.ctx, 15, 480, &none), SF_ERR_ARGUMENT);
+    assert_status(f.ctx, sf_observations_create(f.ctx, 15, 480, &none), SF_ERR_ARGUMENT);
     assert_error_names(f.ctx, "15 x 480");
     assert_null(none);
     size_t n = see(&f, &stands[0], 0);
-    assert_status(f.ctx, sf_sightings_add(f.sightings, f.corners, 3), SF_ERR_ARGUMENT);
+    assert_status(f.ctx, sf_observations_add(f.observations, f.corners, 3), SF_ERR_ARGUMENT);
     assert_error_names(f.ctx, "3 is not in 4..");
     f.corners[2].pixel[1] = NAN;
-    assert_status(f.ctx, sf_sightings_add(f.sightings, f.corners, n), SF_ERR_ARGUMENT);
+    assert_status(f.ctx, sf_observations_add(f.observations, f.corners, n), SF_ERR_ARGUMENT);
     assert_error_names(f.ctx, "corner 2 of tag 0");
     f.corners[2].pixel[1] = 2000;
-    assert_status(f.ctx, sf_sightings_add(f.sightings, f.corners, n), SF_ERR_ARGUMENT);
-    assert_int_equal(sf_sightings_count(f.sightings), 0);
+    assert_status(f.ctx, sf_observations_add(f.observations, f.corners, n), SF_ERR_ARGUMENT);
+    assert_int_equal(sf_observations_count(f.observations), 0);
     end(&f);
 }
 
@@ -749,21 +750,21 @@ static void measure_offsets(const sf_rigid *T, const sf_board_corner *corners, s
  * boards of six tags and more, which stand apart. A tag alone does not tell it from its distance. */
 static void test_swollen_edges(void **state) {
     (void)state;
-    static const double swellings[] = {-0.4, -0.1, 0.2, 0.5};
+    static const double biases[] = {-0.4, -0.1, 0.2, 0.5};
     fixture f;
     sf_calibration c;
     begin(&f, 5);
-    for (size_t k = 0; k < sizeof swellings / sizeof *swellings; k++) {
+    for (size_t k = 0; k < sizeof biases / sizeof *biases; k++) {
         double worst = 0, without = 0;
-        sf_sightings_destroy(&f.sightings);
-        assert_ok(f.ctx, sf_sightings_create(f.ctx, WIDTH, HEIGHT, &f.sightings));
+        sf_observations_destroy(&f.observations);
+        assert_ok(f.ctx, sf_observations_create(f.ctx, WIDTH, HEIGHT, &f.observations));
         for (size_t i = 0; i < STANDS; i++) {
             sf_rigid T = pose_of(&truth, &stands[i]);
             sf_pose pose;
             size_t n = project_board(f.board, &truth, &T, 0.05, &f.rng, f.corners);
             if (n < 24) continue;
-            sf_swell(f.corners, n, swellings[k]);
-            assert_ok(f.ctx, sf_sightings_add(f.sightings, f.corners, n));
+            sf_shift_edges(f.corners, n, biases[k]);
+            assert_ok(f.ctx, sf_observations_add(f.observations, f.corners, n));
             assert_ok(f.ctx, sf_board_pose(f.ctx, &truth, f.corners, n, &pose));
             double off[3];
             for (int d = 0; d < 3; d++) off[d] = pose.t_cb[d] - T.t[d];
@@ -772,13 +773,13 @@ static void test_swollen_edges(void **state) {
             for (int d = 0; d < 3; d++) off[d] = pose.t_cb[d] - T.t[d];
             without = fmax(without, sqrt(sf_dot3(off, off) / sf_dot3(T.t, T.t)));
         }
-        assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
+        assert_ok(f.ctx, sf_calibrate(f.observations, NULL, &c));
         print_message(
             "edges %+.1f px outwards: poses off by %.4f of the distance at most, %.4f by a tag alone; fx "
             "by %+.3f %%, rms %.3f px\n",
-            swellings[k], worst, without, 100 * (c.lens.fx / truth.fx - 1), c.rms);
+            biases[k], worst, without, 100 * (c.lens.fx / truth.fx - 1), c.rms);
         assert_true(worst < 0.002);
-        assert_true(without > fabs(swellings[k]) / 100);
+        assert_true(without > fabs(biases[k]) / 100);
         assert_true(fabs(c.lens.fx / truth.fx - 1) < 0.002);
         assert_true(c.rms < 0.1);
     }
@@ -849,7 +850,7 @@ static void test_rendered_boards(void **state) {
         assert_true(count >= 40);
         assert_int_equal(fwrite(s->grey, sizeof s->grey, 1, frames), 1);
         measure_offsets(&T, corners, count, &o);
-        assert_ok(f.ctx, sf_sightings_add(f.sightings, corners, count));
+        assert_ok(f.ctx, sf_observations_add(f.observations, corners, count));
     }
     assert_int_equal(fclose(frames), 0);
     double n = (double)o.count;
@@ -857,7 +858,7 @@ static void test_rendered_boards(void **state) {
                   o.mean[0] / n, o.mean[1] / n, o.along / n, sqrt(o.squares / n));
     assert_true(fabs(o.mean[0] / n) < 0.05 && fabs(o.mean[1] / n) < 0.05);
     assert_true(sqrt(o.squares / n) < 0.3);
-    assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
+    assert_ok(f.ctx, sf_calibrate(f.observations, NULL, &c));
     print_lens("rendered boards", &c);
     assert_true(c.rms < 0.3);
     if (test_is_quick())
@@ -928,22 +929,22 @@ static void test_convert_command(void **state) {
 /* Each allocation in turn gives nothing: SF_ERR_MEMORY, and nothing is left behind. */
 static sf_status whole_calibration(sf_context *ctx) {
     sf_board *board = NULL;
-    sf_sightings *sightings = NULL;
+    sf_observations *observations = NULL;
     sf_calibration c;
     sf_pose pose;
     sf_board_corner corners[MOST_CORNERS];
     sf_status status = sf_board_open(ctx, "a4-36h11", 0, &board);
-    if (!status) status = sf_sightings_create(ctx, WIDTH, HEIGHT, &sightings);
+    if (!status) status = sf_observations_create(ctx, WIDTH, HEIGHT, &observations);
     for (int i = 0; i < 5 && !status; i++) {
         sf_rigid T = pose_of(&truth, &stands[i]);
         size_t n = project_board(board, &truth, &T, 0, NULL, corners);
-        status = sf_sightings_add(sightings, corners, n);
+        status = sf_observations_add(observations, corners, n);
         if (!status && i == 4) status = sf_board_pose(ctx, &truth, corners, n, &pose);
     }
-    if (!status) status = sf_calibrate(sightings, NULL, &c);
+    if (!status) status = sf_calibrate(observations, NULL, &c);
     if (!status) status = sf_calibration_save(ctx, &c, test_path("memory.json"));
     if (!status) status = sf_calibration_load(ctx, test_path("memory.json"), &c);
-    sf_sightings_destroy(&sightings);
+    sf_observations_destroy(&observations);
     sf_board_close(&board);
     return status;
 }
@@ -1023,19 +1024,19 @@ static void test_photographs(void **state) {
     }
     sf_board *board = real_board(ctx);
     sf_detector *detector;
-    sf_sightings *sightings;
+    sf_observations *observations;
     sf_calibration c;
     const sf_lens factory = {607.178, 607.234, 321.391, 241.918, 0, 0, 0, 0, 0};
     double squares = 0, poses = 0;
     assert_ok(ctx, sf_detector_create(ctx, board, 1, &detector));
-    assert_ok(ctx, sf_sightings_create(ctx, WIDTH, HEIGHT, &sightings));
+    assert_ok(ctx, sf_observations_create(ctx, WIDTH, HEIGHT, &observations));
     for (int i = 0; i < 99; i++) {
         const sf_board_corner *corners;
         sf_pose pose;
         snprintf(path, sizeof path, "%s/rbt-tagboard/images/frame_%04d.jpg", data, i);
         size_t n = see_photograph(ctx, detector, path, &corners);
         if (n < 16) continue;
-        assert_ok(ctx, sf_sightings_add(sightings, corners, n));
+        assert_ok(ctx, sf_observations_add(observations, corners, n));
         assert_ok(ctx, sf_board_pose(ctx, &factory, corners, n, &pose));
         squares += pose.rms * pose.rms;
         poses++;
@@ -1047,16 +1048,16 @@ static void test_photographs(void **state) {
     /* One focal length and k1: more cannot be told by tilts within nine degrees, as is said. */
     sf_calibrate_options o = {.fix_aspect = 1, .fix_center = 1, .radial = 1};
     test_log_clear();
-    assert_ok(ctx, sf_calibrate(sightings, &o, &c));
+    assert_ok(ctx, sf_calibrate(observations, &o, &c));
     print_real("focal length and k1", &c);
     assert_non_null(strstr(test_log, "the tilts of the views differ by"));
     assert_true(c.rms < 0.45 && c.worst_rms < 0.9);
     assert_true(fabs(c.lens.fx / factory.fx - 1) < 0.05);
     assert_true(c.views >= 90 && c.corners_rejected < c.corners / 10);
     assert_true(c.rms < 0.3);
-    assert_status(ctx, sf_calibrate(sightings, NULL, &c), SF_ERR_EMPTY);
+    assert_status(ctx, sf_calibrate(observations, NULL, &c), SF_ERR_EMPTY);
     test_assert_contains(sf_last_error(ctx), "leave the lens open", __FILE__, __LINE__);
-    sf_sightings_destroy(&sightings);
+    sf_observations_destroy(&observations);
     sf_detector_destroy(&detector);
     sf_board_close(&board);
     sf_context_destroy(&ctx);
@@ -1075,7 +1076,7 @@ int main(void) {
         cmocka_unit_test(test_other_lenses),
         cmocka_unit_test(test_offers_and_advice),
         cmocka_unit_test(test_advice_has_the_right_side),
-        cmocka_unit_test(test_bad_sightings),
+        cmocka_unit_test(test_bad_observations),
         cmocka_unit_test(test_projection_derivatives),
         cmocka_unit_test(test_sums_derivatives),
         cmocka_unit_test(test_rays),

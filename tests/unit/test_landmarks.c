@@ -193,13 +193,13 @@ static void nothing_is_found_where_nothing_is(void **state) {
 
 /* 3. Bundles */
 
-enum { VIEWS = 10, POINTS = 80, MOST_SIGHTINGS = VIEWS * POINTS };
+enum { VIEWS = 10, POINTS = 80, MOST_OBSERVATIONS = VIEWS * POINTS };
 
 typedef struct cloud {
     sf_bundle_view views[VIEWS], truth[VIEWS];
     sf_bundle_point points[POINTS];
     double at[POINTS][3];
-    sf_bundle_sighting sightings[MOST_SIGHTINGS];
+    sf_bundle_observation observations[MOST_OBSERVATIONS];
     sf_bundle bundle;
 } cloud;
 
@@ -239,8 +239,8 @@ static cloud *make_cloud(double noise, double off, int wrong) {
                 hiss[k] =
                     noise * 2 * (sf_rng_uniform(&rng) + sf_rng_uniform(&rng) + sf_rng_uniform(&rng) - 1.5);
             if (wrong && (i * VIEWS + v) % 25 == 3) hiss[0] += 30;
-            c->sightings[n++] = (sf_bundle_sighting){v, i, 300 * p[0] / p[2] + 160 + hiss[0],
-                                                     310 * p[1] / p[2] + 120 + hiss[1]};
+            c->observations[n++] = (sf_bundle_observation){v, i, 300 * p[0] / p[2] + 160 + hiss[0],
+                                                           310 * p[1] / p[2] + 120 + hiss[1]};
         }
     for (int i = 0; i < POINTS; i++)
         for (int k = 0; k < 3; k++) c->points[i].at[k] += off * (2 * sf_rng_uniform(&rng) - 1);
@@ -249,7 +249,7 @@ static cloud *make_cloud(double noise, double off, int wrong) {
         for (int k = 0; k < 6; k++) twist[k] = 0.3 * off * (2 * sf_rng_uniform(&rng) - 1);
         sf_rigid_move(&c->views[v].pose, twist);
     }
-    c->bundle = (sf_bundle){c->views, VIEWS, c->points, POINTS, c->sightings, n};
+    c->bundle = (sf_bundle){c->views, VIEWS, c->points, POINTS, c->observations, n};
     return c;
 }
 
@@ -293,7 +293,7 @@ static void a_bundle_finds_poses_and_points(void **state) {
     assert_true(apart < 0.1 * moved); /* it ends where a step gains less than a ten thousandth */
     free(from_truth);
     free(c);
-    c = make_cloud(0.3, 0.05, 1); /* one sighting in 25 is 30 px off */
+    c = make_cloud(0.3, 0.05, 1); /* one observation in 25 is 30 px off */
     assert_ok(ctx, sf_bundle_adjust(ctx, &c->bundle, 30, &spread));
     off_truth(c, &turned, &moved, &points);
     print_message("with wrong ones: %.1e rad, %.1e and %.1e\n", turned, moved, points);
@@ -313,7 +313,7 @@ static void what_is_not_free_stays(void **state) {
     assert_ok(ctx, sf_bundle_adjust(ctx, &c->bundle, 10, &spread));
     for (int v = 0; v < VIEWS; v++)
         assert_int_equal(memcmp(&before[v].pose, &c->views[v].pose, sizeof before[v].pose) == 0, v % 2 == 0);
-    c->bundle.sighting_count = 0; /* and nothing to do */
+    c->bundle.observation_count = 0; /* and nothing to do */
     memcpy(before, c->views, sizeof before);
     assert_ok(ctx, sf_bundle_adjust(ctx, &c->bundle, 10, &spread));
     assert_memory_equal(before, c->views, sizeof before);
@@ -329,8 +329,8 @@ static void a_point_without_parallax_keeps_its_depth(void **state) {
         {.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, .fx = 300, .fy = 300, .cx = 160, .cy = 120}};
     views[1] = views[0];
     sf_bundle_point point = {.at = {0, 0, 3}, .ray = {0, 0, 1}, .ray_information = 1};
-    const sf_bundle_sighting sightings[2] = {{0, 0, 165, 120}, {1, 0, 165, 120}};
-    const sf_bundle bundle = {views, 2, &point, 1, sightings, 2};
+    const sf_bundle_observation observations[2] = {{0, 0, 165, 120}, {1, 0, 165, 120}};
+    const sf_bundle bundle = {views, 2, &point, 1, observations, 2};
     double spread;
     assert_ok(ctx, sf_bundle_adjust(ctx, &bundle, 20, &spread));
     assert_true(fabs(point.at[0] - 0.05) < 1e-4 && fabs(point.at[1]) < 1e-6 && fabs(point.at[2] - 3) < 1e-2);

@@ -103,8 +103,8 @@ static void every_keyframe_is_searched(void **state) {
     run r = open_run(1, &options);
     assert_int_equal(run_to_end(&r), SF_ERR_END);
     sf_keyframe *older = NULL, *newer = NULL;
-    for (size_t i = 0; i < r.live->keyframe_count; i++) {
-        sf_keyframe *k = &r.live->keyframes[i];
+    for (size_t i = 0; i < r.live->keyframes.count; i++) {
+        sf_keyframe *k = &r.live->keyframes.list[i];
         if (k->held_out) continue;
         assert_int_equal(k->searched, 1);
         older = newer, newer = k;
@@ -121,7 +121,7 @@ static void every_keyframe_is_searched(void **state) {
     assert_int_equal(older->searched, 1);
     assert_ok(r.ctx, sf_live_take_points(r.live));
     assert_ok(r.ctx, sf_live_ask_for_points(r.live)); /* nothing is left to search */
-    assert_int_equal(sf_seeder_idle(r.live->seeder), 1);
+    assert_int_equal(sf_spawner_idle(r.live->spawning.spawner), 1);
     close_run(&r);
 }
 
@@ -157,11 +157,11 @@ static void exposures_begin_where_they_are(void **state) {
     assert_ok(r.source_ctx, sf_source_open(r.source_ctx, name, &r.source));
     assert_ok(r.ctx, sf_live_create(r.ctx, r.source, &options, &r.live));
     assert_int_equal(run_to_end(&r), SF_ERR_END);
-    for (size_t i = 0; i < r.live->keyframe_count; i++)
-        if (r.live->keyframes[i].told) usual += log(r.live->keyframes[i].light), n++;
+    for (size_t i = 0; i < r.live->keyframes.count; i++)
+        if (r.live->keyframes.list[i].told) usual += log(r.live->keyframes.list[i].light), n++;
     assert_true(n > 10);
-    for (size_t i = 0; i < r.live->keyframe_count; i++) {
-        const sf_keyframe *k = &r.live->keyframes[i];
+    for (size_t i = 0; i < r.live->keyframes.count; i++) {
+        const sf_keyframe *k = &r.live->keyframes.list[i];
         double gain[3], bias[3], of_light = (log(k->light) - usual / n) / 2.4; /* sRGB's power */
         if (!k->told) continue;
         assert_ok(r.ctx, sf_fitter_get_exposure(r.live->fitter, k->id, gain, bias));
@@ -184,27 +184,27 @@ static void exposures_are_like_the_neighbours(void **state) {
     run r = open_run(1, &options);
     assert_int_equal(run_to_end(&r), SF_ERR_END);
     sf_live *live = r.live;
-    size_t at = 1, last = live->keyframe_count - 1;
-    while (at < last &&
-           !(live->keyframes[at].held_out && live->keyframes[at - 1].told && live->keyframes[at + 1].told))
+    size_t at = 1, last = live->keyframes.count - 1;
+    while (at < last && !(live->keyframes.list[at].held_out && live->keyframes.list[at - 1].told &&
+                          live->keyframes.list[at + 1].told))
         at++;
     assert_true(at < last);
-    for (size_t i = 0; i <= last; i++) live->keyframes[i].light = NAN;
-    assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes[at - 1].id, of_one, here));
-    assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes[at + 1].id, of_other, there));
+    for (size_t i = 0; i <= last; i++) live->keyframes.list[i].light = NAN;
+    assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes.list[at - 1].id, of_one, here));
+    assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes.list[at + 1].id, of_other, there));
     double gain[3], bias[3];
-    sf_live_exposure(live, live->keyframes[at].id, gain, bias);
+    sf_live_exposure(live, live->keyframes.list[at].id, gain, bias);
     for (int c = 0; c < 3; c++) {
         assert_true(fabs(gain[c] - sqrt(of_one[c] * of_other[c])) < 1e-12);
         assert_true(fabs(bias[c] - (here[c] + there[c]) / 2) < 1e-12);
     }
     /* Four times the light is 4^(1 / 2.4) of the bytes. */
-    live->keyframes[at].light = 4;
-    live->keyframes[at - 1].light = 1;
-    live->keyframes[at + 1].light = 1;
+    live->keyframes.list[at].light = 4;
+    live->keyframes.list[at - 1].light = 1;
+    live->keyframes.list[at + 1].light = 1;
     for (size_t i = 0; i <= last; i++)
-        if (i + 1 < at || i > at + 1) live->keyframes[i].light = NAN;
-    sf_live_exposure(live, live->keyframes[at].id, gain, bias);
+        if (i + 1 < at || i > at + 1) live->keyframes.list[i].light = NAN;
+    sf_live_exposure(live, live->keyframes.list[at].id, gain, bias);
     assert_true(fabs(gain[1] - pow(4, 1 / 2.4)) < 1e-9);
     close_run(&r);
 }
@@ -291,7 +291,7 @@ static void keeps_no_more_keyframes_than_allowed(void **state) {
 static sf_status slow_pose(void *live, int64_t time_ns, double R_cw[9], double t_cw[3],
                            double information[36]) {
     (void)time_ns;
-    const sf_camera *truth = &(*(sf_live *const *)live)->picture->truth;
+    const sf_camera *truth = &(*(sf_live *const *)live)->input.picture->truth;
     memcpy(R_cw, truth->R_cw, sizeof truth->R_cw);
     memcpy(t_cw, truth->t_cw, sizeof truth->t_cw);
     for (int k = 0; k < 36; k++) information[k] = k % 7 ? 0 : 1e8;
@@ -366,11 +366,10 @@ static void refuses_options_by_name(void **state) {
 static void new_gaussians_are_not_large_in_keyframes(void **state) {
     (void)state;
     test_skip_emulated();
-    sf_fitter fitter = {.near_plane = 0.1f};
     sf_keyframe keyframes[2] = {{.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 1}}},
                                 {.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 8}}}};
-    sf_live live = {.fitter = &fitter, .keyframes = keyframes, .keyframe_count = 2};
-    live.frame.camera = (sf_camera){.width = 64, .height = 48, .fx = 64, .fy = 64, .cx = 32, .cy = 24};
+    const sf_keyframes both = {.list = keyframes, .count = 2};
+    const sf_camera camera = {.width = 64, .height = 48, .fx = 64, .fy = 64, .cx = 32, .cy = 24};
     const struct {
         float xyz[3], radius, limited;
     } cases[] = {
@@ -384,8 +383,8 @@ static void new_gaussians_are_not_large_in_keyframes(void **state) {
         {{0, 0, -20}, 1, 1},          /* behind both */
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        assert_true(fabsf(sf_live_limit_radius(&live, cases[i].xyz, cases[i].radius) - cases[i].limited) <
-                    1e-6f);
+        assert_true(fabsf(sf_limit_radius(&both, &camera, 0.1, cases[i].xyz, cases[i].radius) -
+                          cases[i].limited) < 1e-6f);
 }
 
 int main(void) {

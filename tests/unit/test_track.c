@@ -209,6 +209,9 @@ static void twists_lead_from_pose_to_pose(void **state) {
         for (int k = 0; k < 6; k++) assert_true(fabs(found[k] - twist[k]) < 1e-12);
         sf_rigid_invert(&a, &back);
         sf_rigid_compose(&back, &a, &whole);
+        double center[3];
+        sf_rigid_center(&a, center);
+        for (int k = 0; k < 3; k++) assert_true(fabs(center[k] - back.t[k]) < 1e-12);
         for (int k = 0; k < 9; k++) assert_true(fabs(whole.R[k] - (k % 4 == 0)) < 1e-12);
         for (int k = 0; k < 3; k++) assert_true(fabs(whole.t[k]) < 1e-12);
     }

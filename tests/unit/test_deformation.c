@@ -1,11 +1,11 @@
-/* test_carry.c - Gaussians that go with keyframes whose poses are corrected. */
+/* test_deformation.c - Gaussians that go with keyframes whose poses are corrected. */
 #include "../testing.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "fit/trial.h"
-#include "live/carry.h"
+#include "live/deformation.h"
 #include "pose/track.h"
 
 enum { COUNT = 3000, SIDE = 100 }; /* more than a task takes */
@@ -62,7 +62,7 @@ static void what_one_sees_stays_in_its_picture(void **state) {
     sf_model *model = model_of(ctx, before);
     sf_correction c = correction_of(EVERYWHERE, twist);
     double moved = 0;
-    assert_ok(ctx, sf_carry(ctx, model, &c, 1));
+    assert_ok(ctx, sf_deform_map(ctx, model, &c, 1));
     get_means(model, after);
     for (int i = 0; i < COUNT; i++) {
         double p[3], q[3];
@@ -91,12 +91,12 @@ static void near_ones_count_more(void **state) {
     assert_ok(ctx, sf_model_set(model, 0, 3, &from));
     sf_correction two[] = {correction_of((const double[3]){0, 0, 2}, right),
                            correction_of((const double[3]){0, 0, 4}, left)};
-    assert_ok(ctx, sf_carry(ctx, model, two, 2));
+    assert_ok(ctx, sf_deform_map(ctx, model, two, 2));
     get_means(model, after);
     assert_true(fabsf(after[0] - 0.05f * (4.0f - 1.0f) / 5) < 1e-6f);
     assert_true(fabsf(after[1]) < 1e-6f && fabsf(after[2]) < 1e-6f);
     assert_memory_equal(after + 3, at + 3, 6 * sizeof *at);
-    assert_ok(ctx, sf_carry(ctx, model, two, 0)); /* none moves anything */
+    assert_ok(ctx, sf_deform_map(ctx, model, two, 0)); /* none moves anything */
     get_means(model, before);
     assert_memory_equal(after, before, sizeof after);
     sf_model_destroy(&model);
@@ -122,7 +122,7 @@ static void one_motion_of_all_is_the_models(void **state) {
         sf_rigid_apply_back(&motion, (const double[3]){0, 0, 0}, back);
         for (int k = 0; k < 3; k++) to->t[k] = two[n].camera.t_cw[k] + back[k];
     }
-    assert_ok(ctx, sf_carry(ctx, model, two, 2));
+    assert_ok(ctx, sf_deform_map(ctx, model, two, 2));
     get_means(model, after);
     for (int i = 0; i < COUNT; i++) {
         double p[3], x[3] = {(double)before[3 * i], (double)before[3 * i + 1], (double)before[3 * i + 2]};
@@ -137,7 +137,7 @@ static void one_motion_of_all_is_the_models(void **state) {
  * on trial that is undone. */
 static void all_of_a_fit_goes_along(void **state) {
     (void)state;
-    static float mean[3 * COUNT], carried[3 * COUNT], back[3 * COUNT];
+    static float mean[3 * COUNT], deformed[3 * COUNT], back[3 * COUNT];
     static uint8_t gray[3 * SIDE * SIDE];
     const double twist[SF_TWIST] = {0.03, -0.02, 0.05, 0.01, 0.02, -0.015};
     sf_context *ctx = test_context_threads(2);
@@ -163,18 +163,18 @@ static void all_of_a_fit_goes_along(void **state) {
     sf_worth_free(ctx, &w);
     assert_true(f->trials.count > 0);
 
-    assert_ok(ctx, sf_carry_fit(f, &c, 1));
+    assert_ok(ctx, sf_deform_fit(ctx, f, &c, 1));
     sf_trials_end(f);
-    get_means(f->model, carried);
+    get_means(f->model, deformed);
     for (int i = 0; i < COUNT; i++) {
         double p[3], q[3];
         seen_at(&c, 0, mean + 3 * i, p);
-        seen_at(&c, 1, carried + 3 * i, q);
+        seen_at(&c, 1, deformed + 3 * i, q);
         for (int k = 0; k < 3; k++) assert_true(fabs(p[k] - q[k]) < 2e-6);
     }
     assert_ok(ctx, sf_bring_back(f));
     get_means(f->model, back);
-    assert_memory_equal(back, carried, sizeof back);
+    assert_memory_equal(back, deformed, sizeof back);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&model);

@@ -1,5 +1,5 @@
-/* swelling.c - see swelling.h. */
-#include "swelling.h"
+/* edge_bias.c - see edge_bias.h. */
+#include "edge_bias.h"
 
 #include <math.h>
 #include <string.h>
@@ -38,7 +38,7 @@ static int next_tag(const sf_board_corner *corners, size_t count, size_t *i, dou
     return whole;
 }
 
-void sf_swell(sf_board_corner *corners, size_t count, double px) {
+void sf_shift_edges(sf_board_corner *corners, size_t count, double px) {
     double outwards[4][2];
     for (size_t i = 0; i < count;) {
         sf_board_corner *tag = corners + i;
@@ -59,14 +59,14 @@ static double squares_of_outwards(const sf_corner_list *list) {
     return squares;
 }
 
-int sf_find_swelling(const sf_lens *lens, const sf_rigid *T, const sf_corner_list *list,
-                     sf_board_corner *corners, sf_swelling *s) {
+int sf_estimate_edge_bias(const sf_lens *lens, const sf_rigid *T, const sf_corner_list *list,
+                          sf_board_corner *corners, sf_edge_bias *s) {
     sf_view_sums now, more; /* with a px more of it, so that r grows by the way outwards, v */
     double cross[SF_TWIST], L[SF_TWIST * SF_TWIST], vv = squares_of_outwards(list), told = vv;
     sf_view_sum(lens, T, list, 0, SF_VIEW_TWIST, &now);
-    sf_swell(corners, list->count, -1);
+    sf_shift_edges(corners, list->count, -1);
     sf_view_sum(lens, T, list, 0, SF_VIEW_TWIST, &more);
-    sf_swell(corners, list->count, 1);
+    sf_shift_edges(corners, list->count, 1);
     memcpy(L, now.twist, sizeof L);
     if (!sf_cholesky(SF_TWIST, L)) return 0;
     for (int k = 0; k < SF_TWIST; k++) cross[k] = more.d_twist[k] - now.d_twist[k], s->twist[k] = -cross[k];
@@ -79,6 +79,6 @@ int sf_find_swelling(const sf_lens *lens, const sf_rigid *T, const sf_corner_lis
     if (!isfinite(step)) return 0;
     s->variance = variance / (fmax(told, 0) + usual);
     s->px += step;
-    sf_swell(corners, list->count, -step);
+    sf_shift_edges(corners, list->count, -step);
     return 1;
 }

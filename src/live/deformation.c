@@ -1,27 +1,29 @@
-/* carry.c - Gaussians that go with the keyframes whose poses are corrected. */
-#include "carry.h"
+/* deformation.c - map deformation: Gaussians follow the corrected poses of keyframes. */
+#include "deformation.h"
 
 #include "../base/linear.h"
 #include "../base/pool.h"
 #include "../base/select.h"
+#include "../fit/online.h"
 
-/* A correction as lanes take it: x is seen at R x + t, and goes by A x + b. */
-typedef struct sight {
+/* A correction as lanes read it: the camera sees x at R x + t, and x moves by A x + b. */
+typedef struct motion {
     float R[9], t[3], A[9], b[3];
     float fx, fy, cx, cy, width, height;
-} sight;
+} motion;
 
 typedef struct job {
+    sf_context *ctx;
     sf_model *model;
-    sight *sights;
+    motion *cameras;
     size_t count;
 } job;
 
-enum { CARRIED = 64 }; /* blocks a task */
+enum { BLOCKS = 64 }; /* blocks a task */
 
-static sight sight_of(const sf_correction *c) {
+static motion camera_motion(const sf_correction *c) {
     const sf_camera *from = &c->camera;
-    sight s = {.fx = (float)from->fx, .fy = (float)from->fy, .cx = (float)from->cx, .cy = (float)from->cy};
+    motion s = {.fx = (float)from->fx, .fy = (float)from->fy, .cx = (float)from->cx, .cy = (float)from->cy};
     s.width = (float)from->width, s.height = (float)from->height;
     double off[3];
     for (int k = 0; k < 3; k++) off[k] = from->t_cw[k] - c->to.t[k];
@@ -38,8 +40,8 @@ static sight sight_of(const sf_correction *c) {
     return s;
 }
 
-/* What a camera adds to the sums of a block's lanes: by how much they go times their weight, and that. */
-static void add_sight(const sight *s, const float *restrict x, float *restrict sum) {
+/* Adds, for each lane that the camera sees, its displacement times its weight, and the weight. */
+static void add_camera(const motion *s, const float *restrict x, float *restrict sum) {
     const float *y = x + SF_LANES, *z = y + SF_LANES;
     const float *R = s->R, *A = s->A;
     for (int i = 0; i < SF_LANES; i++) {
@@ -56,51 +58,48 @@ static void add_sight(const sight *s, const float *restrict x, float *restrict s
     }
 }
 
-static void carry_block(const job *j, size_t block) {
+static void deform_block(const job *j, size_t block) {
     float *mean = j->model->params.field[SF_FIELD_mean] + 3 * SF_LANES * block, sum[4 * SF_LANES] = {0};
     size_t left = j->model->count - SF_LANES * block, lanes = left < SF_LANES ? left : SF_LANES;
-    for (size_t n = 0; n < j->count; n++) add_sight(&j->sights[n], mean, sum);
+    for (size_t n = 0; n < j->count; n++) add_camera(&j->cameras[n], mean, sum);
     for (size_t i = 0; i < lanes; i++)
         for (size_t k = 0; k < 3 && sum[3 * SF_LANES + i] > 0; k++)
             mean[SF_LANES * k + i] += sum[SF_LANES * k + i] / sum[3 * SF_LANES + i];
 }
 
-static void carry_task(void *pointer, size_t task, int thread) {
+static void deform_task(void *pointer, size_t task, int thread) {
     const job *j = pointer;
-    size_t blocks = sf_blocks(j->model->count), end = (task + 1) * CARRIED;
+    size_t blocks = sf_blocks(j->model->count), end = (task + 1) * BLOCKS;
     (void)thread;
-    for (size_t i = task * CARRIED; i < end && i < blocks; i++) carry_block(j, i);
+    for (size_t i = task * BLOCKS; i < end && i < blocks; i++) deform_block(j, i);
 }
 
-static sf_status find_sights(sf_context *ctx, job *j, const sf_correction *corrections, size_t count) {
-    *j = (job){.count = count, .sights = sf_alloc(ctx, count, sizeof *j->sights)};
-    if (count && !j->sights) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < count; i++) j->sights[i] = sight_of(&corrections[i]);
+static sf_status prepare(sf_context *ctx, job *j, const sf_correction *corrections, size_t count) {
+    *j = (job){.ctx = ctx, .count = count, .cameras = sf_alloc(ctx, count, sizeof *j->cameras)};
+    if (count && !j->cameras) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < count; i++) j->cameras[i] = camera_motion(&corrections[i]);
     return SF_OK;
 }
 
-static void carry(sf_context *ctx, job *j, sf_model *model) {
+static void deform(sf_model *model, void *pointer) {
+    job *j = pointer;
     j->model = model;
-    sf_pool_run(ctx->pool, (sf_blocks(model->count) + CARRIED - 1) / CARRIED, carry_task, j);
+    sf_pool_run(j->ctx->pool, (sf_blocks(model->count) + BLOCKS - 1) / BLOCKS, deform_task, j);
     sf_model_note_change(model);
 }
 
-sf_status sf_carry(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count) {
+sf_status sf_deform_map(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count) {
     job j;
-    sf_status status = find_sights(ctx, &j, corrections, count);
-    if (!status) carry(ctx, &j, model);
-    sf_free(ctx, j.sights);
+    sf_status status = prepare(ctx, &j, corrections, count);
+    if (!status) deform(model, &j);
+    sf_free(ctx, j.cameras);
     return status;
 }
 
-sf_status sf_carry_fit(sf_fitter *f, const sf_correction *corrections, size_t count) {
+sf_status sf_deform_fit(sf_context *ctx, sf_fitter *fitter, const sf_correction *corrections, size_t count) {
     job j;
-    sf_status status = find_sights(f->ctx, &j, corrections, count);
-    if (!status) {
-        sf_trials_end(f);
-        carry(f->ctx, &j, f->model);
-        if (f->best) carry(f->ctx, &j, f->best);
-    }
-    sf_free(f->ctx, j.sights);
+    sf_status status = prepare(ctx, &j, corrections, count);
+    if (!status) sf_online_move_means(fitter, deform, &j);
+    sf_free(ctx, j.cameras);
     return status;
 }

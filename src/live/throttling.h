@@ -1,6 +1,6 @@
-/* heat.h - whether the kernel holds the processor back because it is hot. */
-#ifndef SF_LIVE_HEAT_H
-#define SF_LIVE_HEAT_H
+/* throttling.h - whether the kernel throttles the processor because it is hot. */
+#ifndef SF_LIVE_THROTTLING_H
+#define SF_LIVE_THROTTLING_H
 
 #include <stddef.h>
 
@@ -10,6 +10,6 @@
  *   - a zone as warm as a passive trip point of it (class/thermal/thermal_zone*), or
  *   - the firmware of a Raspberry Pi (devices/platform/soc/soc:firmware/get_throttled: bits 1 to 3);
  * 0: by none, or nothing of this is told. */
-int sf_is_hot(const char *folder, char *what, size_t size);
+int sf_is_throttled(const char *folder, char *what, size_t size);
 
 #endif

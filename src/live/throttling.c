@@ -1,5 +1,6 @@
-/* heat.c - see heat.h. The names are those of Linux's Documentation/ABI/testing/sysfs-class-thermal. */
-#include "heat.h"
+/* throttling.c - see throttling.h. The names are those of Linux's
+ * Documentation/ABI/testing/sysfs-class-thermal. */
+#include "throttling.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -68,7 +69,7 @@ static int firmware_holds_back(const char *folder, char *what, size_t size) {
     return 1;
 }
 
-int sf_is_hot(const char *folder, char *what, size_t size) {
+int sf_is_throttled(const char *folder, char *what, size_t size) {
     char thermal[PATH], path[PATH];
     if (firmware_holds_back(folder, what, size)) return 1;
     int length = snprintf(thermal, sizeof thermal, "%s/class/thermal", folder), hot = 0;

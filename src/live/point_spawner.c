@@ -1,27 +1,27 @@
-/* seeds.c - a thread that looks for points while the fit goes on. */
-#include "seeds.h"
+/* point_spawner.c - a thread that matches keyframes to find points while the fit goes on. */
+#include "point_spawner.h"
 
 #include <pthread.h>
 
 #include "../scene/nearest.h"
 
-typedef enum seeder_state { IDLE, SEARCHING, FOUND, ENDING } seeder_state;
+typedef enum spawner_state { IDLE, SEARCHING, FOUND, ENDING } spawner_state;
 
-struct sf_seeder {
+struct sf_spawner {
     sf_context *ctx, *own; /* the caller's; one thread, for the search */
     pthread_t thread;
     pthread_mutex_t lock; /* guards state; all else belongs to whose turn it is */
     pthread_cond_t changed;
-    seeder_state state;
-    sf_view *views[SF_SEED_VIEWS];
+    spawner_state state;
+    sf_view *views[SF_SPAWN_VIEWS];
     size_t n;
     sf_sweep_options options;
-    sf_seeds seeds;
+    sf_spawned_points points;
 };
 
-static void search(sf_seeder *s) {
-    sf_seeds *to = &s->seeds;
-    *to = (sf_seeds){0};
+static void search(sf_spawner *s) {
+    sf_spawned_points *to = &s->points;
+    *to = (sf_spawned_points){0};
     for (size_t i = 0; i < s->n; i++) to->ids[i] = s->views[i]->id;
     sf_status status =
         sf_sweep_points(s->own, (const sf_view *const *)s->views, s->n, &s->options, &to->cloud);
@@ -35,8 +35,8 @@ static void search(sf_seeder *s) {
     s->n = 0;
 }
 
-static void *run(void *seeder) {
-    sf_seeder *s = seeder;
+static void *run(void *spawner) {
+    sf_spawner *s = spawner;
     pthread_mutex_lock(&s->lock);
     while (s->state != ENDING) {
         if (s->state != SEARCHING) {
@@ -53,18 +53,18 @@ static void *run(void *seeder) {
     return NULL;
 }
 
-static void free_all(sf_seeder *s) {
+static void free_all(sf_spawner *s) {
     for (size_t i = 0; i < s->n; i++) sf_view_release(s->views[i]);
-    sf_seeds_free(s, &s->seeds);
+    sf_spawned_points_free(s, &s->points);
     sf_context_destroy(&s->own);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->lock);
     sf_free(s->ctx, s);
 }
 
-sf_status sf_seeder_create(sf_context *ctx, sf_seeder **seeder) {
-    *seeder = NULL;
-    sf_seeder *s = sf_calloc(ctx, 1, sizeof *s);
+sf_status sf_spawner_create(sf_context *ctx, sf_spawner **spawner) {
+    *spawner = NULL;
+    sf_spawner *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     sf_context_options own = {.allocator = &ctx->allocator, .threads = 1};
     sf_status status = sf_context_create(&s->own, &own);
@@ -79,58 +79,58 @@ sf_status sf_seeder_create(sf_context *ctx, sf_seeder **seeder) {
         free_all(s);
         return sf_fail(ctx, SF_ERR_MEMORY, "no thread for the search of points can be created");
     }
-    *seeder = s;
+    *spawner = s;
     return SF_OK;
 }
 
-static void set_state(sf_seeder *s, seeder_state state) {
+static void set_state(sf_spawner *s, spawner_state state) {
     pthread_mutex_lock(&s->lock);
     s->state = state;
     pthread_cond_broadcast(&s->changed);
     pthread_mutex_unlock(&s->lock);
 }
 
-static seeder_state state_of(sf_seeder *s) {
+static spawner_state state_of(sf_spawner *s) {
     pthread_mutex_lock(&s->lock);
-    seeder_state state = s->state;
+    spawner_state state = s->state;
     pthread_mutex_unlock(&s->lock);
     return state;
 }
 
-void sf_seeder_destroy(sf_seeder **seeder) {
-    sf_seeder *s = *seeder;
+void sf_spawner_destroy(sf_spawner **spawner) {
+    sf_spawner *s = *spawner;
     if (!s) return;
     set_state(s, ENDING);
     pthread_join(s->thread, NULL);
     free_all(s);
-    *seeder = NULL;
+    *spawner = NULL;
 }
 
-int sf_seeder_idle(sf_seeder *s) { return state_of(s) == IDLE; }
+int sf_spawner_idle(sf_spawner *s) { return state_of(s) == IDLE; }
 
-void sf_seeder_search(sf_seeder *s, sf_view *const *views, size_t n, const sf_sweep_options *options) {
-    s->n = n < SF_SEED_VIEWS ? n : SF_SEED_VIEWS;
+void sf_spawner_search(sf_spawner *s, sf_view *const *views, size_t n, const sf_sweep_options *options) {
+    s->n = n < SF_SPAWN_VIEWS ? n : SF_SPAWN_VIEWS;
     for (size_t i = 0; i < s->n; i++) s->views[i] = sf_view_retain(views[i]);
     s->options = *options;
     set_state(s, SEARCHING);
 }
 
-void sf_seeder_wait(sf_seeder *s) {
+void sf_spawner_wait(sf_spawner *s) {
     pthread_mutex_lock(&s->lock);
     while (s->state == SEARCHING) pthread_cond_wait(&s->changed, &s->lock);
     pthread_mutex_unlock(&s->lock);
 }
 
-int sf_seeder_take(sf_seeder *s, sf_seeds *seeds) {
+int sf_spawner_take(sf_spawner *s, sf_spawned_points *points) {
     if (state_of(s) != FOUND) return 0;
-    *seeds = s->seeds;
-    s->seeds = (sf_seeds){0};
+    *points = s->points;
+    s->points = (sf_spawned_points){0};
     set_state(s, IDLE);
     return 1;
 }
 
-void sf_seeds_free(sf_seeder *s, sf_seeds *seeds) {
-    sf_cloud_destroy(s->own, &seeds->cloud);
-    sf_free(s->own, seeds->radius);
-    *seeds = (sf_seeds){0};
+void sf_spawned_points_free(sf_spawner *s, sf_spawned_points *points) {
+    sf_cloud_destroy(s->own, &points->cloud);
+    sf_free(s->own, points->radius);
+    *points = (sf_spawned_points){0};
 }

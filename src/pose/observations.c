@@ -1,5 +1,5 @@
-/* sightings.c - collects the views of a calibration, and says which are missing (README, P.5). */
-#include "sightings.h"
+/* observations.c - collects the views of a calibration, and says which are missing (README, P.5). */
+#include "observations.h"
 
 #include <math.h>
 #include <string.h>
@@ -9,39 +9,40 @@ enum { LEAST_SIDE = 16, MOST_SIDE = 65535, LEAST_CORNERS = 4, LEAST_OFFERED = 8,
 /* Two views closer than this tell the same twice (widths of the picture, logarithm, sine). */
 static const double NOVEL = 0.15;
 
-sf_status sf_sightings_create(sf_context *ctx, int32_t width, int32_t height, sf_sightings **sightings) {
-    *sightings = NULL;
+sf_status sf_observations_create(sf_context *ctx, int32_t width, int32_t height,
+                                 sf_observations **observations) {
+    *observations = NULL;
     if (width < LEAST_SIDE || height < LEAST_SIDE || width > MOST_SIDE || height > MOST_SIDE)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "calibration: pictures: %d x %d is not in %d..%d px", (int)width,
                        (int)height, LEAST_SIDE, MOST_SIDE);
-    sf_sightings *s = sf_calloc(ctx, 1, sizeof *s);
+    sf_observations *s = sf_calloc(ctx, 1, sizeof *s);
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
     s->width = width;
     s->height = height;
-    *sightings = s;
+    *observations = s;
     return SF_OK;
 }
 
-void sf_sightings_destroy(sf_sightings **sightings) {
-    sf_sightings *s = *sightings;
+void sf_observations_destroy(sf_observations **observations) {
+    sf_observations *s = *observations;
     if (!s) return;
     for (size_t i = 0; i < s->count; i++) sf_free(s->ctx, s->views[i].corners);
     sf_free(s->ctx, s->views);
     sf_free(s->ctx, s);
-    *sightings = NULL;
+    *observations = NULL;
 }
 
-size_t sf_sightings_count(const sf_sightings *s) { return s->count; }
+size_t sf_observations_count(const sf_observations *s) { return s->count; }
 
-sf_lens sf_sightings_guess(const sf_sightings *s, double focal) {
+sf_lens sf_observations_guess(const sf_observations *s, double focal) {
     double f = focal * (s->width > s->height ? s->width : s->height);
     return (sf_lens){.fx = f, .fy = f, .cx = s->width / 2.0, .cy = s->height / 2.0};
 }
 
 /* Cells. */
 
-size_t sf_sightings_mark(const sf_sightings *s, const sf_corner_list *list, uint8_t cells[SF_CELLS]) {
+size_t sf_observations_mark(const sf_observations *s, const sf_corner_list *list, uint8_t cells[SF_CELLS]) {
     size_t fresh = 0;
     for (size_t i = 0; i < list->count; i++) {
         const double *pixel = list->corners[i].pixel;
@@ -65,11 +66,11 @@ static double share(const uint8_t cells[SF_CELLS], int x0, int y0, int x1, int y
 
 double sf_cells_share(const uint8_t cells[SF_CELLS]) { return share(cells, 0, 0, SF_CELLS_X, SF_CELLS_Y); }
 
-double sf_sightings_coverage(const sf_sightings *s) { return sf_cells_share(s->cells); }
+double sf_observations_coverage(const sf_observations *s) { return sf_cells_share(s->cells); }
 
 /* Adding. */
 
-static sf_status check_corners(const sf_sightings *s, const sf_board_corner *corners, size_t count) {
+static sf_status check_corners(const sf_observations *s, const sf_board_corner *corners, size_t count) {
     if (count < LEAST_CORNERS || count > SF_CORNERS_MOST)
         return sf_fail(s->ctx, SF_ERR_ARGUMENT, "calibration: corners: %zu is not in %d..%d", count,
                        LEAST_CORNERS, SF_CORNERS_MOST);
@@ -86,8 +87,8 @@ static sf_status check_corners(const sf_sightings *s, const sf_board_corner *cor
 }
 
 /* 0 if the corners have no pose. */
-static int find_stance(const sf_sightings *s, const sf_corner_list *list, sf_stance *stance) {
-    sf_lens lens = sf_sightings_guess(s, 1);
+static int find_stance(const sf_observations *s, const sf_corner_list *list, sf_stance *stance) {
+    sf_lens lens = sf_observations_guess(s, 1);
     sf_rigid T;
     double middle[3] = {0}, n = (double)list->count;
     if (!sf_view_first_pose(&lens, list, &T)) return 0;
@@ -102,12 +103,13 @@ static int find_stance(const sf_sightings *s, const sf_corner_list *list, sf_sta
     return distance > 0;
 }
 
-static sf_status add(sf_sightings *s, const sf_board_corner *corners, size_t count, const sf_stance *stance) {
+static sf_status add(sf_observations *s, const sf_board_corner *corners, size_t count,
+                     const sf_stance *stance) {
     if (s->count == MOST_VIEWS)
         return sf_fail(s->ctx, SF_ERR_ARGUMENT, "calibration: more than %d views", MOST_VIEWS);
     sf_status status = sf_grow(s->ctx, &s->views, &s->capacity, s->count, s->count + 1, sizeof *s->views);
     if (status) return status;
-    sf_sighting *view = &s->views[s->count];
+    sf_observation *view = &s->views[s->count];
     memset(view, 0, sizeof *view);
     view->corners = sf_alloc(s->ctx, count, sizeof *view->corners + 1);
     if (!view->corners) return SF_ERR_MEMORY;
@@ -116,11 +118,11 @@ static sf_status add(sf_sightings *s, const sf_board_corner *corners, size_t cou
     memset(view->list.rejected, 0, count);
     view->stance = *stance;
     s->count++;
-    sf_sightings_mark(s, &view->list, s->cells);
+    sf_observations_mark(s, &view->list, s->cells);
     return SF_OK;
 }
 
-sf_status sf_sightings_add(sf_sightings *s, const sf_board_corner *corners, size_t count) {
+sf_status sf_observations_add(sf_observations *s, const sf_board_corner *corners, size_t count) {
     sf_stance stance = {0};
     sf_status status = check_corners(s, corners, count);
     if (status) return status;
@@ -133,13 +135,14 @@ static double difference(const sf_stance *a, const sf_stance *b) {
            fabs(a->tilt[0] - b->tilt[0]) + fabs(a->tilt[1] - b->tilt[1]);
 }
 
-static int is_novel(const sf_sightings *s, const sf_stance *stance) {
+static int is_novel(const sf_observations *s, const sf_stance *stance) {
     for (size_t i = 0; i < s->count; i++)
         if (difference(&s->views[i].stance, stance) < NOVEL) return 0;
     return 1;
 }
 
-sf_status sf_sightings_offer(sf_sightings *s, const sf_board_corner *corners, size_t count, int *taken) {
+sf_status sf_observations_offer(sf_observations *s, const sf_board_corner *corners, size_t count,
+                                int *taken) {
     sf_stance stance;
     uint8_t cells[SF_CELLS];
     sf_corner_list list = {corners, NULL, count};
@@ -148,7 +151,7 @@ sf_status sf_sightings_offer(sf_sightings *s, const sf_board_corner *corners, si
     sf_status status = check_corners(s, corners, count);
     if (status || s->count == MOST_VIEWS || !find_stance(s, &list, &stance)) return status;
     memcpy(cells, s->cells, sizeof cells);
-    if (!sf_sightings_mark(s, &list, cells) && !is_novel(s, &stance)) return SF_OK;
+    if (!sf_observations_mark(s, &list, cells) && !is_novel(s, &stance)) return SF_OK;
     status = add(s, corners, count, &stance);
     *taken = !status;
     return status;
@@ -165,7 +168,7 @@ static void widen(range *r, double value) {
     r->most = fmax(r->most, value);
 }
 
-const char *sf_sightings_advice(const sf_sightings *s) {
+const char *sf_observations_advice(const sf_observations *s) {
     enum { ENOUGH_VIEWS = 10 };
     const double half = 0.5, sine = 0.25, stretch = log(1.3);
     range x = {0, 0}, y = {0, 0}, distance = {INFINITY, -INFINITY};

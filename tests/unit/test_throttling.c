@@ -1,5 +1,5 @@
-/* test_heat.c - what the kernel says of a hot processor, as folders of a /sys; and what a live fit makes of
- * it. */
+/* test_throttling.c - what the kernel says of a hot processor, as folders of a /sys; and what a live fit
+ * makes of it. */
 #include "../testing.h"
 
 #include <stdio.h>
@@ -12,7 +12,7 @@
 #include <splatfit/source.h>
 
 #include "base/clock.h"
-#include "live/heat.h"
+#include "live/throttling.h"
 
 #define THERMAL "sys/class/thermal/"
 
@@ -29,7 +29,7 @@ static void put(const char *name, const char *text) {
 
 static int is_hot(const char *expected) {
     char what[128] = "nothing";
-    int hot = sf_is_hot(test_path("sys"), what, sizeof what);
+    int hot = sf_is_throttled(test_path("sys"), what, sizeof what);
     assert_string_equal(what, hot ? expected : "nothing");
     return hot;
 }

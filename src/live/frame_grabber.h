@@ -1,6 +1,6 @@
-/* intake.h - frames as pictures to fit, taken in on a thread of its own. */
-#ifndef SF_LIVE_INTAKE_H
-#define SF_LIVE_INTAKE_H
+/* frame_grabber.h - a thread that turns the frames of a source into pictures of a pinhole camera. */
+#ifndef SF_LIVE_FRAME_GRABBER_H
+#define SF_LIVE_FRAME_GRABBER_H
 
 #include <splatfit/remap.h>
 #include <splatfit/source.h>
@@ -25,35 +25,36 @@ static inline float sf_picture_grey(const sf_picture *p, size_t at) {
     return sf_grey(p->rgb[0][at], p->rgb[1][at], p->rgb[2][at]);
 }
 
-typedef struct sf_intake sf_intake;
+typedef struct sf_frame_grabber sf_frame_grabber;
 
-/* No frame for so long (s) is said. */
-#define SF_INTAKE_SILENCE 2.0
+/* s: a warning is logged after this time without a frame. */
+#define SF_FRAME_SILENCE 2.0
 
 /* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`, for who
  * wants `rate` a second. Of a source in real time the newest waits, and older ones are passed over; of
  * another each waits for its turn. */
-sf_status sf_intake_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
-                           double rate, sf_intake **intake);
+sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
+                                  double rate, sf_frame_grabber **grabber);
 /* Waits for the thread to end: a fraction of a second. */
-void sf_intake_destroy(sf_intake **intake);
+void sf_frame_grabber_destroy(sf_frame_grabber **grabber);
 
-/* The newest picture, in place of the one taken last, which is the intake's again; waits up to timeout_ms.
+/* The newest picture, in place of the one taken last, which is the grabber's again; waits up to timeout_ms.
  * SF_ERR_TIMEOUT: none has come; SF_ERR_END, SF_ERR_IO, ...: none will come any more, why is in
  * sf_last_error. */
-sf_status sf_intake_take(sf_intake *intake, int timeout_ms, const sf_picture **picture);
-/* As sf_source_lock_exposure, before the next frame. sf_intake_locked: whether it is, -1: the source cannot
- * be told. */
-void sf_intake_lock(sf_intake *intake, int locked);
-int sf_intake_locked(sf_intake *intake);
+sf_status sf_frame_grabber_take(sf_frame_grabber *grabber, int timeout_ms, const sf_picture **picture);
+/* As sf_source_lock_exposure, before the next frame. sf_frame_grabber_locked: whether it is, -1: the source
+ * cannot be told. */
+void sf_frame_grabber_lock(sf_frame_grabber *grabber, int locked);
+int sf_frame_grabber_locked(sf_frame_grabber *grabber);
 
 /* Whether one waits. */
-int sf_intake_waits(sf_intake *intake);
+int sf_frame_grabber_waits(sf_frame_grabber *grabber);
 
 /* How long no frame has come, s; of a source that is not in real time, as it counts it. 0 before the first.
  */
-double sf_intake_silent(sf_intake *intake);
+double sf_frame_grabber_silent(sf_frame_grabber *grabber);
 
-void sf_intake_count(sf_intake *intake, sf_source_counts *counts, uint64_t *passed_over, uint64_t *came);
+void sf_frame_grabber_count(sf_frame_grabber *grabber, sf_source_counts *counts, uint64_t *passed_over,
+                            uint64_t *came);
 
 #endif

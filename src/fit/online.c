@@ -1,0 +1,33 @@
+/* online.c - see online.h. */
+#include "online.h"
+
+#include "fitter.h"
+
+sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options) {
+    return sf_fit_options_check(ctx, options);
+}
+
+int sf_online_has_view(const sf_fitter *f, uint32_t id) { return sf_view_state_of(&f->views, id) != NULL; }
+
+double sf_online_near_plane(const sf_fitter *f) { return (double)f->near_plane; }
+
+double sf_online_extent(const sf_fitter *f) { return f->extent; }
+
+const sf_model *sf_online_model(sf_fitter *f, sf_render_options *options) {
+    sf_fitter_render_options(f, options);
+    options->sh_degree = f->sh_degree;
+    return sf_fitter_shown(f);
+}
+
+sf_status sf_online_draw(sf_fitter *f, const sf_camera *camera, const sf_workspace **drawing) {
+    sf_render_options options;
+    sf_fitter_render_options(f, &options);
+    *drawing = &f->workspace;
+    return sf_forward(&f->workspace, sf_fitter_shown(f), camera, &options, 1);
+}
+
+void sf_online_move_means(sf_fitter *f, void (*move)(sf_model *model, void *user), void *user) {
+    sf_trials_end(f);
+    move(f->model, user);
+    if (f->best) move(f->best, user);
+}
