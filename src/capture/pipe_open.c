@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "../base/clock.h"
+#include "../base/query.h"
 #include "format.h"
 #include "pipe_source.h"
 #include "y4m.h"
@@ -23,7 +24,7 @@ typedef struct asked {
 
 static sf_status parse_options(sf_context *ctx, const char *name, asked *a) {
     enum { FPS, LIVE, SIZE, FORMAT, MATRIX, RANGE, OPTIONS };
-    sf_source_option options[OPTIONS] = {
+    sf_query_option options[OPTIONS] = {
         [FPS] = {.name = "fps", .most = 1000},
         [LIVE] = {.name = "live", .most = 1, .whole = 1},
         [SIZE] = {.name = "size", .text = a->size, .text_size = TEXT_BYTES},
@@ -31,7 +32,7 @@ static sf_status parse_options(sf_context *ctx, const char *name, asked *a) {
         [MATRIX] = {.name = "matrix", .text = a->matrix, .text_size = TEXT_BYTES},
         [RANGE] = {.name = "range", .text = a->range, .text_size = TEXT_BYTES},
     };
-    sf_status status = sf_source_parse_options(ctx, name, options, OPTIONS);
+    sf_status status = sf_query_parse(ctx, name, options, OPTIONS);
     a->fps = options[FPS].value;
     a->live = options[LIVE].value != 0;
     return status;

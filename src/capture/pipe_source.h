@@ -5,7 +5,7 @@
 #include <pthread.h>
 
 #include "jpeg_cut.h"
-#include "source.h"
+#include "source_ops.h"
 #include "stream.h"
 
 enum {
