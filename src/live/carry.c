@@ -99,7 +99,7 @@ sf_status sf_carry_fit(sf_fitter *f, const sf_correction *corrections, size_t co
     if (!status) {
         sf_trials_end(f);
         carry(f->ctx, &j, f->model);
-        if (f->best) carry(f->ctx, &j, f->best);
+        if (f->restore.model) carry(f->ctx, &j, f->restore.model);
     }
     sf_free(f->ctx, j.sights);
     return status;
