@@ -19,8 +19,10 @@ static sf_status set_room(sf_fitter *f, int band, size_t room) {
     if (room < m->capacity[band]) m->capacity[band] = room;
     sf_status status = sf_moments_set_room(&f->moments, m, band, room);
     if (!status && band == 0) {
-        status = sf_resize(f->ctx, &f->screen_sum, used, room, sizeof *f->screen_sum);
-        if (!status) status = sf_resize(f->ctx, &f->screen_seen, used, room, sizeof *f->screen_seen);
+        status = sf_resize(f->ctx, &f->densify.gradient_sum, used, room, sizeof *f->densify.gradient_sum);
+        if (!status)
+            status =
+                sf_resize(f->ctx, &f->densify.visible_count, used, room, sizeof *f->densify.visible_count);
     }
     return status ? status : sf_model_set_room(m, band, room);
 }
@@ -63,9 +65,9 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
         status = sf_model_set_room(m, band, room_of_band(f, m->banded, band, whole));
     if (!status) status = sf_moments_create(m, (int)f->options.moments, f->options.mean_steps, &f->moments);
     if (status) return status;
-    f->screen_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->screen_sum);
-    f->screen_seen = sf_calloc(f->ctx, m->capacity[0], sizeof *f->screen_seen);
-    return f->screen_sum && f->screen_seen ? SF_OK : SF_ERR_MEMORY;
+    f->densify.gradient_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.gradient_sum);
+    f->densify.visible_count = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.visible_count);
+    return f->densify.gradient_sum && f->densify.visible_count ? SF_OK : SF_ERR_MEMORY;
 }
 
 sf_status sf_arrange(sf_fitter *f, const sf_place *places, size_t n, uint32_t *where) {
@@ -75,8 +77,8 @@ sf_status sf_arrange(sf_fitter *f, const sf_place *places, size_t n, uint32_t *w
     if (!status) status = sf_fitter_room(f, order.banded);
     if (!status) status = sf_order_prepare(f->ctx, &order);
     if (!status) {
-        sf_values_arrange(f->screen_sum, sizeof *f->screen_sum, had, &order);
-        sf_values_arrange(f->screen_seen, sizeof *f->screen_seen, had, &order);
+        sf_values_arrange(f->densify.gradient_sum, sizeof *f->densify.gradient_sum, had, &order);
+        sf_values_arrange(f->densify.visible_count, sizeof *f->densify.visible_count, had, &order);
         sf_moments_arrange(&f->moments, f->model, &order);
         sf_model_arrange(f->model, &order);
     }

@@ -172,8 +172,8 @@ static double median(const sf_fitter *f, const judgement *j, int direction, size
 
 int sf_is_blurred(const sf_fitter *f, uint32_t id) {
     size_t i = 0;
-    while (i < f->blurred_count && f->blurred[i] != id) i++;
-    return i < f->blurred_count;
+    while (i < f->blur.count && f->blur.ids[i] != id) i++;
+    return i < f->blur.count;
 }
 
 /* The ids of those far below the others become the fitter's. A pass without those that were trained on
@@ -186,19 +186,19 @@ static void find_blurred(sf_fitter *f, const judgement *j) {
     for (size_t i = 0; i < j->count; i++) {
         double least = fmin(j->sharper[ACROSS][i] - usual[ACROSS], j->sharper[DOWN][i] - usual[DOWN]);
         if (!(least < limit)) continue;
-        f->blurred[f->blurred_count++] = j->ids[i];
+        f->blur.ids[f->blur.count++] = j->ids[i];
         if (sf_validates(f, j->ids[i]))
             sf_forget_best(f);
         else
-            f->order_at = f->order_count;
+            f->sampler.at = f->sampler.count;
     }
 }
 
 static void say_which(const sf_fitter *f, size_t judged) {
     char names[MOST_NAMES + 1] = "";
     size_t used = 0, named = 0;
-    for (; named < f->blurred_count; named++) {
-        sf_view *view = sf_scene_retain_id(f->scene, f->blurred[named]);
+    for (; named < f->blur.count; named++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->blur.ids[named]);
         const char *name = view ? view->name : "";
         int fits = used + strlen(name) + 2 < sizeof names;
         if (fits) used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", used ? ", " : "", name);
@@ -207,7 +207,7 @@ static void say_which(const sf_fitter *f, size_t judged) {
     }
     sf_log(f->ctx, SF_LOG_WARNING,
            "blur: %zu of %zu training views are less sharp than the model, and count less: %s%s",
-           f->blurred_count, judged, names, named < f->blurred_count ? ", ..." : "");
+           f->blur.count, judged, names, named < f->blur.count ? ", ..." : "");
 }
 
 static sf_status judge(sf_fitter *f, judgement *j) {
@@ -215,9 +215,9 @@ static sf_status judge(sf_fitter *f, judgement *j) {
     if (status) return status;
     for (int k = 0; k < DIRECTIONS; k++) j->sharper[k] = sf_alloc(f->ctx, j->room, sizeof **j->sharper);
     j->sorted = sf_alloc(f->ctx, j->room, sizeof *j->sorted);
-    sf_free(f->ctx, f->blurred); /* a checkpoint's, of none */
-    f->blurred = sf_alloc(f->ctx, j->room, sizeof *f->blurred);
-    if (!j->sharper[ACROSS] || !j->sharper[DOWN] || !j->sorted || !f->blurred) return SF_ERR_MEMORY;
+    sf_free(f->ctx, f->blur.ids); /* a checkpoint's, of none */
+    f->blur.ids = sf_alloc(f->ctx, j->room, sizeof *f->blur.ids);
+    if (!j->sharper[ACROSS] || !j->sharper[DOWN] || !j->sorted || !f->blur.ids) return SF_ERR_MEMORY;
     status = judge_views(f, j);
     if (!status) find_blurred(f, j);
     return status;
@@ -225,15 +225,15 @@ static sf_status judge(sf_fitter *f, judgement *j) {
 
 /* Through a model with holes a background drawn at random shows edges that no picture has. */
 static int may_judge(const sf_fitter *f) {
-    return f->options.blur > 0 && f->options.background != SF_BACKGROUND_RANDOM && !f->blur_judged;
+    return f->options.blur > 0 && f->options.background != SF_BACKGROUND_RANDOM && !f->blur.judged;
 }
 
 sf_status sf_judge_blur(sf_fitter *f, double fraction) {
     judgement j = {0};
     if (!may_judge(f) || fraction < JUDGE_AT) return SF_OK;
     sf_status status = judge(f, &j);
-    f->blur_judged = 1;
-    if (f->blurred_count) say_which(f, j.count);
+    f->blur.judged = 1;
+    if (f->blur.count) say_which(f, j.count);
     sf_free(f->ctx, j.ids);
     for (int k = 0; k < DIRECTIONS; k++) sf_free(f->ctx, j.sharper[k]);
     sf_free(f->ctx, j.sorted);
@@ -242,10 +242,10 @@ sf_status sf_judge_blur(sf_fitter *f, double fraction) {
 
 void sf_leave_out_blurred(sf_fitter *f) {
     size_t kept = 0, sharp = 0;
-    for (size_t i = 0; i < f->order_count; i++) sharp += !sf_is_blurred(f, f->order[i]);
+    for (size_t i = 0; i < f->sampler.count; i++) sharp += !sf_is_blurred(f, f->sampler.ids[i]);
     if (!sharp) return;
-    for (size_t i = 0; i < f->order_count; i++)
-        if (!sf_is_blurred(f, f->order[i]) || !sf_rng_below(&f->rng, PASSES_OF_ONE))
-            f->order[kept++] = f->order[i];
-    f->order_count = kept;
+    for (size_t i = 0; i < f->sampler.count; i++)
+        if (!sf_is_blurred(f, f->sampler.ids[i]) || !sf_rng_below(&f->rng, PASSES_OF_ONE))
+            f->sampler.ids[kept++] = f->sampler.ids[i];
+    f->sampler.count = kept;
 }

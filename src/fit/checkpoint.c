@@ -32,43 +32,43 @@ enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
     F(level)                                                                                                 \
     F(sh_degree)                                                                                             \
     F(skipped_values)                                                                                        \
-    F(gone_on)                                                                                               \
+    F(warm_start)                                                                                            \
     F(first_count)                                                                                           \
-    F(growth_ended)                                                                                          \
-    F(grown_out)                                                                                             \
-    F(growths_in_vain)                                                                                       \
-    F(order_at)                                                                                              \
-    F(following)                                                                                             \
-    F(plan_lost)                                                                                             \
-    F(taken_up)                                                                                              \
-    F(next_look)                                                                                             \
-    F(best_step)                                                                                             \
-    F(joined)                                                                                                \
-    F(blur_judged)                                                                                           \
-    F(trials.in_vain)                                                                                        \
-    F(least_level)                                                                                           \
+    F(densify.out_of_memory)                                                                                 \
+    F(densify.ended)                                                                                         \
+    F(select.vain_growths)                                                                                   \
+    F(sampler.at)                                                                                            \
+    F(trace.replayed)                                                                                        \
+    F(trace.lost)                                                                                            \
+    F(validation.assigned)                                                                                   \
+    F(validation.next_step)                                                                                  \
+    F(validation.best_step)                                                                                  \
+    F(validation.merged)                                                                                     \
+    F(blur.judged)                                                                                           \
+    F(merges.in_vain)                                                                                        \
+    F(select.min_error_level)                                                                                \
     F(end)                                                                                                   \
-    F(adam_before)                                                                                           \
-    F(guard_since)                                                                                           \
-    F(views_before)                                                                                          \
-    F(diverged)
+    F(optimizer_restart)                                                                                     \
+    F(recovery.since)                                                                                        \
+    F(sampler.views_before)                                                                                  \
+    F(recovery.count)
 #define STATE_REALS(F)                                                                                       \
     F(extent)                                                                                                \
     F(near_plane)                                                                                            \
     F(steps_per_second)                                                                                      \
-    F(best_fraction)                                                                                         \
-    F(next_validation)                                                                                       \
-    F(settle_from)                                                                                           \
-    F(least_noise)                                                                                           \
-    F(growth_pays)                                                                                           \
-    F(trials.part)                                                                                           \
-    F(trials.squares)                                                                                        \
-    F(least_squares)                                                                                         \
-    F(settle_for)                                                                                            \
-    F(least_loss)                                                                                            \
-    F(start_loss)                                                                                            \
-    F(rate_cut)                                                                                              \
-    F(pass_start)
+    F(validation.best_fraction)                                                                              \
+    F(validation.next_fraction)                                                                              \
+    F(cool_down.from)                                                                                        \
+    F(select.noise_variance)                                                                                 \
+    F(select.growth_scale)                                                                                   \
+    F(merges.part)                                                                                           \
+    F(merges.squares)                                                                                        \
+    F(select.min_error)                                                                                      \
+    F(cool_down.length)                                                                                      \
+    F(recovery.min_loss)                                                                                     \
+    F(recovery.initial_loss)                                                                                 \
+    F(recovery.lr_scale)                                                                                     \
+    F(sampler.start)
 
 #define COUNT_ONE(name) +1
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };
@@ -276,10 +276,10 @@ static void put_places(sf_sections_out *out, const char *name, const uint32_t *i
 static void put_views(sf_sections_out *out, const sf_fitter *f, sf_view *const *views, size_t count,
                       uint32_t *places) {
     int64_t known = 0;
-    while (known < (int64_t)count && views[known]->id <= f->newest) known++;
-    put_places(out, "order", f->order, f->order_count, views, count, places);
-    put_places(out, "kept.out", f->kept_out, f->kept_out_count, views, count, places);
-    put_places(out, "blurred", f->blurred, f->blurred_count, views, count, places);
+    while (known < (int64_t)count && views[known]->id <= f->validation.newest_id) known++;
+    put_places(out, "order", f->sampler.ids, f->sampler.count, views, count, places);
+    put_places(out, "kept.out", f->validation.ids, f->validation.count, views, count, places);
+    put_places(out, "blurred", f->blur.ids, f->blur.count, views, count, places);
     sf_sections_put(out, "known", &known, 1, sizeof known);
 }
 
@@ -289,8 +289,8 @@ static sf_status put_scene(sf_sections_out *out, const sf_fitter *f) {
     view_table t;
     sf_status status = sf_scene_retain_all(f->scene, &views, &count);
     if (status) return status;
-    size_t most = f->order_count > f->kept_out_count ? f->order_count : f->kept_out_count;
-    if (f->blurred_count > most) most = f->blurred_count;
+    size_t most = f->sampler.count > f->validation.count ? f->sampler.count : f->validation.count;
+    if (f->blur.count > most) most = f->blur.count;
     uint32_t *places = sf_alloc(f->ctx, most, sizeof *places);
     status = places ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
     if (!status) {
@@ -393,7 +393,7 @@ static sf_status take_newest(sf_sections_in *in, sf_fitter *f, sf_view *const *v
     sf_status status = sf_sections_take(in, "known", &known, 1, sizeof known);
     if (!status && (known < 0 || known > (int64_t)count))
         status = bad(in, "known", "is not a number of the scene's views");
-    if (!status) f->newest = known ? views[known - 1]->id : 0;
+    if (!status) f->validation.newest_id = known ? views[known - 1]->id : 0;
     return status;
 }
 
@@ -408,10 +408,10 @@ static sf_status take_scene(sf_sections_in *in, sf_fitter *f) {
         status = compare_scene(in, &t, views, count);
         free_table(f->ctx, &t);
     }
-    if (!status) status = take_places(in, "order", &f->order, &f->order_count, views, count);
-    if (!status) status = take_places(in, "kept.out", &f->kept_out, &f->kept_out_count, views, count);
-    if (!status) status = take_places(in, "blurred", &f->blurred, &f->blurred_count, views, count);
-    if (!status) f->kept_out_capacity = f->kept_out_count, status = take_newest(in, f, views, count);
+    if (!status) status = take_places(in, "order", &f->sampler.ids, &f->sampler.count, views, count);
+    if (!status) status = take_places(in, "kept.out", &f->validation.ids, &f->validation.count, views, count);
+    if (!status) status = take_places(in, "blurred", &f->blur.ids, &f->blur.count, views, count);
+    if (!status) f->validation.capacity = f->validation.count, status = take_newest(in, f, views, count);
     sf_scene_release_all(f->scene, views, count);
     return status;
 }
@@ -595,7 +595,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     int64_t banded[SF_BANDS], best[SF_BANDS];
     for (int band = 0; band < SF_BANDS; band++) {
         banded[band] = (int64_t)m->banded[band];
-        best[band] = f->best ? (int64_t)f->best->banded[band] : -1;
+        best[band] = f->restore.model ? (int64_t)f->restore.model->banded[band] : -1;
     }
     const double seconds = sf_clock() - f->start;
     sf_sections_put(out, "integers", integers, INTEGERS, sizeof *integers);
@@ -606,20 +606,20 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     sf_sections_put(out, "background.m", f->background_m, 3, sizeof *f->background_m);
     sf_sections_put(out, "background.v", f->background_v, 3, sizeof *f->background_v);
     sf_sections_put(out, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
-    sf_sections_put(out, "plan", f->plan, f->plan_count, sizeof *f->plan);
+    sf_sections_put(out, "plan", f->trace.ticks, f->trace.count, sizeof *f->trace.ticks);
     sf_sections_put(out, "model", model, 2, sizeof *model);
     sf_sections_put(out, "model.banded", banded, SF_BANDS, sizeof *banded);
     put_params(out, "model", m);
     put_moments(out, &f->moments, m);
-    sf_sections_put(out, "screen.sum", f->screen_sum, m->count, sizeof *f->screen_sum);
-    sf_sections_put(out, "screen.seen", f->screen_seen, m->count, sizeof *f->screen_seen);
-    sf_sections_put(out, "trials", f->trials.list, f->trials.count * TRIAL_WORDS, sizeof(uint32_t));
-    sf_sections_put(out, "trials.tiles", f->trials.tiles, f->trials.tile_count, sizeof *f->trials.tiles);
-    const double psnr[] = {f->validation_psnr, f->best_psnr}; /* NAN before the first validation */
+    sf_sections_put(out, "screen.sum", f->densify.gradient_sum, m->count, sizeof *f->densify.gradient_sum);
+    sf_sections_put(out, "screen.seen", f->densify.visible_count, m->count, sizeof *f->densify.visible_count);
+    sf_sections_put(out, "trials", f->merges.list, f->merges.count * TRIAL_WORDS, sizeof(uint32_t));
+    sf_sections_put(out, "trials.tiles", f->merges.tiles, f->merges.tile_count, sizeof *f->merges.tiles);
+    const double psnr[] = {f->validation.psnr, f->validation.best_psnr}; /* NAN before the first validation */
     sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
     sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
-    sf_sections_put(out, "best.background", f->best_background, 3, sizeof *f->best_background);
-    if (f->best) put_params(out, "best", f->best);
+    sf_sections_put(out, "best.background", f->restore.background, 3, sizeof *f->restore.background);
+    if (f->restore.model) put_params(out, "best", f->restore.model);
 }
 
 static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
@@ -639,10 +639,10 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
 #undef VALUE
     if (f->first_count > (size_t)f->options.max_gaussians)
         return bad(in, "integers", "first_count is more than max_gaussians");
-    if (f->order_at > f->order_count) return bad(in, "integers", "order_at lies behind the order");
+    if (f->sampler.at > f->sampler.count) return bad(in, "integers", "order_at lies behind the order");
     if (f->end >= SF_FIT_END_COUNT) return bad(in, "integers", "end is none that a run can have");
-    if (f->guard_since > f->step) return bad(in, "integers", "guard_since lies behind the step");
-    if (f->adam_before > f->step) return bad(in, "integers", "adam_before lies behind the step");
+    if (f->recovery.since > f->step) return bad(in, "integers", "guard_since lies behind the step");
+    if (f->optimizer_restart > f->step) return bad(in, "integers", "adam_before lies behind the step");
     return SF_OK;
 }
 
@@ -657,8 +657,8 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
 #define VALUE(name) f->name = *at++;
     STATE_REALS(VALUE)
 #undef VALUE
-    if (f->trials.part > 1) return bad(in, "reals", "trials.part is more than the whole");
-    if (f->pass_start >= 1) return bad(in, "reals", "pass_start lies behind the views");
+    if (f->merges.part > 1) return bad(in, "reals", "trials.part is more than the whole");
+    if (f->sampler.start >= 1) return bad(in, "reals", "pass_start lies behind the views");
     f->rate_time = sf_clock();
     f->rate_step = f->step;
     f->start = f->rate_time - seconds;
@@ -666,10 +666,12 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
 }
 
 static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
-    sf_status status = sf_sections_take_new(in, "plan", &f->plan, &f->plan_count, INT32_MAX, sizeof *f->plan);
+    sf_status status =
+        sf_sections_take_new(in, "plan", &f->trace.ticks, &f->trace.count, INT32_MAX, sizeof *f->trace.ticks);
     if (status) return status;
-    f->plan_capacity = f->plan_count;
-    return sf_plan_check(f->ctx, f->plan, f->plan_count) ? bad(in, "plan", "times do not rise") : SF_OK;
+    f->trace.capacity = f->trace.count;
+    return sf_plan_check(f->ctx, f->trace.ticks, f->trace.count) ? bad(in, "plan", "times do not rise")
+                                                                 : SF_OK;
 }
 
 /* How many Gaussians have each band, at most max_gaussians. The numbers are believed only where the file is
@@ -715,14 +717,18 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = sf_fitter_start_room(f, sf_planned_count(f, 1));
     if (!status) status = take_moments(in, &f->moments, f->model);
     size_t count = banded[0];
-    if (!status) status = sf_sections_take(in, "screen.sum", f->screen_sum, count, sizeof *f->screen_sum);
-    if (!status) status = sf_sections_take(in, "screen.seen", f->screen_seen, count, sizeof *f->screen_seen);
+    if (!status)
+        status = sf_sections_take(in, "screen.sum", f->densify.gradient_sum, count,
+                                  sizeof *f->densify.gradient_sum);
+    if (!status)
+        status = sf_sections_take(in, "screen.seen", f->densify.visible_count, count,
+                                  sizeof *f->densify.visible_count);
     return status;
 }
 
 /* Pairs on trial, and what they are judged by. */
 static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
-    sf_trials *t = &f->trials;
+    sf_trials *t = &f->merges;
     size_t n = f->model->count, words;
     sf_status status =
         sf_sections_take_new(in, "trials", &t->list, &words, n * TRIAL_WORDS, sizeof(uint32_t));
@@ -744,15 +750,16 @@ static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
     int none, degree = f->model->sh_degree;
     sf_status status = sf_sections_take(in, "validation", psnr, 2, sizeof *psnr);
     if (!status)
-        status = sf_sections_take(in, "best.background", f->best_background, 3, sizeof *f->best_background);
+        status =
+            sf_sections_take(in, "best.background", f->restore.background, 3, sizeof *f->restore.background);
     if (!status) status = take_banded(in, "best", degree, f->model->capacity[0], banded, &none);
     if (status) return status;
-    f->validation_psnr = psnr[0], f->best_psnr = psnr[1];
+    f->validation.psnr = psnr[0], f->validation.best_psnr = psnr[1];
     if (none) return SF_OK;
-    status = sf_model_create_banded(f->ctx, banded, f->model->capacity[0], degree, &f->best);
+    status = sf_model_create_banded(f->ctx, banded, f->model->capacity[0], degree, &f->restore.model);
     if (status) return status;
-    f->best->antialiased = f->model->antialiased;
-    return take_params(in, "best", f->best);
+    f->restore.model->antialiased = f->model->antialiased;
+    return take_params(in, "best", f->restore.model);
 }
 
 static sf_status take_state(sf_sections_in *in, sf_fitter *f) {

@@ -98,8 +98,8 @@ sf_status sf_score_errors(sf_fitter *f) {
         shares ? sf_look_at_views(f, (size_t)f->options.error_views, 1, look_at, &job, NULL) : SF_ERR_MEMORY;
     unsigned least = job.views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
     for (size_t i = 0; i < count && !status; i++) {
-        f->screen_sum[i] = score_of(&shares[i], least);
-        f->screen_seen[i] = f->screen_sum[i] > 0;
+        f->densify.gradient_sum[i] = score_of(&shares[i], least);
+        f->densify.visible_count[i] = f->densify.gradient_sum[i] > 0;
     }
     sf_free(f->ctx, shares);
     return status;

@@ -25,7 +25,7 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
             return sf_fail(f->ctx, SF_ERR_ARGUMENT,
                            "max_gaussians: %lld is less than the %zu of the model gone on from",
                            (long long)o->max_gaussians, from->count);
-        f->gone_on = 1;
+        f->warm_start = 1;
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
         return sf_model_copy_whole(from, degree, &f->model);
@@ -71,8 +71,8 @@ static int learns_views(const sf_fitter *f) {
 
 /* Views that came or went are no measure for those before. */
 static void note_views(sf_fitter *f, size_t count) {
-    if (f->views_before && count != f->views_before) sf_guard_forget(f);
-    f->views_before = count;
+    if (f->sampler.views_before && count != f->sampler.views_before) sf_guard_forget(f);
+    f->sampler.views_before = count;
 }
 
 /* Of all training views, ascending, what is known of each is made ready, and those that are trained on stay.
@@ -99,41 +99,41 @@ static size_t spread(size_t k, size_t n) {
 /* Views of one time or file name mostly stand side by side. The first pass begins at a place that is drawn,
  * and each at one far from those before, so that every view comes back after like times. */
 static sf_status spread_order(sf_fitter *f) {
-    size_t n = f->order_count;
+    size_t n = f->sampler.count;
     if (n < 2) return SF_OK;
     uint32_t *order = sf_alloc(f->ctx, n, sizeof *order);
     if (!order) return SF_ERR_MEMORY;
-    size_t start = (size_t)(f->pass_start * (double)n);
-    for (size_t k = 0; k < n; k++) order[k] = f->order[(start + spread(k, n)) % n];
-    sf_free(f->ctx, f->order);
-    f->order = order;
-    f->pass_start = fmod(f->pass_start + SF_GOLDEN, 1);
+    size_t start = (size_t)(f->sampler.start * (double)n);
+    for (size_t k = 0; k < n; k++) order[k] = f->sampler.ids[(start + spread(k, n)) % n];
+    sf_free(f->ctx, f->sampler.ids);
+    f->sampler.ids = order;
+    f->sampler.start = fmod(f->sampler.start + SF_GOLDEN, 1);
     return SF_OK;
 }
 
 static sf_status begin_pass(sf_fitter *f) {
-    sf_free(f->ctx, f->order);
-    f->order_at = f->order_count = 0;
-    sf_status status = sf_scene_training_ids(f->scene, &f->order, &f->order_count);
-    if (!status) status = meet_views(f, f->order, &f->order_count);
+    sf_free(f->ctx, f->sampler.ids);
+    f->sampler.at = f->sampler.count = 0;
+    sf_status status = sf_scene_training_ids(f->scene, &f->sampler.ids, &f->sampler.count);
+    if (!status) status = meet_views(f, f->sampler.ids, &f->sampler.count);
     if (!status) {
         sf_leave_out_blurred(f);
         status = spread_order(f);
     }
-    if (status) f->order_count = 0; /* the pass has not begun */
+    if (status) f->sampler.count = 0; /* the pass has not begun */
     return status;
 }
 
 /* The pass goes on with these, and then with what it has left. */
 static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
-    size_t left = f->order_count - f->order_at;
-    uint32_t *order = sf_alloc(f->ctx, f->order_count + count, sizeof *order);
+    size_t left = f->sampler.count - f->sampler.at;
+    uint32_t *order = sf_alloc(f->ctx, f->sampler.count + count, sizeof *order);
     if (!order) return SF_ERR_MEMORY;
-    memcpy(order, f->order, f->order_at * sizeof *order);
-    memcpy(order + f->order_at, ids, count * sizeof *order);
-    memcpy(order + f->order_at + count, f->order + f->order_at, left * sizeof *order);
-    sf_free(f->ctx, f->order);
-    f->order = order, f->order_count += count;
+    memcpy(order, f->sampler.ids, f->sampler.at * sizeof *order);
+    memcpy(order + f->sampler.at, ids, count * sizeof *order);
+    memcpy(order + f->sampler.at + count, f->sampler.ids + f->sampler.at, left * sizeof *order);
+    sf_free(f->ctx, f->sampler.ids);
+    f->sampler.ids = order, f->sampler.count += count;
     return SF_OK;
 }
 
@@ -141,7 +141,7 @@ static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
  * anew with them, for where they come one after another it would be left to chance which of the others are
  * ever seen again. */
 static sf_status take_newcomers(sf_fitter *f) {
-    uint32_t *ids, newest = f->newest;
+    uint32_t *ids, newest = f->validation.newest_id;
     size_t count, first = 0;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
     if (status) return status;
@@ -157,14 +157,14 @@ static sf_status take_newcomers(sf_fitter *f) {
 /* The next training view, each once a pass, those far apart after one another; views that came are next, and
  * those that went are passed over. The reference is the caller's. */
 static sf_status next_view(sf_fitter *f, sf_view **view) {
-    sf_status status = f->order_count ? take_newcomers(f) : SF_OK;
+    sf_status status = f->sampler.count ? take_newcomers(f) : SF_OK;
     for (int passes = 0; passes < 2 && !status;) {
-        if (f->order_at == f->order_count) {
+        if (f->sampler.at == f->sampler.count) {
             status = begin_pass(f);
             passes++;
             continue;
         }
-        *view = sf_scene_retain_id(f->scene, f->order[f->order_at++]);
+        *view = sf_scene_retain_id(f->scene, f->sampler.ids[f->sampler.at++]);
         if (*view && (*view)->split == SF_SPLIT_TRAIN) return SF_OK;
         sf_view_release(*view);
     }
@@ -259,12 +259,12 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
 /* All that a step teaches beside the Gaussians. */
 static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *d, double fraction) {
     const sf_fit_options *o = &f->options;
-    double decay = f->rate_cut * pow(o->lr_camera_final, fraction);
+    double decay = f->recovery.lr_scale * pow(o->lr_camera_final, fraction);
     if (o->background == SF_BACKGROUND_AUTO) sf_update_background(f, fraction, d->background);
     if (!state) return;
     if (o->exposure)
         sf_exposure_update(&f->views, state, d->exposure, o,
-                           f->rate_cut * pow(o->lr_exposure_final, fraction));
+                           f->recovery.lr_scale * pow(o->lr_exposure_final, fraction));
     if (o->refine_poses && fraction >= o->refine_start)
         sf_refine_pose(state, d->camera, o, decay * o->lr_pose);
     if (o->refine_intrinsics) sf_refine_focal(&f->views, state, d->camera + 6, o, decay * o->lr_focal);
@@ -273,7 +273,7 @@ static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *
 /* Seconds of a step of a training view at full resolution, but for the update. */
 static sf_status time_step(sf_fitter *f, double *seconds) {
     const sf_rng before = f->rng; /* a run that repeats this one's plan does not come here */
-    const double start_before = f->pass_start;
+    const double start_before = f->sampler.start;
     sf_view *view;
     sf_status status = next_view(f, &view);
     *seconds = INFINITY;
@@ -286,8 +286,8 @@ static sf_status time_step(sf_fitter *f, double *seconds) {
         if (status == SF_ERR_EMPTY) status = SF_OK;
     }
     if (!status) sf_view_release(view);
-    f->order_at = f->order_count = 0;
-    f->rng = before, f->pass_start = start_before;
+    f->sampler.at = f->sampler.count = 0;
+    f->rng = before, f->sampler.start = start_before;
     return status;
 }
 
@@ -301,7 +301,7 @@ static sf_status make_plan(sf_fitter *f) {
         planned = sf_steps_in(f, o->time_limit - (sf_clock() - f->start), seconds);
     }
     sf_plan_schedule(f, planned);
-    if (!o->validate) f->kept_out_count = 0; /* too short for it, after all */
+    if (!o->validate) f->validation.count = 0; /* too short for it, after all */
     return SF_OK;
 }
 
@@ -325,20 +325,20 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     f->start = f->rate_time = sf_clock();
     atomic_init(&f->cancelled, 0);
     sf_rng_seed(&f->rng, (uint64_t)options->seed);
-    f->pass_start = sf_rng_uniform(&f->rng);
+    f->sampler.start = sf_rng_uniform(&f->rng);
     sf_workspace_init(&f->workspace, ctx);
     choose_background(f);
-    f->validation_psnr = f->best_psnr = NAN;
-    f->rate_cut = 1;
-    f->settle_from = options->lr_settle;
-    f->settle_for = 1 - options->lr_settle;
+    f->validation.psnr = f->validation.best_psnr = NAN;
+    f->recovery.lr_scale = 1;
+    f->cool_down.from = options->lr_settle;
+    f->cool_down.length = 1 - options->lr_settle;
     *out = f;
     return SF_OK;
 }
 
 /* Pictures that were all taken from one place say nothing of depths. */
 static void warn_of_one_place(sf_fitter *f) {
-    if (f->gone_on || !sf_scene_in_one_place(f->scene)) return;
+    if (f->warm_start || !sf_scene_in_one_place(f->scene)) return;
     sf_log(f->ctx, SF_LOG_WARNING,
            "scene: all training pictures are from one place: they do not determine the depth");
 }
@@ -351,7 +351,7 @@ static sf_status take_up_first(sf_fitter *f) {
     if (status) return status;
     status = sf_take_up(f, ids, count);
     sf_free(f->ctx, ids);
-    if (!status && f->options.target_psnr > 0 && !f->kept_out_count)
+    if (!status && f->options.target_psnr > 0 && !f->validation.count)
         sf_log(f->ctx, SF_LOG_WARNING, "target_psnr: too few training views to look for it: %zu", count);
     return status;
 }
@@ -382,16 +382,16 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_fitter *f = *fitter_pointer;
     if (!f) return;
     sf_model_destroy(&f->model);
-    sf_model_destroy(&f->best);
+    sf_model_destroy(&f->restore.model);
     sf_shown_free(f);
     sf_moments_destroy(f->ctx, &f->moments);
-    sf_free(f->ctx, f->screen_sum);
-    sf_free(f->ctx, f->screen_seen);
+    sf_free(f->ctx, f->densify.gradient_sum);
+    sf_free(f->ctx, f->densify.visible_count);
     sf_trials_free(f);
-    sf_free(f->ctx, f->order);
-    sf_free(f->ctx, f->kept_out);
-    sf_free(f->ctx, f->blurred);
-    sf_free(f->ctx, f->plan);
+    sf_free(f->ctx, f->sampler.ids);
+    sf_free(f->ctx, f->validation.ids);
+    sf_free(f->ctx, f->blur.ids);
+    sf_free(f->ctx, f->trace.ticks);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
     sf_workspace_free(&f->workspace);
@@ -433,9 +433,9 @@ sf_status sf_fitter_step(sf_fitter *f) {
     int with_camera = f->options.refine_poses || f->options.refine_intrinsics;
     status = differentiate(f, view, state, &loss, &d);
     sf_view_release(view);
-    int64_t diverged = f->diverged;
+    int64_t diverged = f->recovery.count;
     if (!status && !isfinite(loss.loss)) status = sf_diverged(f, loss.loss);
-    if (!status && f->diverged > diverged) status = SF_ERR_EMPTY; /* of a model that is no more */
+    if (!status && f->recovery.count > diverged) status = SF_ERR_EMPTY; /* of a model that is no more */
     if (!status) status = sf_update(f, fraction, with_camera ? d.camera : NULL);
     if (status && status != SF_ERR_EMPTY) return status;
     if (!status) {
@@ -479,11 +479,11 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .steps_per_second = f->steps_per_second,
                            .level = f->level,
                            .sh_degree = f->sh_degree,
-                           .gone_on = f->gone_on,
+                           .gone_on = f->warm_start,
                            .skipped_values = f->skipped_values,
-                           .diverged = f->diverged,
-                           .validation_psnr = f->validation_psnr,
-                           .best_step = f->best_step,
+                           .diverged = f->recovery.count,
+                           .validation_psnr = f->validation.psnr,
+                           .best_step = f->validation.best_step,
                            .end = (sf_fit_end)f->end};
     p->loss = mean_loss(f);
     double left = INFINITY;
@@ -508,7 +508,7 @@ sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     sf_status status = sf_model_copy(f->model, f->model->count, model);
     if (status) return status;
     sf_take_means(f, *model);
-    sf_trials_undo(&f->trials, *model);
+    sf_trials_undo(&f->merges, *model);
     return SF_OK;
 }
 

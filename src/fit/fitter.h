@@ -23,24 +23,100 @@ enum {
 
 enum { SF_MOST_FLOATS = 59 /* of a Gaussian */ };
 
-/* A pair on trial: Gaussian a stands for both, b is not to be seen. */
+/* A tentative merge: Gaussian a stands for both, b is not drawn. */
 typedef struct sf_trial {
-    uint32_t a, b, leader;                  /* that one stands for a in the end, or is a */
-    float of_a[SF_MOST_FLOATS], logit_of_b; /* as they were */
+    uint32_t a, b, leader;                  /* the Gaussian that stands for a in the end, or a */
+    float of_a[SF_MOST_FLOATS], logit_of_b; /* as they were before */
 } sf_trial;
 
 typedef struct sf_trials {
     sf_trial *list; /* in the order in which they were merged */
     size_t count, capacity;
-    float *tiles; /* before: the squared error of each tile of each training view */
+    float *tiles; /* squared error of each tile of each training view before the merges */
     size_t tile_count, tile_capacity;
-    double squares; /* their sum */
-    double part;    /* of the Gaussians, to try next */
-    int in_vain;    /* one after another */
+    double squares; /* sum of `tiles` */
+    double part;    /* of all Gaussians, to merge next */
+    int in_vain;    /* rounds one after another that removed nothing */
 } sf_trials;
 
-/* The golden ratio's fraction: what goes on by it leaves no large gap. */
+/* The golden ratio's fraction: multiples of it leave no large gap in 0..1. */
 #define SF_GOLDEN 0.6180339887498949
+
+/* sampler.c: the order in which training views are drawn. */
+typedef struct sf_view_sampler {
+    uint32_t *ids; /* training views of the present pass, in order */
+    size_t count, at;
+    double start;        /* in 0..1, of the views: where the next pass begins */
+    size_t views_before; /* training views of the last pass */
+} sf_view_sampler;
+
+/* validation.c: training views that are not trained on, and what the model is worth on them. */
+typedef struct sf_validation {
+    uint32_t *ids; /* of these views, ascending */
+    size_t count, capacity;
+    uint32_t newest_id;     /* of the training views that were assigned to a side */
+    int64_t assigned;       /* how many were */
+    int merged;             /* these views are trained on now */
+    double psnr, best_psnr; /* dB; NAN before the first validation */
+    double best_fraction;   /* of the run, at best_psnr */
+    int64_t best_step;      /* at best_psnr */
+    double next_fraction;   /* of the run: no validation before, */
+    int64_t next_step;      /* nor before this step */
+} sf_validation;
+
+/* restore.c: an earlier model to go back to: the one with the best validation PSNR; where views of
+ * validation are merged, or there are none, the last whose losses were sound. */
+typedef struct sf_restore_point {
+    sf_model *model; /* NULL: none */
+    double background[3];
+} sf_restore_point;
+
+/* recovery.c: what tells divergence. */
+typedef struct sf_recovery {
+    double min_loss;     /* minimum so far of the median over several steps; 0: none yet */
+    double initial_loss; /* of the model that the fit began with, at full resolution; 0: unknown */
+    double lr_scale;     /* factor of all learning rates */
+    int64_t since;       /* step from which on losses are compared */
+    int64_t count;       /* times that the fit went back */
+} sf_recovery;
+
+/* blur.c */
+typedef struct sf_blur {
+    uint32_t *ids; /* of the training views that are blurred */
+    size_t count;
+    int judged; /* whether the views were measured */
+} sf_blur;
+
+/* schedule.c: the last part of the run, over which the learning rates fall; fractions of the run. */
+typedef struct sf_cool_down {
+    double from, length;
+} sf_cool_down;
+
+/* time_trace.c: the time of each step in ticks, as measured, or as given to repeat a run. */
+typedef struct sf_time_trace {
+    uint32_t *ticks;
+    size_t count, capacity;
+    int replayed, lost; /* given; or a step's time could not be kept */
+} sf_time_trace;
+
+/* densify.c: arrays have the model's capacity. */
+typedef struct sf_densify {
+    double *gradient_sum;    /* sum of the norms of the screen gradient since the last densification; while
+                                densifying by error the score, below 0 for a Gaussian to remove */
+    uint32_t *visible_count; /* views that saw the Gaussian since then */
+    int ended;               /* select.c: more Gaussians no longer pay */
+    int out_of_memory;       /* said once; the number of Gaussians stays */
+} sf_densify;
+
+/* select.c: what model selection remembers between two densifications. */
+typedef struct sf_selection {
+    int vain_growths;      /* densifications one after another that did not lower the error */
+    double min_error;      /* mean squared error of some views, the minimum after a densification; 0: none */
+    int min_error_level;   /* resolution level of min_error */
+    double growth_scale;   /* factor of the number of Gaussians to add; 0: unknown */
+    double noise_variance; /* of a value; the minimum so far is kept: pruning raises residuals, and must not
+                              make the rest look cheaper. 0: unknown */
+} sf_selection;
 
 struct sf_fitter {
     sf_context *ctx;
@@ -48,76 +124,39 @@ struct sf_fitter {
     sf_fit_options options;
     double extent;      /* of the scene, world units */
     float near_plane;   /* world units */
-    int gone_on;        /* started from a model: full resolution and all bands from the first step */
+    int warm_start;     /* begun from a model: full resolution and all bands from the first step */
     size_t first_count; /* Gaussians at the start */
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_moments moments; /* Adam's; these arrays have the model's capacities */
-    sf_model shown;     /* shown.c: with the means of the last steps, where they are kept */
-    double *screen_sum; /* sum of the screen gradient's norm since the last growth; while growing by error the
-                           score, below 0 for what is to go */
-    uint32_t *screen_seen; /* views in which it was seen */
-    int grown_out;         /* price.c: growth no longer pays */
-    int growths_in_vain;   /* since the one with least_squares */
-    double least_squares;  /* error of a value of some views, the least after a growth; 0: none yet */
-    int least_level;       /* that of the resolution it was at */
-    double growth_pays;    /* what growth is multiplied by, as errors say, or few views; 0: nothing yet */
-    double least_noise;    /* what the error of a value counts for, the least so far; 0: none yet */
-    sf_trials trials;
-    int growth_ended; /* memory ran out: said once, and N stays */
-
-    /* validate.c */
-    double validation_psnr, best_psnr; /* dB; NAN before the first */
-    double best_fraction, next_validation;
-    int64_t best_step, next_look; /* steps */
-    sf_model *best;               /* the model with best_psnr, until the views of validation join the others;
-                                     then, and where that is NAN, one to go back to */
-    double best_background[3];    /* of that model */
-    uint32_t *kept_out;           /* ids of these views, ascending */
-    size_t kept_out_count, kept_out_capacity;
-    uint32_t newest;     /* id of the last training view that was taken up */
-    int64_t taken_up;    /* number of training views that were */
-    int joined;          /* the views of validation are trained on */
-    int end;             /* an sf_fit_end */
-    double settle_from;  /* of the run: from here on the rates fall */
-    double settle_for;   /* of the run: for so long */
-    int64_t adam_before; /* steps that the moments know nothing of */
-
-    /* blur.c */
-    uint32_t *blurred; /* ids of the training views that were found blurred */
-    size_t blurred_count;
-    int blur_judged; /* whether views were looked at */
-
-    /* guard.c */
-    double least_loss;   /* median of several steps, the least so far; 0: none yet */
-    double start_loss;   /* of the model that the fit began with, at full resolution; 0: not known */
-    double rate_cut;     /* what all rates are multiplied by */
-    int64_t guard_since; /* the step from which on losses are compared */
-    int64_t diverged;    /* times that the fit went back */
-    size_t views_before; /* training views of the last pass */
-
+    sf_moments moments;        /* of Adam; arrays have the model's capacities */
+    int64_t optimizer_restart; /* step at which the moments were last cleared */
+    sf_model shown;            /* ema.c: the moving average of the model, where one is kept */
     double background[3], background_m[3], background_v[3];
     float step_background[3]; /* of the step in progress */
+
+    sf_view_sampler sampler;
+    sf_densify densify;
+    sf_selection select;
+    sf_trials merges;
+    sf_validation validation;
+    sf_restore_point restore;
+    sf_recovery recovery;
+    sf_blur blur;
+    sf_cool_down cool_down;
+    sf_time_trace trace;
 
     sf_view_states views; /* empty unless exposure or a refinement is on */
     sf_exposure exposure;
 
     sf_workspace workspace;
     sf_rng rng;
-    uint32_t *order; /* training views of this pass, in turn */
-    size_t order_count, order_at;
-    double pass_start; /* in 0..1, of the views: where the next pass begins */
-
-    /* plan.c: time of each step in ticks; kept as the clock says, or given and followed */
-    uint32_t *plan;
-    size_t plan_count, plan_capacity;
-    int following, plan_lost;
 
     /* progress */
+    int end; /* an sf_fit_end */
     int64_t step;
     double start;
-    double losses[SF_LOSS_WINDOW]; /* of the last steps, by step modulo */
+    double losses[SF_LOSS_WINDOW]; /* of the last steps, by step modulo SF_LOSS_WINDOW */
     double rate_time;              /* start of the interval over which the rate is measured */
     int64_t rate_step;
     double steps_per_second;

@@ -43,7 +43,7 @@ int sf_worth_keeping(const sf_fitter *f, size_t i, float faintest) {
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int c = 0; i < f->model->banded[sf_field_band(field)] && c < sf_field_components(field); c++)
             if (!isfinite(*sf_value(p, field, i, c))) return 0;
-    return p->field[SF_FIELD_logit_opacity][i] >= faintest && !(f->screen_sum[i] < 0);
+    return p->field[SF_FIELD_logit_opacity][i] >= faintest && !(f->densify.gradient_sum[i] < 0);
 }
 
 /* Gaussian i as it is. */
@@ -139,7 +139,7 @@ static int by_score(const void *a, const void *b) {
 
 /* Said once: the fit goes on with the Gaussians that it has. */
 static void end_growth(sf_fitter *f) {
-    f->growth_ended = 1;
+    f->densify.out_of_memory = 1;
     sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", f->model->count);
 }
 
@@ -149,7 +149,8 @@ static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) 
     candidate *candidates = sf_alloc(f->ctx, count, sizeof *candidates);
     if (!candidates) return NULL;
     for (size_t i = 0; i < count; i++) {
-        double score = f->screen_seen[i] ? f->screen_sum[i] / f->screen_seen[i] : 0;
+        double score =
+            f->densify.visible_count[i] ? f->densify.gradient_sum[i] / f->densify.visible_count[i] : 0;
         if (score > 0 && score >= f->options.grow_threshold)
             candidates[found++] = (candidate){score, (uint32_t)i};
     }
@@ -198,7 +199,7 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
     size_t wanted = planned > count ? planned - count : 0;
     size_t most = (size_t)(f->options.grow_rate * (double)count);
     if (wanted > most) wanted = most;
-    return f->growth_ended ? 0 : wanted;
+    return f->densify.out_of_memory ? 0 : wanted;
 }
 
 /* What is not worth its price goes, pairs are judged and put on trial. The statistics of growth are not
@@ -209,12 +210,12 @@ static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
     sf_status status = sf_charge(f, fraction, &w, degrees);
     for (size_t i = 0; i < had && !status; i++)
-        if (!(f->screen_sum[i] < 0)) f->screen_sum[i] = (double)w.effect[i];
+        if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.effect[i];
     if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
     if (floats - sf_model_floats(f->model) > floats / SF_NOTABLE) sf_forget_best(f);
     w.count = f->model->count;
-    for (size_t i = 0; i < w.count && !status; i++) w.effect[i] = (float)f->screen_sum[i];
+    for (size_t i = 0; i < w.count && !status; i++) w.effect[i] = (float)f->densify.gradient_sum[i];
     if (!status) status = sf_try_pairs(f, fraction, went, &w);
     sf_worth_free(f->ctx, &w);
     return status;
@@ -240,23 +241,23 @@ static sf_status grow_by_plan(sf_fitter *f, double fraction) {
     if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
     if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
-    if (sf_is_priced(f) && !f->grown_out && !f->growth_ended && sf_consider_growth(f, fraction))
+    if (sf_is_priced(f) && !f->densify.ended && !f->densify.out_of_memory && sf_consider_growth(f, fraction))
         end_growth(f);
     sf_status status = prune(f, NULL);
-    size_t wanted = !f->grown_out && !status ? wanted_more(f, fraction) : 0;
+    size_t wanted = !f->densify.ended && !status ? wanted_more(f, fraction) : 0;
     return wanted ? grow(f, wanted) : status;
 }
 
 void sf_grow_and_prune(sf_fitter *f, double fraction) {
     int charging = sf_charging_due(f, fraction);
     sf_status status = charging ? charge(f, fraction) : SF_OK;
-    int growing = !charging || (sf_growth_due(f, fraction) && !f->grown_out);
+    int growing = !charging || (sf_growth_due(f, fraction) && !f->densify.ended);
     /* those on trial stay where they are */
-    if (growing && !status && !f->trials.count) {
+    if (growing && !status && !f->merges.count) {
         status = grow_by_plan(f, fraction);
         if (!status) (void)sf_fitter_sort(f); /* without the memory for it steps are slower */
     }
-    if (status && !f->growth_ended) end_growth(f);
-    memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
-    memset(f->screen_seen, 0, f->model->count * sizeof *f->screen_seen);
+    if (status && !f->densify.out_of_memory) end_growth(f);
+    memset(f->densify.gradient_sum, 0, f->model->count * sizeof *f->densify.gradient_sum);
+    memset(f->densify.visible_count, 0, f->model->count * sizeof *f->densify.visible_count);
 }

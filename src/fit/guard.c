@@ -31,7 +31,7 @@ enum {
 /* Of the last losses; 0: there are too few since the fit began or went back. */
 static double median_loss(const sf_fitter *f) {
     double last[MEDIAN_OF];
-    if (f->step - f->guard_since < MEDIAN_OF) return 0;
+    if (f->step - f->recovery.since < MEDIAN_OF) return 0;
     for (int i = 0; i < MEDIAN_OF; i++) {
         last[i] = f->losses[(f->step - 1 - i) % SF_LOSS_WINDOW];
         if (isnan(last[i])) return 0; /* not known yet */
@@ -50,8 +50,8 @@ static double rise_least(const sf_fitter *f) {
 /* The loss at which the fit is taken to have diverged, times part; INFINITY where there is nothing to compare
  * with. */
 static double limit(const sf_fitter *f, double part) {
-    double least = f->least_loss, most = INFINITY, rise = rise_least(f);
-    if (f->start_loss > 0) most = f->start_loss + part * rise;
+    double least = f->recovery.min_loss, most = INFINITY, rise = rise_least(f);
+    if (f->recovery.initial_loss > 0) most = f->recovery.initial_loss + part * rise;
     return least > 0 ? fmin(most, least + part * fmax((RISE_RATIO - 1) * least, rise)) : most;
 }
 
@@ -78,13 +78,13 @@ static sf_status measure_start(sf_fitter *f) {
     f->sh_degree = sf_scheduled_degree(f, sf_fraction(f));
     for (int k = 0; k < 3; k++) f->step_background[k] = (float)f->background[k];
     sf_status status = sf_look_at_views(f, FIRST_VIEWS, 0, look_at, &first, NULL);
-    if (!status && first.count) f->start_loss = sf_median(first.loss, first.count);
+    if (!status && first.count) f->recovery.initial_loss = sf_median(first.loss, first.count);
     return status;
 }
 
 void sf_guard_forget(sf_fitter *f) {
-    f->least_loss = f->start_loss = 0;
-    f->guard_since = f->step;
+    f->recovery.min_loss = f->recovery.initial_loss = 0;
+    f->recovery.since = f->step;
 }
 
 sf_status sf_guard(sf_fitter *f) {
@@ -92,24 +92,25 @@ sf_status sf_guard(sf_fitter *f) {
     if (status) return status;
     double median = median_loss(f);
     if (median > limit(f, 1)) return sf_diverged(f, median);
-    if (median > 0 && !(f->least_loss > 0 && f->least_loss <= median)) f->least_loss = median;
-    int judged = f->kept_out_count && !f->joined && !isnan(f->best_psnr);
-    if (judged || (f->best && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
+    if (median > 0 && !(f->recovery.min_loss > 0 && f->recovery.min_loss <= median))
+        f->recovery.min_loss = median;
+    int judged = f->validation.count && !f->validation.merged && !isnan(f->validation.best_psnr);
+    if (judged || (f->restore.model && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
     (void)sf_keep_best(f); /* without memory for it there is an older one to go back to, or none */
     return SF_OK;
 }
 
 sf_status sf_diverged(sf_fitter *f, double loss) {
-    f->guard_since = f->step;
-    double before = f->least_loss > 0 ? f->least_loss : f->start_loss;
-    if (!f->best || !(before > 0) || f->diverged == MOST_RETURNS) return SF_OK;
+    f->recovery.since = f->step;
+    double before = f->recovery.min_loss > 0 ? f->recovery.min_loss : f->recovery.initial_loss;
+    if (!f->restore.model || !(before > 0) || f->recovery.count == MOST_RETURNS) return SF_OK;
     sf_status status = sf_bring_back(f);
     if (status) return status;
-    f->rate_cut *= RATE_CUT;
-    f->diverged++;
+    f->recovery.lr_scale *= RATE_CUT;
+    f->recovery.count++;
     sf_log(f->ctx, SF_LOG_WARNING,
            "step %lld: the fit diverged (loss %.3g, the least before %.3g): it goes on from an earlier "
            "model with %.3g of the learning rates",
-           (long long)f->step, loss, before, f->rate_cut);
+           (long long)f->step, loss, before, f->recovery.lr_scale);
     return SF_OK;
 }

@@ -28,8 +28,8 @@ static void clear(sf_fitter *f, size_t i) {
         for (int k = 0; sf_field_stored(field, f->model->sh_degree) && k < sf_field_components(field); k++)
             *sf_value(p, field, i, k) = field == SF_FIELD_quat && k == 0 ? 1 : 0;
     sf_moments_forget(&f->moments, f->model, i);
-    f->screen_sum[i] = 0;
-    f->screen_seen[i] = 0;
+    f->densify.gradient_sum[i] = 0;
+    f->densify.visible_count[i] = 0;
 }
 
 sf_status sf_fitter_add_points(sf_fitter *f, size_t count, const float *xyz, const uint8_t *rgb,

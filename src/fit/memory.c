@@ -86,7 +86,8 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     models += SF_MOMENT_VALUE * sf_moment_values(&moments, sh_degree);
     if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* as it is shown */
     double growing = GROWING + (f->options.size == SF_SIZE_AUTO ? CHARGING : 0);
-    return (bill_rates){.gaussians = models + sizeof *f->screen_sum + sizeof *f->screen_seen + growing,
+    return (bill_rates){.gaussians = models + sizeof *f->densify.gradient_sum +
+                                     sizeof *f->densify.visible_count + growing,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),
@@ -144,9 +145,9 @@ sf_status sf_fitter_plan_memory(sf_fitter *f, size_t least, int sh_degree) {
 }
 
 void sf_fitter_watch_memory(sf_fitter *f) {
-    uint64_t resident = f->growth_ended || !f->bill.budget ? 0 : sf_memory_resident();
+    uint64_t resident = f->densify.out_of_memory || !f->bill.budget ? 0 : sf_memory_resident();
     if (resident <= f->bill.budget) return;
-    f->growth_ended = 1;
+    f->densify.out_of_memory = 1;
     sf_log(
         f->ctx, SF_LOG_WARNING,
         "memory: %.0f MB are in use, %.0f were allowed: the model stays at %zu Gaussians; the run cannot be "

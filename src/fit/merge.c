@@ -118,7 +118,7 @@ static size_t list_left(const sf_fitter *f, const float *effect, uint32_t *left,
             points[3 * n + (size_t)k] = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
             finite &= isfinite(points[3 * n + (size_t)k]) != 0;
         }
-        if (finite && !(f->screen_sum[i] < 0)) left[n++] = (uint32_t)i;
+        if (finite && !(f->densify.gradient_sum[i] < 0)) left[n++] = (uint32_t)i;
     }
     return n;
 }

@@ -29,5 +29,5 @@ sf_status sf_online_draw(sf_fitter *f, const sf_camera *camera, const sf_workspa
 void sf_online_move_means(sf_fitter *f, void (*move)(sf_model *model, void *user), void *user) {
     sf_trials_end(f);
     move(f->model, user);
-    if (f->best) move(f->best, user);
+    if (f->restore.model) move(f->restore.model, user);
 }

@@ -10,9 +10,9 @@ enum { LEAST_ROOM = 1 << 14 /* steps: further room is needed seldom */ };
 /* A step's time decides its learning rate and its level alike: it is cut to ticks before anything is made of
  * it, so that ticks alone are enough to repeat it. */
 double sf_time_fraction(const sf_fitter *f) {
-    if (f->following) {
+    if (f->trace.replayed) {
         size_t step = (size_t)f->step;
-        return step < f->plan_count ? (double)f->plan[step] / SF_PLAN_TICKS : 1;
+        return step < f->trace.count ? (double)f->trace.ticks[step] / SF_PLAN_TICKS : 1;
     }
     if (!(f->options.time_limit > 0)) return 0;
     double part = (sf_clock() - f->start) / f->options.time_limit;
@@ -24,20 +24,20 @@ double sf_time_fraction(const sf_fitter *f) {
 static void keep(sf_fitter *f, double fraction) {
     size_t step = (size_t)f->step;
     size_t need = step < LEAST_ROOM ? LEAST_ROOM : step + 1;
-    if (sf_grow(f->ctx, &f->plan, &f->plan_capacity, step, need, sizeof *f->plan)) {
-        f->plan_lost = 1;
+    if (sf_grow(f->ctx, &f->trace.ticks, &f->trace.capacity, step, need, sizeof *f->trace.ticks)) {
+        f->trace.lost = 1;
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the run goes on, but cannot be repeated");
         return;
     }
-    f->plan[step] = (uint32_t)(fraction * SF_PLAN_TICKS);
-    f->plan_count = step + 1;
+    f->trace.ticks[step] = (uint32_t)(fraction * SF_PLAN_TICKS);
+    f->trace.count = step + 1;
 }
 
 double sf_next_fraction(sf_fitter *f) {
     double time = sf_time_fraction(f);
-    if (f->options.time_limit > 0 && !f->following && !f->plan_lost && time < 1) {
-        if (f->plan_count < (size_t)f->step) /* the limit came after the first steps */
-            f->plan_lost = 1;
+    if (f->options.time_limit > 0 && !f->trace.replayed && !f->trace.lost && time < 1) {
+        if (f->trace.count < (size_t)f->step) /* the limit came after the first steps */
+            f->trace.lost = 1;
         else
             keep(f, time);
     }
@@ -46,10 +46,10 @@ double sf_next_fraction(sf_fitter *f) {
 
 sf_status sf_fitter_get_plan(const sf_fitter *f, uint32_t *ticks, size_t capacity, size_t *count) {
     *count = 0;
-    if (f->plan_lost) return sf_fail(f->ctx, SF_ERR_MEMORY, "plan: the time of some step was not kept");
-    size_t all = f->plan_count < (size_t)f->step ? f->plan_count : (size_t)f->step;
+    if (f->trace.lost) return sf_fail(f->ctx, SF_ERR_MEMORY, "plan: the time of some step was not kept");
+    size_t all = f->trace.count < (size_t)f->step ? f->trace.count : (size_t)f->step;
     *count = all;
-    if (ticks && all) memcpy(ticks, f->plan, (all < capacity ? all : capacity) * sizeof *ticks);
+    if (ticks && all) memcpy(ticks, f->trace.ticks, (all < capacity ? all : capacity) * sizeof *ticks);
     return SF_OK;
 }
 
@@ -64,10 +64,11 @@ sf_status sf_plan_check(sf_context *ctx, const uint32_t *ticks, size_t count) {
 sf_status sf_fitter_follow(sf_fitter *f, const uint32_t *ticks, size_t count) {
     if (f->step) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "plan: the run has begun");
     sf_status status = sf_plan_check(f->ctx, ticks, count);
-    if (!status) status = sf_grow(f->ctx, &f->plan, &f->plan_capacity, 0, count + 1, sizeof *f->plan);
+    if (!status)
+        status = sf_grow(f->ctx, &f->trace.ticks, &f->trace.capacity, 0, count + 1, sizeof *f->trace.ticks);
     if (status) return status;
-    if (count) memcpy(f->plan, ticks, count * sizeof *ticks);
-    f->plan_count = count;
-    f->following = 1;
+    if (count) memcpy(f->trace.ticks, ticks, count * sizeof *ticks);
+    f->trace.count = count;
+    f->trace.replayed = 1;
     return SF_OK;
 }

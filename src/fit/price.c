@@ -51,14 +51,14 @@ int sf_is_priced(const sf_fitter *f) {
 
 /* Until here what goes is made up for. */
 static double charge_until(const sf_fitter *f) {
-    return f->settle_from + CHARGE_UNTIL * (sf_end_of_run(f) - f->settle_from);
+    return f->cool_down.from + CHARGE_UNTIL * (sf_end_of_run(f) - f->cool_down.from);
 }
 
 /* Where what goes is not made up for any more, only once: before the last steps, which do what they can, and
  * early enough for a run that time ends to end in time. */
 static int taking_out(const sf_fitter *f, double fraction) {
     double every = (double)f->options.grow_every / fmax((double)f->options.plan_steps, 1);
-    if (f->step % f->options.grow_every || fraction < fmin(CHARGE_FROM, f->settle_from)) return 0;
+    if (f->step % f->options.grow_every || fraction < fmin(CHARGE_FROM, f->cool_down.from)) return 0;
     double left = (sf_end_of_run(f) - fraction) / every; /* in such intervals */
     return fraction <= charge_until(f) || (left >= 1 && left < 2);
 }
@@ -67,7 +67,7 @@ static int taking_out(const sf_fitter *f, double fraction) {
 static int may_try(const sf_fitter *f, double fraction) {
     double steps = sf_trials_promise(f) ? SF_TRIAL_STEPS : (double)f->options.grow_every;
     double trial = steps / fmax((double)f->options.plan_steps, 1);
-    return f->options.merge > 0 && (f->grown_out || fraction > f->options.grow_end) &&
+    return f->options.merge > 0 && (f->densify.ended || fraction > f->options.grow_end) &&
            fraction + trial <= charge_until(f);
 }
 
@@ -75,19 +75,19 @@ int sf_charging_due(const sf_fitter *f, double fraction) {
     if (!sf_is_priced(f)) return 0;
     if (taking_out(f, fraction)) return 1;
     if (!sf_trials_promise(f) || f->step % SF_TRIAL_STEPS) return 0;
-    return f->trials.count || may_try(f, fraction);
+    return f->merges.count || may_try(f, fraction);
 }
 
 /* What a value's error counts for, against what chance does. What has gone may have cost something: that does
  * not make the others worth less, so the least counts. */
 static void hear_noise(sf_fitter *f, const sf_errors *e) {
     double noise = e->toned / e->values * fmin(sf_errs_together(e) / TOGETHER, 1);
-    if (!(f->least_noise > 0 && f->least_noise < noise)) f->least_noise = noise;
+    if (!(f->select.noise_variance > 0 && f->select.noise_variance < noise)) f->select.noise_variance = noise;
 }
 
 /* What a Gaussian must take away of the squared error. */
 static double price_of(const sf_fitter *f) {
-    return PRICE / f->options.quality * (f->least_noise + NOTHING * NOTHING);
+    return PRICE / f->options.quality * (f->select.noise_variance + NOTHING * NOTHING);
 }
 
 static int hardly_seen(const sf_errors *e) {
@@ -103,7 +103,8 @@ static sf_status spare_the_good(sf_fitter *f) {
         double mean = w.errors.squares / w.errors.values;
         double price = PRICE / f->options.quality * (mean + NOTHING * NOTHING);
         for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
-            if (f->screen_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price) f->screen_sum[i] = 0;
+            if (f->densify.gradient_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price)
+                f->densify.gradient_sum[i] = 0;
     }
     sf_worth_free(f->ctx, &w);
     return status;
@@ -112,12 +113,12 @@ static sf_status spare_the_good(sf_fitter *f) {
 /* squares: of a value, for views may come. Pictures as coarse as those that are trained on: what coarse ones
  * teach makes fine ones no better. */
 static void judge_growth(sf_fitter *f, int level, double squares) {
-    int compares = f->least_squares > 0 && level == f->least_level;
-    int gained = compares && squares < f->least_squares * (1 - GROWTH_GAIN);
-    if (compares) f->growths_in_vain = gained ? 0 : f->growths_in_vain + 1;
-    if (gained || !compares) f->least_squares = squares, f->least_level = level;
-    if (f->growths_in_vain < GROWTHS_IN_VAIN) return;
-    f->grown_out = 1;
+    int compares = f->select.min_error > 0 && level == f->select.min_error_level;
+    int gained = compares && squares < f->select.min_error * (1 - GROWTH_GAIN);
+    if (compares) f->select.vain_growths = gained ? 0 : f->select.vain_growths + 1;
+    if (gained || !compares) f->select.min_error = squares, f->select.min_error_level = level;
+    if (f->select.vain_growths < GROWTHS_IN_VAIN) return;
+    f->densify.ended = 1;
     sf_log(f->ctx, SF_LOG_INFO,
            "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
            "error",
@@ -131,7 +132,7 @@ sf_status sf_consider_growth(sf_fitter *f, double fraction) {
     if (status) return status;
     if (errors.values > 0) judge_growth(f, level, errors.toned / errors.values);
     double cheaper = TOGETHER / sf_errs_together(&errors);
-    f->growth_pays = fmin(fmax(cheaper * cheaper, 1), MOST_GROWTH);
+    f->select.growth_scale = fmin(fmax(cheaper * cheaper, 1), MOST_GROWTH);
     if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);
     if (status) return status;
     return hardly_seen(&errors) ? spare_the_good(f) : SF_OK;
@@ -171,7 +172,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
     size_t n = 0, half = w->count / 2;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->effect[i] < price && !(f->screen_sum[i] < 0) && sf_was_weighed(w, i))
+        if ((double)w->effect[i] < price && !(f->densify.gradient_sum[i] < 0) && sf_was_weighed(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
     sf_status status = sf_look_for_errors(f, 0, LOOKED, &before);
@@ -182,7 +183,7 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
             break;
         n = n > half ? half : (size_t)(NEXT_PART * (double)n);
     }
-    for (size_t k = 0; k < n && !status; k++) f->screen_sum[list[k].gaussian] = -1;
+    for (size_t k = 0; k < n && !status; k++) f->densify.gradient_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);
     return status;
 }
@@ -214,9 +215,9 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
 
 int sf_nothing_to_weigh(sf_fitter *f, double fraction) {
     sf_errors errors;
-    if (taking_out(f, fraction) || f->trials.count) return 0;
+    if (taking_out(f, fraction) || f->merges.count) return 0;
     if (sf_look_for_errors(f, 0, LOOKED, &errors) || hardly_seen(&errors)) return 0;
-    f->trials.in_vain++;
+    f->merges.in_vain++;
     return 1;
 }
 
@@ -226,7 +227,7 @@ sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees
     if (w->views) hear_noise(f, &w->errors);
     double price = price_of(f);
     int taking = taking_out(f, fraction);
-    if (f->trials.count) sf_trials_judge(f, w, price, NOTHING * NOTHING);
+    if (f->merges.count) sf_trials_judge(f, w, price, NOTHING * NOTHING);
     if (!w->views) return SF_OK;
     if (taking) status = take_out(f, fraction, price, w);
     if (taking && fraction <= charge_until(f)) lower_degrees(w, price / SF_MOST_FLOATS * BAND_PRICE, degrees);
@@ -240,7 +241,7 @@ sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) 
     sf_status status = SF_OK;
     if (!w->views || !may_try(f, fraction)) return SF_OK;
     if (!hardly_seen(&w->errors)) { /* a photograph's */
-        f->trials.in_vain++;
+        f->merges.in_vain++;
         return SF_OK;
     }
     if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */

@@ -51,7 +51,7 @@ static int is_short(const sf_fitter *f, double steps) {
 
 /* Most Gaussians to grow in a run of so many steps. */
 static double most_grown(const sf_fitter *f, double steps) {
-    return f->options.grow_most * (f->growth_pays > 0 ? f->growth_pays : 1) * steps;
+    return f->options.grow_most * (f->select.growth_scale > 0 ? f->select.growth_scale : 1) * steps;
 }
 
 double sf_steps_in(const sf_fitter *f, double seconds, double step) {
@@ -71,7 +71,7 @@ static void spare_few_views(sf_fitter *f) {
     sf_scene_get_info(f->scene, &info);
     if (f->options.size != SF_SIZE_AUTO || info.train_views >= SF_VALIDATE_EVERY) return;
     f->options.size = SF_SIZE_CAP;
-    f->growth_pays = (double)info.train_views / SF_VALIDATE_EVERY;
+    f->select.growth_scale = (double)info.train_views / SF_VALIDATE_EVERY;
 }
 
 void sf_plan_schedule(sf_fitter *f, double planned) {
@@ -87,10 +87,10 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
     if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
-    double missing = f->gone_on ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
+    double missing = f->warm_start ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
     if (!(o->lr_haste > 0))
-        o->lr_haste = f->gone_on ? 1 : fmin(fmax(pow(STEADY_STEPS / planned, HASTE_POWER), 1), HASTE_MOST);
+        o->lr_haste = f->warm_start ? 1 : fmin(fmax(pow(STEADY_STEPS / planned, HASTE_POWER), 1), HASTE_MOST);
     o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
 }
 
@@ -109,19 +109,19 @@ double sf_fraction_at(const sf_fitter *f, double time) {
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
-int sf_settles_early(const sf_fitter *f) { return f->settle_from < f->options.lr_settle; }
+int sf_settles_early(const sf_fitter *f) { return f->cool_down.from < f->options.lr_settle; }
 
-double sf_end_of_run(const sf_fitter *f) { return f->settle_from + f->settle_for; }
+double sf_end_of_run(const sf_fitter *f) { return f->cool_down.from + f->cool_down.length; }
 
 /* How far the rates have fallen. */
 static double settled_part(const sf_fitter *f, double fraction) {
-    return fmin(fmax(fraction - f->settle_from, 0) / fmax(f->settle_for, 1e-9), 1);
+    return fmin(fmax(fraction - f->cool_down.from, 0) / fmax(f->cool_down.length, 1e-9), 1);
 }
 
 /* The place in the plan: a run that settles early goes through what is left of it while it settles. */
 static double place_of(const sf_fitter *f, double fraction) {
-    if (!sf_settles_early(f) || fraction < f->settle_from) return fraction;
-    return f->settle_from + settled_part(f, fraction) * (1 - f->settle_from);
+    if (!sf_settles_early(f) || fraction < f->cool_down.from) return fraction;
+    return f->cool_down.from + settled_part(f, fraction) * (1 - f->cool_down.from);
 }
 
 int sf_level_within(int level, int width, int height) {
@@ -141,11 +141,11 @@ static int pyramid_level(const sf_fitter *f, double fraction) {
 }
 
 int sf_finest_level(const sf_fitter *f, double fraction) {
-    return f->gone_on ? 0 : pyramid_level(f, place_of(f, fraction));
+    return f->warm_start ? 0 : pyramid_level(f, place_of(f, fraction));
 }
 
 int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
-    if (f->gone_on) return 0;
+    if (f->warm_start) return 0;
     int level = sf_finest_level(f, fraction);
     /* A step at half the resolution costs half, and teaches nearly as much. */
     if (!level && place_of(f, fraction) < f->options.pyramid_mix && f->options.pyramid_levels)
@@ -156,7 +156,7 @@ int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int heigh
 int sf_scheduled_degree(const sf_fitter *f, double fraction) {
     int most = f->model->sh_degree;
     fraction = place_of(f, fraction);
-    if (f->gone_on || fraction >= f->options.sh_end || most == 0) return most;
+    if (f->warm_start || fraction >= f->options.sh_end || most == 0) return most;
     double start = SH_START * f->options.sh_end;
     if (fraction < start) return 0;
     double part = (fraction - start) / (f->options.sh_end - start);
@@ -184,7 +184,7 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
 
 /* At the end all rates fall: what is left of the noise of single views settles. */
 double sf_settled_rate(const sf_fitter *f, double fraction, double rate) {
-    return f->rate_cut * rate * pow(f->options.lr_settled, settled_part(f, fraction));
+    return f->recovery.lr_scale * rate * pow(f->options.lr_settled, settled_part(f, fraction));
 }
 
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
@@ -194,8 +194,8 @@ double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
 /* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */
 int sf_growth_due(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
-    double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->settle_from) : o->grow_end;
-    if (sf_settles_early(f)) end = fmin(end, f->settle_from);
+    double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->cool_down.from) : o->grow_end;
+    if (sf_settles_early(f)) end = fmin(end, f->cool_down.from);
     return f->step % o->grow_every == 0 && fraction >= o->grow_start && fraction <= end;
 }
 

@@ -28,7 +28,7 @@ enum {
     MOST_IN_VAIN = 3 /* one after another */
 };
 
-int sf_trials_promise(const sf_fitter *f) { return f->trials.in_vain < MOST_IN_VAIN; }
+int sf_trials_promise(const sf_fitter *f) { return f->merges.in_vain < MOST_IN_VAIN; }
 
 /* All values of Gaussian i, to or from a row. */
 static void keep_values(const sf_model *m, size_t i, float *row) {
@@ -59,18 +59,18 @@ static void undo_and_forget(sf_fitter *f, const sf_trial *t) {
 }
 
 void sf_trials_end(sf_fitter *f) {
-    for (size_t k = f->trials.count; k-- > 0;) undo_and_forget(f, &f->trials.list[k]);
-    f->trials.count = 0;
+    for (size_t k = f->merges.count; k-- > 0;) undo_and_forget(f, &f->merges.list[k]);
+    f->merges.count = 0;
 }
 
 void sf_trials_free(sf_fitter *f) {
-    sf_free(f->ctx, f->trials.list);
-    sf_free(f->ctx, f->trials.tiles);
+    sf_free(f->ctx, f->merges.list);
+    sf_free(f->ctx, f->merges.tiles);
 }
 
 /* One that stands for two costs what both would. */
 static void merge(sf_fitter *f, const sf_pair *pair, float *effect) {
-    sf_trial *one = &f->trials.list[f->trials.count++];
+    sf_trial *one = &f->merges.list[f->merges.count++];
     float *logit = &f->model->params.field[SF_FIELD_logit_opacity][pair->b];
     *one = (sf_trial){.a = pair->a, .b = pair->b, .leader = pair->a, .logit_of_b = *logit};
     keep_values(f->model, one->a, one->of_a);
@@ -81,7 +81,7 @@ static void merge(sf_fitter *f, const sf_pair *pair, float *effect) {
 
 /* At most so many of the cheapest pairs; *merged: how many. */
 static sf_status merge_some(sf_fitter *f, size_t most, float *effect, size_t *merged) {
-    sf_trials *t = &f->trials;
+    sf_trials *t = &f->merges;
     sf_pair *pairs;
     size_t n = 0;
     sf_status status = sf_find_pairs(f, f->options.merge, effect, &pairs, &n);
@@ -95,7 +95,7 @@ static sf_status merge_some(sf_fitter *f, size_t most, float *effect, size_t *me
 
 /* What stands for others may have got one that stands for it. */
 static sf_status name_leaders(sf_fitter *f) {
-    sf_trials *t = &f->trials;
+    sf_trials *t = &f->merges;
     uint32_t *leader = sf_alloc(f->ctx, f->model->count, sizeof *leader);
     if (!leader) return SF_ERR_MEMORY;
     for (size_t i = 0; i < f->model->count; i++) leader[i] = (uint32_t)i;
@@ -105,7 +105,7 @@ static sf_status name_leaders(sf_fitter *f) {
 }
 
 sf_status sf_trials_begin(sf_fitter *f, sf_worth *w) {
-    sf_trials *t = &f->trials;
+    sf_trials *t = &f->merges;
     sf_status status = SF_OK;
     if (!(t->part > 0)) t->part = FIRST_PART;
     size_t most = (size_t)ceil(t->part * (double)f->model->count), merged = 1;
@@ -141,7 +141,7 @@ static void learn(sf_trials *t, int failed, double good, int worthwhile) {
 /* How many each stands for beside itself, by Gaussian. */
 static uint32_t *count_members(const sf_fitter *f) {
     uint32_t *members = sf_calloc(f->ctx, f->model->count, sizeof *members);
-    for (size_t k = 0; k < f->trials.count && members; k++) members[f->trials.list[k].leader]++;
+    for (size_t k = 0; k < f->merges.count && members; k++) members[f->merges.list[k].leader]++;
     return members;
 }
 
@@ -149,7 +149,7 @@ static uint32_t *count_members(const sf_fitter *f) {
 static void leave(const sf_trial *t, sf_worth *w) { w->effect[t->a] = w->effect[t->b] = INFINITY; }
 
 void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
-    sf_trials *t = &f->trials;
+    sf_trials *t = &f->merges;
     uint32_t *members = count_members(f);
     double fell = fmin(w->errors.squares / t->squares, 1), all = 0;
     size_t n = t->count, good = 0;
@@ -166,7 +166,7 @@ void sf_trials_judge(sf_fitter *f, sf_worth *w, double price, double nothing) {
         const sf_trial *one = &t->list[k];
         double most = price * (double)members[one->leader];
         if (!failed && rise_of(&w->blame[one->leader], fell, nothing) <= most) {
-            f->screen_sum[one->b] = -1;
+            f->densify.gradient_sum[one->b] = -1;
             good++;
         } else {
             undo_and_forget(f, one);

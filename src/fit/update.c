@@ -38,8 +38,8 @@ static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
     const uint8_t *state = f->workspace.state;
     for (size_t i = first; i < end; i++) {
         uint32_t seen = state[i] == SF_SEEN;
-        f->screen_sum[i] += seen ? (double)f->workspace.screen[i] : 0;
-        f->screen_seen[i] += seen;
+        f->densify.gradient_sum[i] += seen ? (double)f->workspace.screen[i] : 0;
+        f->densify.visible_count[i] += seen;
     }
 }
 
@@ -101,7 +101,7 @@ static uint32_t rounding_key(const sf_fitter *f, int field) {
 
 sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     const sf_fit_options *o = &f->options;
-    double t = (double)(f->step - f->adam_before) + 1;
+    double t = (double)(f->step - f->optimizer_restart) + 1;
     update_job job = {.fitter = f,
                       .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY,
                       .most_scale = SF_LOG_SCALE_MOST,

@@ -31,23 +31,23 @@ enum {
 
 int sf_validates(const sf_fitter *f, uint32_t id) {
     size_t i = 0;
-    while (i < f->kept_out_count && f->kept_out[i] != id) i++;
-    return !f->joined && i < f->kept_out_count;
+    while (i < f->validation.count && f->validation.ids[i] != id) i++;
+    return !f->validation.merged && i < f->validation.count;
 }
 
-void sf_forget_best(sf_fitter *f) { f->best_psnr = NAN; }
+void sf_forget_best(sf_fitter *f) { f->validation.best_psnr = NAN; }
 
 /* The first `count` of the list are kept out now; what was best on others is no measure for them. */
 static void keep_out(sf_fitter *f, size_t count) {
-    if (count != f->kept_out_count) sf_forget_best(f);
-    f->kept_out_count = count;
+    if (count != f->validation.count) sf_forget_best(f);
+    f->validation.count = count;
 }
 
 static void drop_gone(sf_fitter *f) {
     size_t kept = 0;
-    for (size_t i = 0; i < f->kept_out_count; i++) {
-        sf_view *view = sf_scene_retain_id(f->scene, f->kept_out[i]);
-        if (view) f->kept_out[kept++] = f->kept_out[i];
+    for (size_t i = 0; i < f->validation.count; i++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->validation.ids[i]);
+        if (view) f->validation.ids[kept++] = f->validation.ids[i];
         sf_view_release(view);
     }
     keep_out(f, kept);
@@ -70,24 +70,26 @@ static size_t fewest(const sf_fitter *f) {
 static sf_status deal(sf_fitter *f, const uint32_t *ids, size_t count) {
     const int64_t every = dealt_out(f);
     size_t first = 0;
-    if (every < 2 || f->joined) return SF_OK;
+    if (every < 2 || f->validation.merged) return SF_OK;
     drop_gone(f);
-    while (first < count && ids[first] <= f->newest) first++;
+    while (first < count && ids[first] <= f->validation.newest_id) first++;
     if (first == count) return SF_OK;
-    size_t had = f->kept_out_count, kept = had;
-    sf_status status =
-        sf_grow(f->ctx, &f->kept_out, &f->kept_out_capacity, had, had + count - first, sizeof *f->kept_out);
+    size_t had = f->validation.count, kept = had;
+    sf_status status = sf_grow(f->ctx, &f->validation.ids, &f->validation.capacity, had, had + count - first,
+                               sizeof *f->validation.ids);
     if (status) return status;
     for (size_t i = first; i < count; i++) /* the middle one of n: projects hold out the first */
-        if (f->taken_up++ % every == every / 2 && count >= fewest(f)) f->kept_out[kept++] = ids[i];
-    if (!kept && count >= fewest(f)) f->kept_out[kept++] = ids[first + (count - first) / 2];
+        if (f->validation.assigned++ % every == every / 2 && count >= fewest(f))
+            f->validation.ids[kept++] = ids[i];
+    if (!kept && count >= fewest(f)) f->validation.ids[kept++] = ids[first + (count - first) / 2];
     keep_out(f, kept);
     return SF_OK;
 }
 
 sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
     sf_status status = deal(f, ids, count);
-    if (!status && count && ids[count - 1] > f->newest) f->newest = ids[count - 1];
+    if (!status && count && ids[count - 1] > f->validation.newest_id)
+        f->validation.newest_id = ids[count - 1];
     return status;
 }
 
@@ -124,9 +126,10 @@ sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
 sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
     sf_status status = SF_OK;
     *psnr = 0, *views = 0;
-    for (size_t i = 0; i < f->kept_out_count && !status; i++) {
-        sf_view *view =
-            sf_is_blurred(f, f->kept_out[i]) ? NULL : sf_scene_retain_id(f->scene, f->kept_out[i]);
+    for (size_t i = 0; i < f->validation.count && !status; i++) {
+        sf_view *view = sf_is_blurred(f, f->validation.ids[i])
+                            ? NULL
+                            : sf_scene_retain_id(f->scene, f->validation.ids[i]);
         double of_view;
         if (!view) continue;
         status = sf_view_psnr(f, view, &of_view);
@@ -149,75 +152,77 @@ static int suits(const sf_model *best, const sf_model *model) {
 
 /* The model as it is becomes the best one. */
 sf_status sf_keep_best(sf_fitter *f) {
-    if (!f->best || !suits(f->best, f->model)) {
+    if (!f->restore.model || !suits(f->restore.model, f->model)) {
         sf_model *best;
         sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
         if (status) return status;
-        sf_model_destroy(&f->best);
-        f->best = best;
+        sf_model_destroy(&f->restore.model);
+        f->restore.model = best;
     } else {
-        sf_model_assign(f->best, f->model);
+        sf_model_assign(f->restore.model, f->model);
     }
-    memcpy(f->best_background, f->background, sizeof f->background);
-    sf_trials_undo(&f->trials, f->best);
+    memcpy(f->restore.background, f->background, sizeof f->background);
+    sf_trials_undo(&f->merges, f->restore.model);
     return SF_OK;
 }
 
 /* The best model comes back; what the optimiser and growth knew belongs to the other one. */
 sf_status sf_bring_back(sf_fitter *f) {
-    sf_status status = sf_fitter_room(f, f->best->banded);
+    sf_status status = sf_fitter_room(f, f->restore.model->banded);
     if (status) return status;
-    f->trials.count = 0; /* the best one has none */
-    sf_model_assign(f->model, f->best);
+    f->merges.count = 0; /* the best one has none */
+    sf_model_assign(f->model, f->restore.model);
     sf_moments_forget_all(&f->moments, f->model);
-    memset(f->screen_sum, 0, f->model->count * sizeof *f->screen_sum);
-    memset(f->screen_seen, 0, f->model->count * sizeof *f->screen_seen);
-    memcpy(f->background, f->best_background, sizeof f->background);
-    f->validation_psnr = f->best_psnr;
-    f->adam_before = f->step;
+    memset(f->densify.gradient_sum, 0, f->model->count * sizeof *f->densify.gradient_sum);
+    memset(f->densify.visible_count, 0, f->model->count * sizeof *f->densify.visible_count);
+    memcpy(f->background, f->restore.background, sizeof f->background);
+    f->validation.psnr = f->validation.best_psnr;
+    f->optimizer_restart = f->step;
     return SF_OK;
 }
 
 /* When growth and coarse pictures are over. */
 static double learned_by(const sf_fitter *f) {
     const sf_fit_options *o = &f->options;
-    return o->pyramid_levels && !f->gone_on ? fmax(o->grow_end, o->pyramid_end) : o->grow_end;
+    return o->pyramid_levels && !f->warm_start ? fmax(o->grow_end, o->pyramid_end) : o->grow_end;
 }
 
 /* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer
  * pictures were to come meanwhile. Before that a view may well lose for a while what it gains in the end. */
 static int is_hopeless(const sf_fitter *f, double fraction) {
     double patience = f->options.patience;
-    if (!(patience > 0) || fraction >= f->settle_from) return 0;
-    return fraction > fmax(f->best_fraction, learned_by(f)) + patience &&
-           f->step >= f->best_step + PATIENT_STEPS;
+    if (!(patience > 0) || fraction >= f->cool_down.from) return 0;
+    return fraction > fmax(f->validation.best_fraction, learned_by(f)) + patience &&
+           f->step >= f->validation.best_step + PATIENT_STEPS;
 }
 
 /* Whether nothing can come of watching on: the newest look is the best, so that patience would last until the
  * rates fall anyway. Each view is worth more in the training then. */
 static int is_safe(const sf_fitter *f, double fraction) {
-    return f->best_step == f->step && fraction > learned_by(f) &&
-           fraction + f->options.patience >= f->settle_from;
+    return f->validation.best_step == f->step && fraction > learned_by(f) &&
+           fraction + f->options.patience >= f->cool_down.from;
 }
 
 static void settle_early(sf_fitter *f, double fraction) {
-    f->settle_from = fraction;
-    f->settle_for = fmin(f->settle_for, fmax(SETTLE_PART * f->best_fraction, SETTLE_LEAST));
+    f->cool_down.from = fraction;
+    f->cool_down.length =
+        fmin(f->cool_down.length, fmax(SETTLE_PART * f->validation.best_fraction, SETTLE_LEAST));
 }
 
 static sf_status look(sf_fitter *f, double fraction) {
     double psnr, target = f->options.target_psnr;
     size_t views;
-    f->next_validation = fraction + INTERVAL;
+    f->validation.next_fraction = fraction + INTERVAL;
     drop_gone(f);
-    f->next_look = f->step + STEPS_OF_VIEW * (int64_t)f->kept_out_count;
+    f->validation.next_step = f->step + STEPS_OF_VIEW * (int64_t)f->validation.count;
     sf_status status = sf_validate(f, &psnr, &views);
     if (status || !views) return status;
-    f->validation_psnr = psnr;
-    if (!(psnr <= f->best_psnr + GAIN)) {
+    f->validation.psnr = psnr;
+    if (!(psnr <= f->validation.best_psnr + GAIN)) {
         status = sf_keep_best(f);
         if (status) return status;
-        f->best_psnr = psnr, f->best_fraction = fraction, f->best_step = f->step;
+        f->validation.best_psnr = psnr, f->validation.best_fraction = fraction,
+        f->validation.best_step = f->step;
     }
     if (is_hopeless(f, fraction)) settle_early(f, fraction);
     if (target > 0 && psnr >= target) f->end = SF_FIT_TARGET;
@@ -229,11 +234,11 @@ static sf_status look(sf_fitter *f, double fraction) {
 static sf_status join(sf_fitter *f) {
     double most = sf_settles_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
-    if (f->best && f->validation_psnr < f->best_psnr - most) status = sf_bring_back(f);
+    if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most) status = sf_bring_back(f);
     if (status) return status;
-    sf_model_destroy(&f->best);
-    f->joined = 1;
-    f->order_at = f->order_count; /* a pass over all of them begins */
+    sf_model_destroy(&f->restore.model);
+    f->validation.merged = 1;
+    f->sampler.at = f->sampler.count; /* a pass over all of them begins */
     return SF_OK;
 }
 
@@ -244,23 +249,24 @@ static int why_over(const sf_fitter *f) {
 
 /* What has learned nothing yet is not worth a look. */
 static int is_time(const sf_fitter *f, double fraction) {
-    if (fraction < INTERVAL && !f->gone_on) return 0;
-    return fraction >= f->next_validation && f->step >= f->next_look;
+    if (fraction < INTERVAL && !f->warm_start) return 0;
+    return fraction >= f->validation.next_fraction && f->step >= f->validation.next_step;
 }
 
 sf_status sf_consider(sf_fitter *f, double fraction) {
-    int watching = f->kept_out_count && !f->joined, over = fraction >= sf_end_of_run(f);
+    int watching = f->validation.count && !f->validation.merged, over = fraction >= sf_end_of_run(f);
     sf_status status = SF_OK;
     if (f->end == SF_FIT_TARGET) return SF_ERR_END;
     f->end = SF_FIT_GOES_ON;                               /* an ended run may have got more time */
     int joins = watching && !(f->options.target_psnr > 0); /* a target is looked for to the end */
-    if (watching && (over || is_time(f, fraction) || (joins && fraction >= f->settle_from))) {
+    if (watching && (over || is_time(f, fraction) || (joins && fraction >= f->cool_down.from))) {
         status = look(f, fraction);
         if (status) return status;
     }
     if (over && !f->end) f->end = why_over(f);
-    if (f->end && watching && f->best && f->validation_psnr < f->best_psnr) status = sf_bring_back(f);
+    if (f->end && watching && f->restore.model && f->validation.psnr < f->validation.best_psnr)
+        status = sf_bring_back(f);
     if (f->end) sf_trials_end(f);
-    if (!f->end && joins && (fraction >= f->settle_from || is_safe(f, fraction))) status = join(f);
+    if (!f->end && joins && (fraction >= f->cool_down.from || is_safe(f, fraction))) status = join(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;
 }

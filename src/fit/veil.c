@@ -117,7 +117,7 @@ sf_status sf_mark_veils(sf_fitter *f) {
     size_t count = 0;
     sf_status status = depths ? find_stands(f, depths, &stands, &count) : SF_ERR_MEMORY;
     for (size_t i = 0; i < f->model->count && !status; i++)
-        if (is_veil(f, i, stands, count)) f->screen_sum[i] = -1;
+        if (is_veil(f, i, stands, count)) f->densify.gradient_sum[i] = -1;
     sf_free(f->ctx, stands);
     sf_free(f->ctx, depths);
     return status;

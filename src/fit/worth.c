@@ -341,7 +341,7 @@ static void scale_up(sf_worth *w, double factor) {
 
 /* Marks those that stand for pairs on trial. */
 static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
-    const sf_trials *t = &f->trials;
+    const sf_trials *t = &f->merges;
     job->tried = sf_calloc(f->ctx, job->worth->count, 1);
     job->worth->blame = sf_calloc(f->ctx, job->worth->count, sizeof *job->worth->blame);
     if (!job->tried || !job->worth->blame) return SF_ERR_MEMORY;
@@ -354,7 +354,7 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status && f->trials.count) status = watch_trials(f, &job);
+    if (!status && f->merges.count) status = watch_trials(f, &job);
     uint8_t *tried = job.tried;
     if (!status) status = look_at_level(f, 0, views, look_at, &job, &there);
     sf_free(f->ctx, tried);

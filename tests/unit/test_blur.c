@@ -46,19 +46,19 @@ static int is_found(const sf_fitter *fitter, size_t number) {
 
 /* Those and no others are, and the log says so. */
 static void assert_a_third_found(const sf_fitter *fitter) {
-    assert_int_equal(fitter->blurred_count, BLURRED);
+    assert_int_equal(fitter->blur.count, BLURRED);
     for (size_t i = 0; i < VIEWS; i++) assert_int_equal(is_found(fitter, i), i % 3 == 1);
     test_assert_contains(test_log, "blur: 7 of 21 training views are less sharp than the model", __FILE__,
                          __LINE__);
     for (size_t i = 0; i < BLURRED; i++) {
-        sf_view *view = sf_scene_retain_id(fitter->scene, fitter->blurred[i]);
+        sf_view *view = sf_scene_retain_id(fitter->scene, fitter->blur.ids[i]);
         test_assert_contains(test_log, view->name, __FILE__, __LINE__);
         sf_view_release(view);
     }
 }
 
 static void assert_none_found(const sf_fitter *fitter) {
-    assert_int_equal(fitter->blurred_count, 0);
+    assert_int_equal(fitter->blur.count, 0);
     assert_null(strstr(test_log, "blur"));
 }
 
@@ -154,10 +154,11 @@ static void test_trained_on_less(void **state) {
     size_t blurred = 0;
     for (int passes = 0; passes < PASSES;) {
         assert_ok(ctx, sf_fitter_step(fitter));
-        if (fitter->order_at != 1) continue; /* one begins */
+        if (fitter->sampler.at != 1) continue; /* one begins */
         size_t now = 0;
-        for (size_t i = 0; i < fitter->order_count; i++) now += sf_is_blurred(fitter, fitter->order[i]);
-        assert_int_equal(fitter->order_count - now, VIEWS - BLURRED);
+        for (size_t i = 0; i < fitter->sampler.count; i++)
+            now += sf_is_blurred(fitter, fitter->sampler.ids[i]);
+        assert_int_equal(fitter->sampler.count - now, VIEWS - BLURRED);
         blurred += now, passes++;
     }
     /* 105 of 420 expected, 8.9 the standard deviation */
@@ -179,12 +180,12 @@ static void test_no_measure(void **state) {
     sf_fitter *fitter = fit_for(scene, &options, JUDGED);
     double psnr;
     size_t views;
-    assert_true(fitter->best_psnr > 0);
+    assert_true(fitter->validation.best_psnr > 0);
     assert_ok(ctx, sf_validate(fitter, &psnr, &views));
     assert_int_equal(views, BLURRED);
     assert_ok(ctx, sf_fitter_step(fitter));
     assert_a_third_found(fitter);
-    assert_true(isnan(fitter->best_psnr));
+    assert_true(isnan(fitter->validation.best_psnr));
     assert_ok(ctx, sf_validate(fitter, &psnr, &views));
     assert_int_equal(views, 0);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
@@ -208,7 +209,7 @@ static void test_gone_on(void **state) {
         assert_ok(ctx, sf_fitter_save(fitter, path));
         sf_fitter_destroy(&fitter);
         assert_ok(ctx, sf_fitter_load(ctx, scene, path, NULL, &fitter));
-        assert_int_equal(fitter->blurred_count, at > JUDGED ? BLURRED : 0);
+        assert_int_equal(fitter->blur.count, at > JUDGED ? BLURRED : 0);
         assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
         assert_a_third_found(fitter);
         sf_fitter_get_progress(fitter, &p);
@@ -246,7 +247,7 @@ static void test_masked(void **state) {
     }
     sf_fit_options options = short_fit();
     sf_fitter *fitter = fit_for(scene, &options, STEPS);
-    assert_int_equal(fitter->blur_judged, 1);
+    assert_int_equal(fitter->blur.judged, 1);
     assert_none_found(fitter);
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);

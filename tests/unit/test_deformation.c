@@ -161,7 +161,7 @@ static void all_of_a_fit_goes_along(void **state) {
     f->options.merge = 1;
     assert_ok(ctx, sf_trials_begin(f, &w));
     sf_worth_free(ctx, &w);
-    assert_true(f->trials.count > 0);
+    assert_true(f->merges.count > 0);
 
     assert_ok(ctx, sf_deform_fit(ctx, f, &c, 1));
     sf_trials_end(f);

@@ -402,8 +402,8 @@ static void gather(const sf_fitter *f, size_t i, belongings *b) {
                 memcpy(&b->values[part][field][c], (const char *)array + 4 * sf_at(i, n, c), 4);
         }
     }
-    b->screen_sum = f->screen_sum[i];
-    b->screen_seen = f->screen_seen[i];
+    b->screen_sum = f->densify.gradient_sum[i];
+    b->screen_seen = f->densify.visible_count[i];
 }
 
 static belongings *gather_all(const sf_fitter *f) {

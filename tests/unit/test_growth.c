@@ -107,7 +107,7 @@ static sf_fitter *grown(sf_context *ctx, sf_scene **scene, const ball *balls, do
     options.split_scale = split_scale;
     *scene = scene_of(ctx, balls, 3, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, *scene, balls, 3, &options);
-    f->screen_sum[0] = f->screen_seen[0] = 1;
+    f->densify.gradient_sum[0] = f->densify.visible_count[0] = 1;
     sf_grow_and_prune(f, 1);
     assert_int_equal(f->model->count, 4);
     return f;
@@ -184,8 +184,8 @@ static void test_error_of_several_views(void **state) {
     options.grow_most = 1e6;
     sf_fitter *f = disagreeing(ctx, &scene, NULL, &options);
     assert_ok(ctx, sf_score_errors(f));
-    assert_true(f->screen_sum[WRONG] > 5 * f->screen_sum[SPOILT]);
-    assert_true(f->screen_sum[WRONG] > 5 * f->screen_sum[FINE]);
+    assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[SPOILT]);
+    assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[FINE]);
     sf_grow_and_prune(f, 1);
     assert_int_equal(f->model->count, 4);
     assert_true((double)means_of(f)[sf_at(3, 3, 2)] > 0.5); /* beside the first */
@@ -202,8 +202,8 @@ static void test_masked_error(void **state) {
     sf_fit_options options = options_of(SF_GROWTH_ERROR);
     sf_fitter *f = disagreeing(ctx, &scene, mask, &options);
     assert_ok(ctx, sf_score_errors(f));
-    assert_true(f->screen_sum[WRONG] < 1e-3);
-    assert_true(f->screen_sum[WRONG] >= 0); /* it is shown: it stays */
+    assert_true(f->densify.gradient_sum[WRONG] < 1e-3);
+    assert_true(f->densify.gradient_sum[WRONG] >= 0); /* it is shown: it stays */
     end(ctx, scene, f);
 }
 
@@ -220,7 +220,7 @@ static void test_hidden(void **state) {
     sf_fit_options options = options_of(SF_GROWTH_ERROR);
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
-    f->growth_ended = 1;
+    f->densify.out_of_memory = 1;
     sf_grow_and_prune(f, 0);
     assert_int_equal(f->model->count, COUNT - 1);
     assert_true(opacity_of(f, 2) > 0.9);
@@ -243,7 +243,7 @@ static void test_validation_is_not_looked_at(void **state) {
         assert_ok(ctx, sf_scene_get_view(scene, 2, &info));
         assert_true(sf_validates(f, info.id));
         assert_ok(ctx, sf_score_errors(f));
-        memcpy(scores[spoil], f->screen_sum, sizeof scores[spoil]);
+        memcpy(scores[spoil], f->densify.gradient_sum, sizeof scores[spoil]);
         end(ctx, scene, f);
     }
     assert_memory_equal(scores[0], scores[1], sizeof scores[0]);
@@ -502,7 +502,7 @@ static void test_veils_go(void **state) {
         if (k >= 2) *sf_value(&f->model->params, SF_FIELD_quat, 3 + k, 3) = 1; /* a quarter about z */
     }
     assert_ok(ctx, sf_mark_veils(f));
-    for (size_t i = 0; i < BALLS; i++) assert_int_equal(f->screen_sum[i] < 0, goes[i]);
+    for (size_t i = 0; i < BALLS; i++) assert_int_equal(f->densify.gradient_sum[i] < 0, goes[i]);
 
     /* where the camera stands is what the fit has learned of it */
     uint32_t *ids;
@@ -510,9 +510,9 @@ static void test_veils_go(void **state) {
     assert_ok(ctx, sf_scene_training_ids(scene, &ids, &n));
     assert_ok(ctx, sf_view_states_sync(&f->views, scene, ids, n));
     for (int k = 0; k < 3; k++) f->views.states[0].t_cw[k] *= 4;
-    memset(f->screen_sum, 0, BALLS * sizeof *f->screen_sum);
+    memset(f->densify.gradient_sum, 0, BALLS * sizeof *f->densify.gradient_sum);
     assert_ok(ctx, sf_mark_veils(f));
-    for (size_t i = 0; i < BALLS; i++) assert_false(f->screen_sum[i] < 0);
+    for (size_t i = 0; i < BALLS; i++) assert_false(f->densify.gradient_sum[i] < 0);
     sf_free(ctx, ids);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
@@ -546,7 +546,7 @@ static void test_what_stands_before_a_lens_goes(void **state) {
         sf_fitter *f = fitter_of(ctx, scene, balls, PLACES + crowd, &options);
         assert_ok(ctx, sf_mark_veils(f));
         for (size_t i = 0; i < PLACES + crowd; i++)
-            assert_int_equal(f->screen_sum[i] < 0, crowd == MOST && i < PLACES && places[i].goes);
+            assert_int_equal(f->densify.gradient_sum[i] < 0, crowd == MOST && i < PLACES && places[i].goes);
         sf_fitter_destroy(&f);
         sf_scene_destroy(&scene);
     }

@@ -74,7 +74,7 @@ static void test_a_sound_fit_is_left_alone(void **state) {
     test_log_clear();
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
     assert_int_equal(progress_of(f).diverged, 0);
-    assert_true(f->rate_cut == 1);
+    assert_true(f->recovery.lr_scale == 1);
     assert_null(strstr(test_log, "diverged"));
     sf_fitter_destroy(&f);
 }
@@ -92,7 +92,7 @@ static void test_what_diverged_goes_back(void **state) {
     take_steps(s, f, 12);
     assert_int_equal(progress_of(f).diverged, 1);
     test_assert_contains(test_log, "the fit diverged", __FILE__, __LINE__);
-    assert_true(f->rate_cut == 0.5);
+    assert_true(f->recovery.lr_scale == 0.5);
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
     print_message("loss %.3f, of a sound fit %.3f\n", progress_of(f).loss, sound);
     assert_true(progress_of(f).loss < 2 * sound); /* it has had half of the steps, at half the rates */
@@ -109,11 +109,11 @@ static void test_rates_that_are_too_high_are_lowered(void **state) {
     sf_fitter *f = start(s, &o);
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
     sf_fit_progress p = progress_of(f);
-    print_message("loss %.3f, %.3f at the start, diverged %d times\n", p.loss, f->start_loss,
+    print_message("loss %.3f, %.3f at the start, diverged %d times\n", p.loss, f->recovery.initial_loss,
                   (int)p.diverged);
     assert_true(p.diverged > 0);
-    assert_true(f->rate_cut < 1);
-    assert_true(p.loss < 1.3 * f->start_loss); /* twice that, and more, where nothing goes back */
+    assert_true(f->recovery.lr_scale < 1);
+    assert_true(p.loss < 1.3 * f->recovery.initial_loss); /* twice that, and more, where nothing goes back */
     assert_true(is_finite(f->model));
     sf_fitter_destroy(&f);
 }
@@ -127,7 +127,7 @@ static void test_first_loss_that_is_not_finite(void **state) {
     take_steps(s, f, 1);
     assert_int_equal(progress_of(f).diverged, 1);
     take_steps(s, f, 10);
-    assert_true(progress_of(f).loss < f->start_loss + 0.1);
+    assert_true(progress_of(f).loss < f->recovery.initial_loss + 0.1);
     sf_fitter_destroy(&f);
 }
 
@@ -151,7 +151,8 @@ static void test_noise_is_no_divergence(void **state) {
     take_steps(s, f, 10);
     double coarse = progress_of(f).loss;
     assert_ok(s->ctx, sf_fitter_run(f, NULL, NULL));
-    print_message("coarse %.3f, fine %.3f, at the start %.3f\n", coarse, progress_of(f).loss, f->start_loss);
+    print_message("coarse %.3f, fine %.3f, at the start %.3f\n", coarse, progress_of(f).loss,
+                  f->recovery.initial_loss);
     assert_true(progress_of(f).loss > 1.2 * coarse);
     assert_int_equal(progress_of(f).diverged, 0);
     sf_fitter_destroy(&f);
@@ -222,7 +223,7 @@ static void test_masked_views_have_no_loss(void **state) {
         known += !isnan(last);
         assert_true(isnan(last) ? !known : last > 0.02);
         assert_true(known ? progress_of(f).loss > 0.02 : progress_of(f).loss == 0);
-        assert_true(f->least_loss == 0 || f->least_loss > 0.02);
+        assert_true(f->recovery.min_loss == 0 || f->recovery.min_loss > 0.02);
     }
     assert_true(known > 20);
     assert_int_equal(progress_of(f).diverged, 0);

@@ -114,13 +114,13 @@ static void test_errs_together(void **state) {
         assert_ok(ctx, sf_consider_growth(f, 1));
         if (how == ALIKE) {
             assert_true(fabs(together / (SF_TILE * SF_TILE) - 1) < 1e-4);
-            assert_true(f->growth_pays == 1);
+            assert_true(f->select.growth_scale == 1);
         } else if (how == IN_PART) {
             assert_true(together > 40 && together < 58);
-            assert_true(fabs(f->growth_pays / pow(60 / together, 2) - 1) < 1e-9);
+            assert_true(fabs(f->select.growth_scale / pow(60 / together, 2) - 1) < 1e-9);
         } else {
             assert_true(fabs(together - 1) < 0.2);
-            assert_true(f->growth_pays == 2.5);
+            assert_true(f->select.growth_scale == 2.5);
         }
         sf_fitter_destroy(&f);
         sf_scene_destroy(&scene);
@@ -143,7 +143,7 @@ static void test_growth_while_views_come(void **state) {
     static float rgb[3 * PIXELS];
     static uint8_t bytes[3 * PIXELS];
     assert_ok(ctx, sf_consider_growth(f, 1));
-    double least = f->least_squares;
+    double least = f->select.min_error;
     assert_true(least > 0);
     for (int view = 0; view < VIEWS; view++) { /* each once more */
         sf_camera camera = camera_of(view);
@@ -153,11 +153,11 @@ static void test_growth_while_views_come(void **state) {
         assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
     }
     assert_ok(ctx, sf_consider_growth(f, 1)); /* the same model, the same error */
-    assert_int_equal(f->growths_in_vain, 1);
+    assert_int_equal(f->select.vain_growths, 1);
     for (int k = 0; k < 3; k++) *sf_value(&f->model->params, SF_FIELD_sh0, 0, k) = -0.35f; /* gray 0.4 */
     assert_ok(ctx, sf_consider_growth(f, 1));
-    assert_int_equal(f->growths_in_vain, 0);
-    assert_true(f->least_squares < 0.95 * least);
+    assert_int_equal(f->select.vain_growths, 0);
+    assert_true(f->select.min_error < 0.95 * least);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&truth);
@@ -386,9 +386,9 @@ static void test_trial_judged_by_some(void **state) {
         f->options.merge = 1;
         assert_ok(ctx, sf_trials_begin(f, &w));
         sf_worth_free(ctx, &w);
-        assert_int_equal(f->trials.count, 1);
+        assert_int_equal(f->merges.count, 1);
         assert_ok(ctx, sf_weigh(f, some ? VIEWS : ALL, &w));
-        blame[some] = w.blame[f->trials.list[0].leader];
+        blame[some] = w.blame[f->merges.list[0].leader];
         sf_worth_free(ctx, &w);
         sf_fitter_destroy(&f);
     }
@@ -419,8 +419,8 @@ static void test_price(void **state) {
     sf_worth_free(ctx, &w);
     int going = 0;
     for (int i = 0; i < ALL; i++) {
-        if (i < 3) assert_true(!(f->screen_sum[i] < 0));
-        going += f->screen_sum[i] < 0;
+        if (i < 3) assert_true(!(f->densify.gradient_sum[i] < 0));
+        going += f->densify.gradient_sum[i] < 0;
     }
     assert_int_equal(going, USELESS);
     sf_fitter_destroy(&f);
@@ -455,10 +455,10 @@ static void test_what_goes_at_once(void **state) {
         if (part < 0.8 || part > 3) print_message("all of them: %g\n", part);
         assert_true(part > 0.8 && part < 3);
         sf_worth_free(ctx, &w);
-        f->options.quality = 1e-5;                               /* none is worth its price */
-        for (int i = FAINT; i < ALL; i++) f->screen_sum[i] = -1; /* and those are going already */
+        f->options.quality = 1e-5;                                         /* none is worth its price */
+        for (int i = FAINT; i < ALL; i++) f->densify.gradient_sum[i] = -1; /* and those are going already */
         assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
-        for (int i = 0; i < FAINT; i++) going[many] += f->screen_sum[i] < 0;
+        for (int i = 0; i < FAINT; i++) going[many] += f->densify.gradient_sum[i] < 0;
         sf_worth_free(ctx, &w);
         sf_fitter_destroy(&f);
         sf_scene_destroy(&scene);
@@ -543,7 +543,7 @@ static void trial(float other_gray, int succeeds, int view_goes) {
     f->options.merge = 1;
     assert_ok(ctx, sf_trials_begin(f, &w));
     sf_worth_free(ctx, &w);
-    assert_int_equal(f->trials.count, 1);
+    assert_int_equal(f->merges.count, 1);
     values_of(f->model, during);
     assert_true(memcmp(before, during, sizeof before) != 0);
     assert_ok(ctx, sf_fitter_snapshot(f, &seen));
@@ -561,12 +561,12 @@ static void trial(float other_gray, int succeeds, int view_goes) {
     assert_ok(ctx, sf_weigh(f, 0, &w));
     if (view_goes) assert_true(w.effect[0] < 1e-6f || w.effect[1] < 1e-6f); /* one was hidden */
     sf_trials_judge(f, &w, 0.1, 0);
-    assert_int_equal(f->trials.count, 0);
+    assert_int_equal(f->merges.count, 0);
     values_of(f->model, after);
     int going = 0;
-    for (int i = 0; i < 3; i++) going += f->screen_sum[i] < 0;
+    for (int i = 0; i < 3; i++) going += f->densify.gradient_sum[i] < 0;
     assert_int_equal(going, succeeds);
-    assert_int_equal(f->trials.in_vain, !succeeds && !view_goes);
+    assert_int_equal(f->merges.in_vain, !succeeds && !view_goes);
     assert_memory_equal(succeeds ? during : before, after, sizeof before);
     assert_true(succeeds || (isinf(w.effect[0]) && isinf(w.effect[1])));
     sf_worth_free(ctx, &w);
@@ -641,12 +641,12 @@ static void test_trial_goes_on(void **state) {
     options.init_random = 200;
     options.sh_degree = 1;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitters[0]));
-    while (fitters[0]->step < 800 && !fitters[0]->trials.count) assert_ok(ctx, sf_fitter_step(fitters[0]));
+    while (fitters[0]->step < 800 && !fitters[0]->merges.count) assert_ok(ctx, sf_fitter_step(fitters[0]));
     for (int k = 0; k < 10; k++) assert_ok(ctx, sf_fitter_step(fitters[0]));
-    assert_true(fitters[0]->trials.count > 0);
+    assert_true(fitters[0]->merges.count > 0);
     assert_ok(ctx, sf_fitter_save(fitters[0], test_path("trial")));
     assert_ok(ctx, sf_fitter_load(ctx, scene, test_path("trial"), NULL, &fitters[1]));
-    assert_int_equal(fitters[1]->trials.count, fitters[0]->trials.count);
+    assert_int_equal(fitters[1]->merges.count, fitters[0]->merges.count);
     for (int i = 0; i < 2; i++) {
         for (int k = 0; k < 120; k++) assert_ok(ctx, sf_fitter_step(fitters[i]));
         assert_ok(ctx, sf_fitter_snapshot(fitters[i], &ends[i]));

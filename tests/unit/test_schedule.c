@@ -116,21 +116,21 @@ static void test_views_far_apart_follow_one_another(void **state) {
     int differ = 0;
     for (int pass = 0; pass < 4; pass++) {
         assert_ok(ctx, sf_fitter_step(f));
-        size_t n = f->order_count, seen = 0;
+        size_t n = f->sampler.count, seen = 0;
         assert_true(n >= 10);
         for (size_t k = 0; k < n; k++) {
             size_t at = 0;
-            for (size_t j = 0; j < n; j++) at += f->order[j] < f->order[k];
+            for (size_t j = 0; j < n; j++) at += f->sampler.ids[j] < f->sampler.ids[k];
             assert_false(seen >> at & 1);
             seen |= (size_t)1 << at;
             size_t next = 0;
-            for (size_t j = 0; j < n; j++) next += f->order[j] < f->order[(k + 1) % n];
+            for (size_t j = 0; j < n; j++) next += f->sampler.ids[j] < f->sampler.ids[(k + 1) % n];
             size_t apart = next > at ? next - at : at - next;
             assert_true(k + 1 == n || (5 * apart >= n && 5 * (n - apart) >= n));
         }
-        differ += pass && f->order[0] != first;
-        first = f->order[0];
-        while (f->order_at < n) assert_ok(ctx, sf_fitter_step(f));
+        differ += pass && f->sampler.ids[0] != first;
+        first = f->sampler.ids[0];
+        while (f->sampler.at < n) assert_ok(ctx, sf_fitter_step(f));
     }
     assert_true(differ > 0);
     sf_fitter_destroy(&f);
@@ -163,7 +163,7 @@ static void test_little_time_is_spent_on_steps(void **state) {
     options.time_limit = 1000;
     options.plan_steps = SF_SHORT_TIME;
     sf_fitter *fitter = start(&options);
-    assert_true(fitter->kept_out_count > 0);
+    assert_true(fitter->validation.count > 0);
     assert_int_equal(fitter->options.validate, SF_VALIDATE_EVERY);
     assert_true(fitter->options.blur > 0);
     assert_true(sf_fraction_at(fitter, 0.1) < 0.11);
@@ -173,7 +173,7 @@ static void test_little_time_is_spent_on_steps(void **state) {
 
     options.plan_steps = SF_SHORT_TIME - 1;
     fitter = start(&options);
-    assert_int_equal(fitter->kept_out_count, 0);
+    assert_int_equal(fitter->validation.count, 0);
     assert_int_equal(fitter->options.validate, 0);
     assert_true(fitter->options.blur == 0);
     fitter->step = SF_SHORT_TIME / 2;
@@ -182,14 +182,14 @@ static void test_little_time_is_spent_on_steps(void **state) {
 
     options.validate = 4; /* who asks for them has them */
     fitter = start(&options);
-    assert_true(fitter->kept_out_count > 0);
+    assert_true(fitter->validation.count > 0);
     assert_int_equal(fitter->options.validate, 4);
     sf_fitter_destroy(&fitter);
 
     options.validate = -1;
     options.target_psnr = 30; /* needs them */
     fitter = start(&options);
-    assert_true(fitter->kept_out_count > 0);
+    assert_true(fitter->validation.count > 0);
     sf_fitter_destroy(&fitter);
 }
 
@@ -208,7 +208,7 @@ static void test_few_views_are_not_charged(void **state) {
             options.size = SF_SIZE_AUTO;
             assert_ok(ctx, sf_fitter_create(ctx, few, NULL, &options, &fitter));
             assert_int_equal(fitter->options.size, views < 8 || brief ? SF_SIZE_CAP : SF_SIZE_AUTO);
-            assert_true(fitter->growth_pays == (views < 8 ? 7.0 / 8 : 0));
+            assert_true(fitter->select.growth_scale == (views < 8 ? 7.0 / 8 : 0));
             sf_fitter_destroy(&fitter);
         }
         sf_scene_destroy(&few);
@@ -227,9 +227,9 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     fitter->options.plan_steps = SF_SHORT_RUN;
     assert_int_equal(sf_planned_count(fitter, 1), first + 2 * SF_SHORT_RUN);
     assert_int_equal(sf_planned_count(fitter, 0), first);
-    fitter->growth_pays = 2.5;
+    fitter->select.growth_scale = 2.5;
     assert_int_equal(sf_planned_count(fitter, 1), first + 5 * SF_SHORT_RUN);
-    fitter->growth_pays = 0;
+    fitter->select.growth_scale = 0;
     assert_true(sf_planned_count(fitter, fitter->options.grow_end / 2) > first);
     sf_fitter_destroy(&fitter);
     options.max_gaussians = (int64_t)first + 10;

@@ -154,17 +154,17 @@ static void test_looks_with_refined_focal_lengths(void **state) {
     for (int k = 0; k < 2; k++) fitter->views.lenses[0].log_focal[k] = 0.1;
     fitter->sh_degree = fitter->model->sh_degree;
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    for (size_t i = 0; i < fitter->kept_out_count; i++) {
+    for (size_t i = 0; i < fitter->validation.count; i++) {
         sf_camera camera;
         sf_quality quality;
-        assert_ok(ctx, sf_fitter_get_camera(fitter, fitter->kept_out[i], &camera));
+        assert_ok(ctx, sf_fitter_get_camera(fitter, fitter->validation.ids[i], &camera));
         assert_ok(ctx, sf_fitter_render(fitter, &camera, &out));
-        assert_ok(ctx, sf_scene_get_pixels(studio, fitter->kept_out[i], target, NULL));
+        assert_ok(ctx, sf_scene_get_pixels(studio, fitter->validation.ids[i], target, NULL));
         assert_ok(ctx, sf_compare(renderer, 48, 36, rgb, target, NULL, &quality));
-        expected += quality.psnr / (double)fitter->kept_out_count;
+        expected += quality.psnr / (double)fitter->validation.count;
     }
     assert_ok(ctx, sf_validate(fitter, &psnr, &views));
-    assert_int_equal(views, fitter->kept_out_count);
+    assert_int_equal(views, fitter->validation.count);
     assert_true(fabs(psnr - expected) < 1e-3);
     sf_renderer_destroy(&renderer);
     sf_fitter_destroy(&fitter);
