@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../base/statistics.h"
 #include "clocks.h"
 
 /* The value of the first line of a file of "name : value" that begins with one of two names. */
@@ -129,16 +130,10 @@ double bench_machine_clock(bench_machine *machine) {
     return ghz;
 }
 
-static int compare(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 double bench_machine_ghz(const bench_machine *machine, int first) {
-    double sorted[BENCH_CLOCK_SAMPLES];
+    double values[BENCH_CLOCK_SAMPLES];
     int n = machine->samples - first;
     if (n <= 0) return 0;
-    memcpy(sorted, machine->ghz + first, (size_t)n * sizeof *sorted);
-    qsort(sorted, (size_t)n, sizeof *sorted, compare);
-    return sorted[n / 2];
+    memcpy(values, machine->ghz + first, (size_t)n * sizeof *values);
+    return sf_median(values, (size_t)n);
 }

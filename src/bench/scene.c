@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "../base/rng.h"
+#include "../scene/gaussian_math.h"
 #include "../scene/gaussians.h"
 
 enum { CLUSTERS = 40 };
@@ -93,7 +94,7 @@ static void lift(const drawn *g, const sf_camera *camera, sf_model *model, size_
     float log_scale[3] = {(float)log(g->sigma_a * unit), (float)log(g->sigma_b * unit),
                           (float)log(g->sigma_b * unit * FLAT)};
     float quat[4] = {(float)cos(g->angle / 2), 0, 0, (float)sin(g->angle / 2)};
-    float logit = (float)log(opacity / (1 - opacity)), sh[48] = {0};
+    float logit = (float)sf_logit(opacity), sh[48] = {0};
     for (int ch = 0; ch < 3; ch++) sh[ch] = (float)((g->rgb[ch] - 0.5) / Y0);
     sf_gaussians one = {
         .means = mean, .quats = quat, .log_scales = log_scale, .logit_opacities = &logit, .sh = sh};

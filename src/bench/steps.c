@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "../scene/gaussians.h"
 #include "../scene/scene.h"
 #include "bench.h"
@@ -206,17 +207,12 @@ static sf_status take_views(sf_context *ctx, sf_scene *scene, float near_plane, 
     return status;
 }
 
-static int compare(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Means over the views of each stage's least time; of the whole step the median too. */
 static void average(const double (*least)[STAGES], size_t n, double *scratch, bench_step_times *times) {
     for (int k = 0; k < STAGES; k++)
         for (size_t i = 0; i < n; i++) times->seconds[k] += least[i][k] / (double)n;
     for (size_t i = 0; i < n; i++) scratch[i] = least[i][STAGE_TOTAL];
-    qsort(scratch, n, sizeof *scratch, compare);
+    qsort(scratch, n, sizeof *scratch, sf_compare_doubles);
     times->median_total = n % 2 ? scratch[n / 2] : 0.5 * (scratch[n / 2 - 1] + scratch[n / 2]);
 }
 

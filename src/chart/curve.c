@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/statistics.h"
+
 /* Evaluations of two runs this near to each other in time are one sample. */
 #define NEAR_IN_TIME 1.02
 
@@ -55,11 +57,6 @@ static chart_sample sample_at(const chart_scene *scene, const char *label, chart
     return s;
 }
 
-static int compare(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Of ascending times those from `first` on; of several runs, the mean of those that are near each other. */
 static size_t merge_times(double *times, size_t count, double first, int several) {
     size_t kept = 0;
@@ -93,7 +90,7 @@ static sf_status make_curve(const chart_scene *scene, const char *label, chart_m
         for (size_t i = 0; i < input->run_count; i++)
             for (size_t k = 0; of_curve(scene, &input->runs[i], label) && k < input->runs[i].count; k++)
                 times[n++] = input->runs[i].points[k].seconds;
-        qsort(times, n, sizeof *times, compare);
+        qsort(times, n, sizeof *times, sf_compare_doubles);
         curve->count = merge_times(times, n, first, curve->runs > 1);
         for (size_t i = 0; i < curve->count; i++)
             curve->samples[i] = sample_at(scene, label, metric, times[i]);

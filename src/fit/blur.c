@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "refine.h"
 
 /* Views are judged once, here in the run: the model knows by now what is there, and most is still to come. */

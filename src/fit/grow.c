@@ -35,7 +35,7 @@ static int longest_axis(const sf_params *params, size_t i) {
 
 float sf_faintest(const sf_fitter *f) {
     double opacity = f->options.prune_opacity;
-    return opacity > 0 ? sf_logit(fminf((float)opacity, 0.999f)) : -INFINITY;
+    return opacity > 0 ? sf_logitf(fminf((float)opacity, 0.999f)) : -INFINITY;
 }
 
 int sf_worth_keeping(const sf_fitter *f, size_t i, float faintest) {
@@ -85,17 +85,9 @@ sf_status sf_drop_not_finite(sf_fitter *f) {
 }
 
 void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction) {
-    float q[4], norm = 0;
-    for (int k = 0; k < 4; k++) {
-        q[k] = *sf_value(params, SF_FIELD_quat, i, k);
-        norm += q[k] * q[k];
-    }
-    norm = 1.0f / sqrtf(norm);
-    float w = q[0] * norm, x = q[1] * norm, y = q[2] * norm, z = q[3] * norm;
-    float R[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
-                  2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-                  2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
-    for (int k = 0; k < 3; k++) direction[k] = R[3 * k + axis];
+    float q[4];
+    for (int k = 0; k < 4; k++) q[k] = *sf_value(params, SF_FIELD_quat, i, k);
+    sf_quat_axis(q, axis, direction);
 }
 
 /* Gaussian j, a copy of i, and i become the halves of what i was. */
@@ -103,7 +95,7 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     const sf_params *p = &f->model->params;
     int longest = longest_axis(p, i);
     float direction[3], half = (float)SPLIT_SPREAD * expf(*sf_value(p, SF_FIELD_log_scale, i, longest));
-    float opacity = SPLIT_OPACITY * sf_opacity(p->field[SF_FIELD_logit_opacity][i]);
+    float opacity = SPLIT_OPACITY * sf_sigmoidf(p->field[SF_FIELD_logit_opacity][i]);
     sf_axis_of(p, i, longest, direction);
     for (int k = 0; k < 3; k++) {
         float shrink = logf(k == longest ? SPLIT_LONG : SPLIT_OTHERS);
@@ -127,7 +119,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
         sf_axis_of(p, j, axis, direction);
         for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_mean, j, k) += step * direction[k];
     }
-    float opacity = 1.0f - sqrtf(1.0f - sf_opacity(p->field[SF_FIELD_logit_opacity][i]));
+    float opacity = 1.0f - sqrtf(1.0f - sf_sigmoidf(p->field[SF_FIELD_logit_opacity][i]));
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
     sf_moments_restart(&f->moments, f->model, j);

@@ -4,14 +4,12 @@
 
 #include <math.h>
 
+#include "../scene/gaussian_math.h"
 #include "fitter.h"
-
-static inline float sf_opacity(float logit) { return 1.0f / (1.0f + expf(-logit)); }
-static inline float sf_logit(float opacity) { return logf(opacity / (1.0f - opacity)); }
 
 /* Of what was made by growth: neither faint enough to go at once nor too opaque to learn. */
 static inline void sf_set_opacity(const sf_params *p, size_t i, float opacity) {
-    p->field[SF_FIELD_logit_opacity][i] = sf_logit(fminf(fmaxf(opacity, 0.006f), 0.995f));
+    p->field[SF_FIELD_logit_opacity][i] = sf_logitf(fminf(fmaxf(opacity, 0.006f), 0.995f));
 }
 
 /* Column `axis` of the rotation of Gaussian i (M.1), [3]. */

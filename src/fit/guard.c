@@ -11,7 +11,7 @@
 
 #include <math.h>
 
-#include "refine.h"
+#include "../base/statistics.h"
 
 enum {
     MEDIAN_OF = 9,    /* losses */

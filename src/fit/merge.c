@@ -53,7 +53,7 @@ static void weigh_in(blob *b) {
 }
 
 static blob blob_of(const sf_params *p, size_t i) {
-    blob b = {.opacity = (double)sf_opacity(p->field[SF_FIELD_logit_opacity][i])};
+    blob b = {.opacity = (double)sf_sigmoidf(p->field[SF_FIELD_logit_opacity][i])};
     double most = 0;
     for (int axis = 0; axis < 3; axis++) {
         float direction[3];

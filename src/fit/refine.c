@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "../base/linear.h"
+#include "../base/statistics.h"
 #include "adam.h"
 
 static const double pi = 3.141592653589793;
@@ -204,27 +205,6 @@ void sf_hold_mean(sf_view_states *views) {
 }
 
 /* 5. How far it went */
-
-double sf_ranked(double *values, size_t n, size_t rank) {
-    size_t first = 0, last = n ? n - 1 : 0;
-    while (first < last) {
-        double pivot = values[first + (last - first) / 2];
-        size_t i = first, j = last;
-        for (;;) {
-            while (values[i] < pivot) i++;
-            while (pivot < values[j]) j--;
-            if (i >= j) break;
-            double kept = values[i];
-            values[i++] = values[j];
-            values[j--] = kept;
-        }
-        if (j < rank || (j == rank && i == rank)) first = j < rank ? j + 1 : rank;
-        if (i > rank || (j == rank && i == rank)) last = i > rank ? i - 1 : rank;
-    }
-    return n ? values[rank] : 0;
-}
-
-double sf_median(double *values, size_t n) { return sf_ranked(values, n, n / 2); }
 
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal) {
     double *values = views->scratch;

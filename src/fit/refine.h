@@ -32,9 +32,4 @@ void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, con
 /* Medians over the training views: degrees turned, depths moved, change of the mean focal length. */
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal);
 
-/* The value that `rank` others are at most as great as, and the one in the middle, by Hoare's selection;
- * 0 of none. Both reorder them. */
-double sf_ranked(double *values, size_t n, size_t rank);
-double sf_median(double *values, size_t n);
-
 #endif

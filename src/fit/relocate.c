@@ -31,7 +31,7 @@ double sf_relocated(double opacity, uint32_t n, double *shrink) {
 /* Gaussian i becomes one of n of its kind. */
 static void correct(sf_fitter *f, size_t i, uint32_t n) {
     const sf_params *p = &f->model->params;
-    double opacity = fmin(1 / (1 + exp(-(double)p->field[SF_FIELD_logit_opacity][i])), 0.9999), shrink;
+    double opacity = fmin(sf_sigmoid((double)p->field[SF_FIELD_logit_opacity][i]), 0.9999), shrink;
     sf_set_opacity(p, i, (float)sf_relocated(opacity, n, &shrink));
     for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_log_scale, i, k) += (float)log(shrink);
     sf_moments_restart(&f->moments, f->model, i);
@@ -75,7 +75,7 @@ static void find_places(const sf_fitter *f, relocation *r) {
     double sum = 0;
     for (size_t i = 0; i < r->places; i++) {
         int lives = i < r->count && sf_worth_keeping(f, i, faintest);
-        if (lives) sum += (double)sf_opacity(f->model->params.field[SF_FIELD_logit_opacity][i]);
+        if (lives) sum += (double)sf_sigmoidf(f->model->params.field[SF_FIELD_logit_opacity][i]);
         if (i < r->count) r->until[i] = sum;
         r->place[i].from = lives ? (uint32_t)i : NOBODY;
         r->moving += !lives;
@@ -153,7 +153,7 @@ void sf_disturb(sf_fitter *f, double strength, size_t first, size_t end) {
     const float *logit = f->model->params.field[SF_FIELD_logit_opacity];
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     for (size_t i = first * SF_LANES; i < last; i++) {
-        double gate = 1 / (1 + exp(GATE_SLOPE * ((double)sf_opacity(logit[i]) - GATE_OPACITY)));
+        double gate = 1 / (1 + exp(GATE_SLOPE * ((double)sf_sigmoidf(logit[i]) - GATE_OPACITY)));
         if (gate >= GATE_LEAST) disturb(f, i, gate * strength);
     }
 }

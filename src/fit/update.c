@@ -52,7 +52,7 @@ static void regularise(const update_job *job, size_t first, size_t end) {
     for (size_t i = first; i < end; i++) {
         if (f->workspace.state[i] != SF_SEEN) continue;
         float *logit = &p->field[SF_FIELD_logit_opacity][i];
-        *logit -= job->fade * sf_opacity(*logit);
+        *logit -= job->fade * sf_sigmoidf(*logit);
         for (int axis = 0; axis < 3; axis++) *sf_value(p, SF_FIELD_log_scale, i, axis) -= job->shrink;
     }
 }

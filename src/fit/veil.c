@@ -10,6 +10,7 @@
 #include <math.h>
 
 #include "../base/linear.h"
+#include "../base/statistics.h"
 #include "../scene/scene.h"
 #include "refine.h"
 

@@ -5,12 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { GAPS = 1024, A_GAP = 16 /* values in one, at least */, ROUNDS = 24 };
+#include "../base/statistics.h"
 
-static int by_value(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
+enum { GAPS = 1024, A_GAP = 16 /* values in one, at least */, ROUNDS = 24 };
 
 /* Of n sorted values how many are below x. */
 static size_t below(const float *sorted, size_t n, double x) {
@@ -72,7 +69,7 @@ sf_status sf_codebook_make(sf_context *ctx, const float *values, size_t n, float
     double *before = sf_alloc(ctx, n + 1, sizeof *before), exact[SF_CODEBOOK];
     if (sorted && before) {
         memcpy(sorted, values, n * sizeof *sorted);
-        qsort(sorted, n, sizeof *sorted, by_value);
+        qsort(sorted, n, sizeof *sorted, sf_compare_floats);
         before[0] = 0;
         for (size_t i = 0; i < n; i++) before[i + 1] = before[i] + (double)sorted[i];
         if (!take_values(sorted, n, exact)) {

@@ -100,11 +100,7 @@ static sf_status sort_cameras(reader *r) {
 static int rotation(const double quat[4], double R[9]) {
     double norm = sqrt(quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]);
     if (!isfinite(norm) || norm < 1e-12) return 0;
-    double w = quat[0] / norm, x = quat[1] / norm, y = quat[2] / norm, z = quat[3] / norm;
-    double rows[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                      2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                      2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    memcpy(R, rows, sizeof rows);
+    sf_rotation_from_quat(quat, R);
     return 1;
 }
 

@@ -11,6 +11,7 @@
 
 #include "../base/bytes.h"
 #include "../base/linear.h"
+#include "../scene/gaussian_math.h"
 #include "gltf_data.h"
 #include "model_file.h"
 
@@ -220,7 +221,7 @@ static float logit_of(double opacity) {
     const double least = 2e-9, most = 1 - 3e-8;
     if (!(opacity >= 0 && opacity <= 1)) return NAN;
     double o = fmin(fmax(opacity, least), most);
-    return (float)log(o / (1 - o));
+    return (float)sf_logit(o);
 }
 
 static float log_of(double length) {

@@ -71,7 +71,7 @@ static void values_of(sf_gaussian *g, int attribute, float to[4]) {
     else if (attribute == 2)
         for (int k = 0; k < 3; k++) to[k] = (float)exp((double)f.log_scales[k]);
     else if (attribute == 3)
-        to[0] = (float)sf_sigmoid(f.logit_opacities[0]);
+        to[0] = (float)sf_sigmoid((double)f.logit_opacities[0]);
     else
         memcpy(to, f.sh + 3 * (attribute - 4), 3 * sizeof *to);
 }

@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "../scene/gaussian_math.h"
+
 /* The nearest of 0..255; counts in *clipped (may be NULL) a value that is beyond by more than rounding. */
 static inline uint8_t sf_byte_of(double value, size_t *clipped) {
     double nearest = round(value);
@@ -14,19 +16,11 @@ static inline uint8_t sf_byte_of(double value, size_t *clipped) {
     return nearest > 255 ? 255 : 0;
 }
 
-static inline double sf_sigmoid(float x) { return 1 / (1 + exp(-(double)x)); }
-
 /* The logit of an opacity stored as 255 times itself. The ends stand for the half step that rounds to them: a
  * quarter of a step inside, they come back finite, and as the same byte. */
 static inline float sf_logit_of_byte(uint8_t byte) {
     double opacity = byte == 0 ? 0.25 / 255 : byte == 255 ? 254.75 / 255 : byte / 255.0;
-    return (float)log(opacity / (1 - opacity));
-}
-
-static inline void sf_unit_quat(const float quat[4], float unit[4]) {
-    double w = (double)quat[0], x = (double)quat[1], y = (double)quat[2], z = (double)quat[3];
-    double norm = sqrt(w * w + x * x + y * y + z * z);
-    for (int k = 0; k < 4; k++) unit[k] = (float)((double)quat[k] / norm);
+    return (float)sf_logit(opacity);
 }
 
 #endif

@@ -162,7 +162,7 @@ static sf_status put_levels(sog_out *o, const char *key, const char *name, const
     for (size_t i = 0; i < o->count; i++) {
         for (size_t k = 0; k < 3; k++)
             texel(o, i)[k] = sf_codebook_nearest(levels, o->values[3 * (size_t)o->order[i] + k]);
-        if (logits) texel(o, i)[3] = sf_byte_of(255 * sf_sigmoid(logits[o->order[i]]), NULL);
+        if (logits) texel(o, i)[3] = sf_byte_of(255 * sf_sigmoid((double)logits[o->order[i]]), NULL);
     }
     status = put_texels(o, name);
     if (!status &&

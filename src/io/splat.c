@@ -80,7 +80,8 @@ static sf_status weigh(const sf_model *model, weighed *list) {
         sf_status status = sf_model_get(model, i, 1, &f);
         if (status) return status;
         list[i].index = (uint32_t)i;
-        list[i].weight = log_scales[0] + log_scales[1] + log_scales[2] + logf((float)sf_sigmoid(logit));
+        list[i].weight =
+            log_scales[0] + log_scales[1] + log_scales[2] + logf((float)sf_sigmoid((double)logit));
     }
     qsort(list, sf_model_count(model), sizeof *list, by_weight);
     return SF_OK;
@@ -101,7 +102,7 @@ static void encode(sf_gaussian *g, uint8_t row[ROW]) {
         put_float(row + SCALES_AT + 4 * k, expf(f.log_scales[k]));
         row[COLORS_AT + k] = sf_byte_of(255 * (0.5 + SF_SH_0 * (double)f.sh[k]), NULL);
     }
-    row[ALPHA_AT] = sf_byte_of(255 * sf_sigmoid(f.logit_opacities[0]), NULL);
+    row[ALPHA_AT] = sf_byte_of(255 * sf_sigmoid((double)f.logit_opacities[0]), NULL);
     for (int k = 0; k < 4; k++) row[QUAT_AT + k] = sf_byte_of(128 + 128 * (double)unit[k], NULL);
 }
 

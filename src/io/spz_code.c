@@ -76,7 +76,7 @@ void sf_spz_encode(const sf_spz_header *h, sf_spz_column column, const int sh_bi
         encode_mean(h->fraction, g->means, to, clips);
         break;
     case SF_SPZ_ALPHAS:
-        *to = sf_byte_of(255 * sf_sigmoid(*g->logit_opacities), NULL);
+        *to = sf_byte_of(255 * sf_sigmoid((double)*g->logit_opacities), NULL);
         break;
     case SF_SPZ_COLORS:
         for (int c = 0; c < 3; c++)

@@ -3,8 +3,7 @@
  * The constants are what fits of the fox's training views lost in renders of views that they did not see:
  * README.md has the figures.
  */
-#include <stdlib.h>
-
+#include "../base/statistics.h"
 #include "../scene/curve.h"
 #include "quantise.h"
 #include "spz.h"
@@ -19,16 +18,6 @@
 #define DOUBLING_BITS 0.25
 
 enum { BITS_MOST = 8 };
-
-static int rising(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-static float median_of(float *values, size_t n) {
-    qsort(values, n, sizeof *values, rising);
-    return n ? values[n / 2] : 0;
-}
 
 /* What is measured of the Gaussians, [count] each. */
 typedef struct measures {
@@ -46,7 +35,7 @@ static sf_status measure(const sf_model *model, measures *m) {
         if (status) return status;
         float shortest = fminf(s[0], fminf(s[1], s[2])), longest = fmaxf(s[0], fmaxf(s[1], s[2]));
         m->log_middles[i] = s[0] + s[1] + s[2] - shortest - longest;
-        m->log_weights[i] = m->log_middles[i] + longest + 2 * (float)log(sf_sigmoid(logit));
+        m->log_weights[i] = m->log_middles[i] + longest + 2 * (float)log(sf_sigmoid((double)logit));
         for (int k = 0; k < 3; k++) m->most = fmax(m->most, fabs((double)mean[k]));
     }
     return SF_OK;
@@ -56,7 +45,7 @@ static sf_status measure(const sf_model *model, measures *m) {
 static void choose_fraction(const sf_model *model, measures *m, const char *path, sf_spz_plan *plan) {
     size_t n = sf_model_count(model);
     for (size_t i = 0; i < n; i++) m->sorted[i] = m->log_middles[i];
-    double wanted = ceil(log2(MEAN_STEPS) - (double)median_of(m->sorted, n) / log(2));
+    double wanted = ceil(log2(MEAN_STEPS) - (double)sf_medianf(m->sorted, n) / log(2));
     int fraction = (int)fmax(0, fmin(wanted, SF_SPZ_FRACTION_MOST)), most = fraction;
     while (fraction && ldexp(m->most, fraction) > SF_SPZ_MEAN_MOST) fraction--;
     if (fraction < most)
@@ -70,7 +59,7 @@ static sf_status choose_classes(const sf_model *model, measures *m, sf_spz_plan 
     plan->classes = sf_alloc(model->ctx, n + 1, 1);
     if (!plan->classes) return SF_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) m->sorted[i] = m->log_weights[i];
-    float median = median_of(m->sorted, n);
+    float median = sf_medianf(m->sorted, n);
     for (size_t i = 0; i < n; i++) {
         double doublings = (double)(m->log_weights[i] - median) / log(2);
         plan->classes[i] = (uint8_t)fmax(1, fmin(round(MEDIAN_BITS + DOUBLING_BITS * doublings), BITS_MOST));

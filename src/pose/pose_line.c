@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "../base/linear.h"
+#include "../scene/gaussian_math.h"
 
 enum { FIELDS = 8 };
 
@@ -87,13 +88,7 @@ void sf_timed_pose_between(const sf_timed_pose *a, const sf_timed_pose *b, int64
     *pose = between;
 }
 
-static void rotation_of(const double q[4], double R[9]) {
-    double x = q[0], y = q[1], z = q[2], w = q[3];
-    const double rotation[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                                2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                                2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    memcpy(R, rotation, sizeof rotation);
-}
+static void rotation_of(const double q[4], double R[9]) { sf_unit_quat_rotation(q[3], q[0], q[1], q[2], R); }
 
 void sf_timed_pose_join(const sf_timed_pose *a, const sf_timed_pose *b, sf_timed_pose *pose) {
     const double *p = a->quat, *q = b->quat;

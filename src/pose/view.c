@@ -2,10 +2,10 @@
 #include "view.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "../base/linear.h"
+#include "../base/statistics.h"
 
 /* Rigid motions. */
 
@@ -158,15 +158,8 @@ void sf_view_distances(const sf_lens *lens, const sf_rigid *T, const sf_corner_l
     }
 }
 
-static int ascending(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 double sf_spread(double *distances, size_t count) {
-    if (!count) return 0;
-    qsort(distances, count, sizeof *distances, ascending);
-    return distances[count / 2] / sqrt(2 * log(2)); /* the median of Rayleigh's distribution */
+    return sf_median(distances, count) / sqrt(2 * log(2)); /* the median of Rayleigh's distribution */
 }
 
 /* Homographies. */

@@ -62,7 +62,8 @@ void sf_view_sum(const sf_lens *lens, const sf_rigid *T, const sf_corner_list *l
 /* Distances in px between the corners and where the pose puts them; infinite behind the camera. */
 void sf_view_distances(const sf_lens *lens, const sf_rigid *T, const sf_corner_list *list, double *distances);
 
-/* The standard deviation (px, a coordinate) of which `count` distances, sorted by this, have their median. */
+/* The standard deviation (px, a coordinate) of which `count` distances, reordered, have their median; 0
+ * without. */
 double sf_spread(double *distances, size_t count);
 
 /* Homography from the board's plane to points of the picture, (x, y, 1) ~ H (X, Y, 1), robust. `points`

@@ -1,17 +1,12 @@
 /* bounds.c - where a model lies, as most of its Gaussians say. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "../base/linear.h"
+#include "../base/statistics.h"
 #include "gaussians.h"
 
 /* Of the Gaussians this part is within the radius. */
 #define RADIUS_PART 0.8
-
-static int rising(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 static double mean_of(const sf_model *model, size_t i, int k) {
     return (double)*sf_value(&model->params, SF_FIELD_mean, i, k);
@@ -23,16 +18,14 @@ static double distance_to(const sf_model *model, size_t i, const double center[3
     return sqrt(square);
 }
 
-static void find_sphere(const sf_model *model, float *sorted, sf_model_bounds *b) {
+static void find_sphere(const sf_model *model, float *values, sf_model_bounds *b) {
     size_t n = model->count;
     for (int k = 0; k < 3; k++) {
-        for (size_t i = 0; i < n; i++) sorted[i] = *sf_value(&model->params, SF_FIELD_mean, i, k);
-        qsort(sorted, n, sizeof *sorted, rising);
-        b->center[k] = (double)sorted[n / 2];
+        for (size_t i = 0; i < n; i++) values[i] = *sf_value(&model->params, SF_FIELD_mean, i, k);
+        b->center[k] = (double)sf_medianf(values, n);
     }
-    for (size_t i = 0; i < n; i++) sorted[i] = (float)distance_to(model, i, b->center);
-    qsort(sorted, n, sizeof *sorted, rising);
-    b->radius = (double)sorted[(size_t)(RADIUS_PART * (double)(n - 1))];
+    for (size_t i = 0; i < n; i++) values[i] = (float)distance_to(model, i, b->center);
+    b->radius = (double)sf_rankedf(values, n, (size_t)(RADIUS_PART * (double)(n - 1)));
     if (!(b->radius > 0)) b->radius = 1;
 }
 
@@ -61,10 +54,10 @@ static void find_plane(const sf_model *model, sf_model_bounds *b) {
 sf_status sf_model_get_bounds(const sf_model *model, sf_model_bounds *bounds) {
     *bounds = (sf_model_bounds){.radius = 1, .normal = {0, -1, 0}, .flatness = 1};
     if (!model->count) return sf_fail(model->ctx, SF_ERR_EMPTY, "model: there is no Gaussian");
-    float *sorted = sf_alloc(model->ctx, model->count, sizeof *sorted);
-    if (!sorted) return SF_ERR_MEMORY;
-    find_sphere(model, sorted, bounds);
-    sf_free(model->ctx, sorted);
+    float *values = sf_alloc(model->ctx, model->count, sizeof *values);
+    if (!values) return SF_ERR_MEMORY;
+    find_sphere(model, values, bounds);
+    sf_free(model->ctx, values);
     find_plane(model, bounds);
     return SF_OK;
 }

@@ -1,6 +1,8 @@
 /* camera.c - the pinhole camera. */
 #include <math.h>
 
+#include "gaussian_math.h"
+
 #include <splatfit/camera.h>
 
 void sf_camera_center(const sf_camera *camera, double center[3]) {
@@ -49,9 +51,5 @@ void sf_rotation_to_quat(const double R[9], double q[4]) {
 
 void sf_rotation_from_quat(const double q[4], double R[9]) {
     double norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    double w = q[0] / norm, x = q[1] / norm, y = q[2] / norm, z = q[3] / norm;
-    const double rows[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                            2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                            2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    for (int k = 0; k < 9; k++) R[k] = rows[k];
+    sf_unit_quat_rotation(q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm, R);
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "curve.h"
+#include "gaussian_math.h"
 #include "nearest.h"
 #include "random.h"
 #include "sweep.h"
@@ -180,7 +181,7 @@ void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], co
         *sf_value(params, SF_FIELD_log_scale, i, k) = log_scale;
         *sf_value(params, SF_FIELD_sh0, i, k) = ((float)rgb[k] / 255.0f - 0.5f) / SH_C0;
     }
-    params->field[SF_FIELD_logit_opacity][i] = (float)log(opacity / (1 - opacity));
+    params->field[SF_FIELD_logit_opacity][i] = (float)sf_logit(opacity);
 }
 
 static void become_gaussians(const sf_cloud *c, const float *distances, const sf_first_options *options,

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/statistics.h"
+
 sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
                          int with_weight, sf_view **out) {
     *out = NULL;
@@ -235,11 +237,6 @@ sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, c
     return status;
 }
 
-static int compare_doubles(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The median distance from `center` to (up to 4096 of) the points; 0 without points. */
 static double median_distance(const sf_scene *scene, const double *center) {
     enum { SAMPLES = 4096 };
@@ -250,8 +247,7 @@ static double median_distance(const sf_scene *scene, const double *center) {
         double x = p[0] - center[0], y = p[1] - center[1], z = p[2] - center[2];
         distances[k] = sqrt(x * x + y * y + z * z);
     }
-    qsort(distances, n, sizeof *distances, compare_doubles);
-    return n ? distances[n / 2] : 0;
+    return sf_median(distances, n);
 }
 
 /* Sets info->center; returns the largest distance of a training camera from it, 0 where all stand in one

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "fuse.h"
 #include "match.h"
 #include "neighbours.h"
@@ -127,14 +128,9 @@ static void choose_partners(sweep_job *job, const sf_camera *const *cameras, int
     }
 }
 
-static int compare_floats(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Narrows a view's range to `n` inverse depths, which are put in order. */
 static void narrow(sf_seen *seen, float *found, size_t n, const sf_match_range *widest) {
-    qsort(found, n, sizeof *found, compare_floats);
+    qsort(found, n, sizeof *found, sf_compare_floats);
     double low = (double)found[(size_t)(OUTLIERS * (double)n)];
     double high = (double)found[n - 1 - (size_t)(OUTLIERS * (double)n)];
     seen->distance = 1 / (double)found[n / 2];

@@ -3,6 +3,7 @@
 
 #include "../base/linear.h"
 #include "../kernels/sh.h"
+#include "gaussian_math.h"
 #include "gaussians.h"
 
 #include <splatfit/camera.h>
@@ -52,14 +53,11 @@ static void turn_band(const sf_params *params, size_t i, int degree, double D[SH
 
 static void move_gaussian(const sf_model *model, size_t i, const sf_similarity *motion, const double q[4]) {
     const sf_params *p = &model->params;
-    double mean[3], to[3], g[4];
+    double mean[3], to[3], g[4], turned[4];
     for (int k = 0; k < 3; k++) mean[k] = (double)*sf_value(p, SF_FIELD_mean, i, k);
     for (int k = 0; k < 4; k++) g[k] = (double)*sf_value(p, SF_FIELD_quat, i, k);
     sf_mat3_vec(motion->R, mean, to);
-    const double turned[4] = {q[0] * g[0] - q[1] * g[1] - q[2] * g[2] - q[3] * g[3],
-                              q[0] * g[1] + q[1] * g[0] + q[2] * g[3] - q[3] * g[2],
-                              q[0] * g[2] - q[1] * g[3] + q[2] * g[0] + q[3] * g[1],
-                              q[0] * g[3] + q[1] * g[2] - q[2] * g[1] + q[3] * g[0]};
+    sf_quat_mul(q, g, turned);
     for (int k = 0; k < 3; k++) {
         *sf_value(p, SF_FIELD_mean, i, k) = (float)(motion->scale * to[k] + motion->move[k]);
         float *log_scale = sf_value(p, SF_FIELD_log_scale, i, k);

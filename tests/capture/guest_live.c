@@ -9,6 +9,7 @@
 
 #include <linux/videodev2.h>
 
+#include "base/statistics.h"
 #include "guest.h"
 #include "vivid.h"
 
@@ -89,16 +90,6 @@ static double metres_apart(const sf_camera *a, const sf_camera *b) {
     return sqrt(squares);
 }
 
-static int by_size(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *values, int n) {
-    qsort(values, (size_t)n, sizeof *values, by_size);
-    return values[n / 2];
-}
-
 static void check_model(sf_live *live, size_t gaussians) {
     sf_model *model, *saved;
     check(sf_live_snapshot(live, &model) == SF_OK && sf_model_save(model, SAVED) == SF_OK &&
@@ -142,7 +133,7 @@ static void model(void) {
         sf_source_release(shown, &frame);
     }
     p = play(live, 0, STEPS);
-    double off = median(degrees, FRAMES), away = median(metres, FRAMES);
+    double off = sf_median(degrees, FRAMES), away = sf_median(metres, FRAMES);
     printf("%llu looks, %zu keyframes, %lld steps, %zu Gaussians, %.2f degrees and %.1f mm off (medians), "
            "held out %.2f dB, the first %.2f\n",
            (unsigned long long)p.looked_at, p.keyframes, (long long)p.fit.step, p.fit.gaussians, off,

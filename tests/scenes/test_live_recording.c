@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/statistics.h"
+
 #include <splatfit/calibrate.h>
 #include <splatfit/live.h>
 
@@ -73,16 +75,6 @@ static void worlds(const keyframes *k, size_t i, double Q[9]) {
         for (int c = 0; c < 3; c++) Q[3 * r + c] = dot(k->reference[i].R_cw + r, k->live[i].R_cw + c, 3);
 }
 
-static int by_size(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *values, size_t n) {
-    qsort(values, n, sizeof *values, by_size);
-    return values[n / 2];
-}
-
 /* Degrees that the keyframes are off where the worlds are turned as i has it. */
 static void turned_off(const keyframes *k, size_t i, double off[]) {
     double Q[9], P[9];
@@ -100,7 +92,7 @@ static void hold_poses(const keyframes *k) {
     size_t best = 0;
     for (size_t i = 0; i < k->count; i++) {
         turned_off(k, i, off);
-        double now = median(off, k->count);
+        double now = sf_median(off, k->count);
         if (now < least) least = now, best = i;
     }
     worlds(k, best, Q);
@@ -113,13 +105,14 @@ static void hold_poses(const keyframes *k) {
     double by[3], moved[MOST_KEYFRAMES];
     for (int c = 0; c < 3; c++) {
         memcpy(moved, shift[c], k->count * sizeof *moved);
-        by[c] = median(moved, k->count);
+        by[c] = sf_median(moved, k->count);
     }
     for (size_t i = 0; i < k->count; i++)
         moved[i] =
             sqrt(pow(shift[0][i] - by[0], 2) + pow(shift[1][i] - by[1], 2) + pow(shift[2][i] - by[2], 2));
     turned_off(k, best, off);
-    double middle = median(off, k->count), worst = off[k->count - 1], away = median(moved, k->count);
+    double middle = sf_median(off, k->count), worst = sf_ranked(off, k->count, k->count - 1);
+    double away = sf_median(moved, k->count);
     print_message(
         "%zu keyframes, off structure from motion by %.3f degrees and %.2f mm (medians), %.2f degrees at "
         "most\n",

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/rng.h"
+#include "base/statistics.h"
 #include "capture/sim.h"
 #include "scene/first.h"
 #include "scene/fuse.h"
@@ -76,11 +77,6 @@ static int sees(const sf_camera *c, const float *p, double *x, double *y, double
     return q[2] > 0 && *x > 0 && *y > 0 && *x < c->width && *y < c->height;
 }
 
-static int compare(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* How far a point lies off the surface, as a share of its distance: the median of the views from which
  * nothing hides it. INFINITY if all is in front of it. */
 static double error_of(const held *h, const sf_studio *studio, const float *p) {
@@ -97,8 +93,7 @@ static double error_of(const held *h, const sf_studio *studio, const float *p) {
         double off = sqrt(distance) / hit.distance - 1;
         if (off < 0.05) errors[n++] = fabs(off);
     }
-    qsort(errors, n, sizeof *errors, compare);
-    return n ? errors[n / 2] : INFINITY;
+    return n ? sf_median(errors, n) : INFINITY;
 }
 
 /* At 200 x 150: five of six points within 2 % of their distance, half of them within 1 %. */
@@ -118,7 +113,7 @@ static void test_points_lie_on_surfaces(void **state) {
         errors[i] = error_of(&h, &sim.studio, cloud.xyz + 3 * i);
         close += errors[i] <= 0.02;
     }
-    qsort(errors, cloud.n, sizeof *errors, compare);
+    qsort(errors, cloud.n, sizeof *errors, sf_compare_doubles);
     print_message("%zu points, %.3f within 2 %%, error: half %.4f, nine of ten %.4f, 0.99 %.4f\n", cloud.n,
                   (double)close / (double)cloud.n, errors[cloud.n / 2], errors[cloud.n * 9 / 10],
                   errors[cloud.n * 99 / 100]);
