@@ -154,3 +154,10 @@ int sf_jpeg_size(const uint8_t *data, size_t size, int32_t *width, int32_t *heig
     *height = cutter.height;
     return 1;
 }
+
+/* Coded pixels hold no FF D9: the last one is the picture's end unless the padding holds one. */
+size_t sf_jpeg_end(const uint8_t *data, size_t size) {
+    if (size < 4 || data[0] != 0xff || data[1] != SOI) return 0;
+    while (size >= 4 && (data[size - 2] != 0xff || data[size - 1] != EOI)) size--;
+    return size >= 4 ? size : 0;
+}

@@ -9,6 +9,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum sf_jpeg_event {
     SF_JPEG_MORE,   /* all bytes were taken, nothing happened */
     SF_JPEG_BEGIN,  /* the two bytes FF D8 of a JPEG were taken, the first one maybe in the call before */
@@ -33,5 +37,13 @@ int sf_jpeg_inside(const sf_jpeg_cutter *cutter);
 
 /* The size of a JPEG that is whole from its first byte on. 0: it is not. */
 int sf_jpeg_size(const uint8_t *data, size_t size, int32_t *width, int32_t *height);
+
+/* The bytes of a camera's JPEG up to and with its last end marker; 0: it does not begin as one, or was cut
+ * off. Some cameras fill the buffer up behind the marker, with zeros or with what was there before. */
+size_t sf_jpeg_end(const uint8_t *data, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -11,6 +11,7 @@ extern "C" {
 #include "auto_exposure.h"
 #include "dma_heaps.h"
 #include "format.h"
+#include "jpeg_cut.h"
 #include "libcamera.h"
 }
 
@@ -768,18 +769,16 @@ sf_status Source::wait(std::chrono::steady_clock::time_point deadline, Slot **sl
     return fail(SF_ERR_TIMEOUT, "no frame came in time");
 }
 
-/* A JPEG from its first to its last marker; some cameras fill up with zeros behind. */
-bool whole_jpeg(const uint8_t *data, size_t bytes) {
-    while (bytes > 0 && data[bytes - 1] == 0) bytes--;
-    return bytes >= 4 && data[0] == 0xFF && data[1] == 0xD8 && data[bytes - 2] == 0xFF &&
-           data[bytes - 1] == 0xD9;
+/* Bytes of a slot's JPEG; 0: it is none, or was cut off. */
+size_t jpeg_bytes(const Slot &slot) {
+    const size_t used = slot.buffer->metadata().planes()[0].bytesused;
+    return sf_jpeg_end(slot.plane[0], std::min(used, slot.length[0]));
 }
 
 bool Source::whole(const Slot &slot) const {
     const libcamera::FrameMetadata &m = slot.buffer->metadata();
     if (m.status == libcamera::FrameMetadata::FrameError || m.planes().size() == 0) return false;
-    const size_t used = std::min(size_t(m.planes()[0].bytesused), slot.length[0]);
-    if (format->format == SF_PIXEL_MJPEG) return whole_jpeg(slot.plane[0], used);
+    if (format->format == SF_PIXEL_MJPEG) return jpeg_bytes(slot) != 0;
     /* Where the driver's buffer has one plane for all, so may have what it says of it. */
     size_t need = 0, has = 0;
     for (int i = 0; i < format->planes; i++) need += plane_bytes(*format, stride, height, i);
@@ -817,8 +816,7 @@ void Source::fill(Slot &slot, sf_frame *frame) const {
         frame->plane[i] = slot.plane[i];
         frame->stride[i] = i ? stride / size_t(format->across) : stride;
     }
-    if (format->format == SF_PIXEL_MJPEG)
-        frame->bytes = std::min(size_t(m.planes()[0].bytesused), slot.length[0]);
+    if (format->format == SF_PIXEL_MJPEG) frame->bytes = jpeg_bytes(slot);
     frame->width = width;
     frame->height = height;
     frame->format = format->format;

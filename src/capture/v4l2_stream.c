@@ -7,6 +7,8 @@
 #include <poll.h>
 #include <string.h>
 
+#include "jpeg_cut.h"
+
 /* What the driver is told of a buffer, for both kinds of nodes. */
 typedef struct request {
     struct v4l2_buffer buffer;
@@ -198,18 +200,6 @@ int sf_v4l2_stream_wait(sf_v4l2_stream *s, int timeout_ms) {
 
 /* 4. Frames */
 
-/* Ends a JPEG behind its last marker; 0: it is none, or cut off. Within its data no FF D9 can be, but a
- * camera may send more than the picture. */
-static int trim_jpeg(const uint8_t *data, size_t *bytes) {
-    if (*bytes < 4 || data[0] != 0xff || data[1] != 0xd8) return 0;
-    for (size_t end = *bytes; end >= 4; end--)
-        if (data[end - 1] == 0xd9 && data[end - 2] == 0xff) {
-            *bytes = end;
-            return 1;
-        }
-    return 0;
-}
-
 static void take_plane(const sf_v4l2_stream *s, uint32_t k, size_t used, size_t offset, sf_v4l2_arrival *a) {
     const sf_v4l2_buffer *b = a->buffer;
     if (used > b->length[k]) used = b->length[k];
@@ -238,8 +228,10 @@ static void take_arrival(sf_v4l2_stream *s, const request *r, sf_v4l2_arrival *a
         else
             take_plane(s, k, q->bytesused, 0, a);
     }
-    if (s->picture.pixels->format == SF_PIXEL_MJPEG && !a->damaged && !trim_jpeg(a->start[0], &a->bytes[0]))
-        a->damaged = 1;
+    if (s->picture.pixels->format != SF_PIXEL_MJPEG || a->damaged) return;
+    size_t end = sf_jpeg_end(a->start[0], a->bytes[0]);
+    if (end) a->bytes[0] = end;
+    a->damaged = !end;
 }
 
 int sf_v4l2_stream_take(sf_v4l2_stream *s, sf_v4l2_arrival *a) {

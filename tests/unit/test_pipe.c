@@ -385,6 +385,28 @@ static void assert_jpeg(sf_context *ctx, sf_source *source, const jpeg *expected
     sf_source_release(source, &frame);
 }
 
+/* What cameras leave behind the end marker is not the JPEG's; FF D9 there counts as its end. */
+static void test_jpeg_ends(void **state) {
+    (void)state;
+    static const struct {
+        const char *data;
+        size_t size, end;
+    } cases[] = {
+        {"\xff\xd8 picture \xff\xd9", 13, 13},
+        {"\xff\xd8 picture \xff\xd9\0\0\0", 16, 13},
+        {"\xff\xd8 picture \xff\xd9 junk", 18, 13},
+        {"\xff\xd8\xff\xd9 \xff\xd9\xff", 8, 7},
+        {"\xff\xd8 picture \xff", 12, 0},
+        {"\xff\xd8 picture ", 11, 0},
+        {"\xff\xd9 picture \xff\xd9", 13, 0},
+        {"\xff\xd8\xff\xd9", 4, 4},
+        {"\xff\xd8\xd9", 3, 0},
+        {"", 0, 0},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_int_equal(sf_jpeg_end((const uint8_t *)cases[i].data, cases[i].size), cases[i].end);
+}
+
 static void test_jpegs(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -778,16 +800,17 @@ static void test_memory_ends(void **state) {
 int main(void) {
     signal(SIGPIPE, SIG_IGN);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_raw_formats),     cmocka_unit_test(test_colours),
-        cmocka_unit_test(test_cut_short),       cmocka_unit_test(test_y4m_matrix),
-        cmocka_unit_test(test_y4m_colours),     cmocka_unit_test(test_y4m_rate),
-        cmocka_unit_test(test_y4m_refused),     cmocka_unit_test(test_y4m_wrong_frame),
-        cmocka_unit_test(test_jpegs),           cmocka_unit_test(test_cut_jpegs),
-        cmocka_unit_test(test_cutter),          cmocka_unit_test(test_timeout),
-        cmocka_unit_test(test_nothing_is_lost), cmocka_unit_test(test_live),
-        cmocka_unit_test(test_interrupted),     cmocka_unit_test(test_close),
-        cmocka_unit_test(test_standard_input),  cmocka_unit_test(test_leases),
-        cmocka_unit_test(test_bad_names),       cmocka_unit_test(test_memory_ends),
+        cmocka_unit_test(test_raw_formats), cmocka_unit_test(test_colours),
+        cmocka_unit_test(test_cut_short),   cmocka_unit_test(test_y4m_matrix),
+        cmocka_unit_test(test_y4m_colours), cmocka_unit_test(test_y4m_rate),
+        cmocka_unit_test(test_y4m_refused), cmocka_unit_test(test_y4m_wrong_frame),
+        cmocka_unit_test(test_jpegs),       cmocka_unit_test(test_jpeg_ends),
+        cmocka_unit_test(test_cut_jpegs),   cmocka_unit_test(test_cutter),
+        cmocka_unit_test(test_timeout),     cmocka_unit_test(test_nothing_is_lost),
+        cmocka_unit_test(test_live),        cmocka_unit_test(test_interrupted),
+        cmocka_unit_test(test_close),       cmocka_unit_test(test_standard_input),
+        cmocka_unit_test(test_leases),      cmocka_unit_test(test_bad_names),
+        cmocka_unit_test(test_memory_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
