@@ -37,8 +37,15 @@ int app_context(const args *a, sf_context **ctx);
 /* Moves the program to the processors of --cores, if it is given; app_context does. */
 int app_cores(const args *a);
 
-/* The scene at `path` as the load options say. 0 or an exit code. */
+/* The scene at `path` as the load options say. 0 or an exit code. The second holds the process to `memory`
+ * bytes (sf_load_options). */
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene);
+int app_load_within(const args *a, sf_context *ctx, const char *path, int64_t memory, sf_scene **scene);
+
+/* signals.c: sf_scene_load. SIGINT, SIGTERM or SIGHUP meanwhile cancels the load, which leaves no unpacked
+ * archive, and then ends the program. 0 or an exit code. */
+int app_load_caught(const args *a, sf_context *ctx, const char *path, const sf_load_options *options,
+                    sf_scene **scene);
 
 /* "R,G,B" (0..1) or the names black and white. 0 if it is none. */
 int app_color(const char *text, float color[3]);
@@ -103,8 +110,8 @@ json_t *app_json_text(const char *text);
 json_t *app_json_numbers(const double *values, int count);
 /* A camera as the page takes it: R_cw, t_cw, fx, fy, cx, cy, width, height. */
 json_t *app_json_pose(const sf_camera *camera);
-/* For qsort: doubles, the least first. */
-int app_rising(const void *a, const void *b);
+/* The value at n / 2 of the n values in ascending order, as which they are left; NAN if n is 0. */
+double app_median(double *values, size_t n);
 
 /* Writes JSON, indented, whole or not at all; takes the reference. 0 or an exit code. */
 int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json);

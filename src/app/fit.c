@@ -44,7 +44,7 @@ typedef struct fit_run {
     sf_context *ctx;
     sf_scene *scene;
     sf_fitter *fitter;
-    sf_fit_options options;
+    sf_fit_options options; /* as asked; the fitter has those in force: its max_gaussians may be lower */
     progress_line line;
     watch watch;
     int stopped;      /* the number of the signal that ended the run early; 0: none */
@@ -171,13 +171,14 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         json_object_set_new(result, "psnr_corrected", json_real(e->psnr_corrected));
         json_object_set(result, "views", e->list);
     }
-    sf_fitter_get_options(r->fitter, &r->options);
+    sf_fit_options in_force;
+    sf_fitter_get_options(r->fitter, &in_force);
     json_t *log = json_pack(
         "{s:s, s:s, s:i, s:o, s:{s:I, s:I, s:I, s:f, s:o}, s:o, s:b, s:o, s:o}", "version", sf_version(),
         "isa", sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "project",
         app_json_text(r->a->positional[0]), "scene", "train_views", (json_int_t)scene.train_views,
         "test_views", (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent",
-        scene.extent, "fingerprint", replay_scene_json(r->scene), "options", app_options_json(&r->options),
+        scene.extent, "fingerprint", replay_scene_json(r->scene), "options", app_options_json(&in_force),
         "gone_on", p.gone_on, "plan", replay_plan_json(r->fitter), "result", result);
     sf_model *model = NULL;
     sf_status status = sf_fitter_snapshot(r->fitter, &model);
@@ -302,6 +303,12 @@ static int lowered(const fit_run *r) {
     return options.max_gaussians < r->options.max_gaussians;
 }
 
+/* The memory of a checkpoint or a log is the fit's: the pictures are held to what this run was given. */
+static int load_scene(fit_run *r) {
+    int64_t memory = args_value(r->a, "memory") ? r->options.memory : 0;
+    return app_load_within(r->a, r->ctx, r->a->positional[0], memory, &r->scene);
+}
+
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");
     sf_model *from = NULL;
@@ -313,7 +320,7 @@ static int prepare(fit_run *r) {
     if (!error && from_path) error = app_load_model(r->a, r->ctx, from_path, &from);
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");
-    if (!error) error = app_load(r->a, r->ctx, r->a->positional[0], &r->scene);
+    if (!error) error = load_scene(r);
     if (!error && r->replay) error = replay_check(r->a, r->ctx, r->replay, r->scene);
     if (!error) error = make_fitter(r, from);
     if (!error && r->replay && lowered(r))

@@ -338,9 +338,8 @@ static size_t medians(const live_run *r, sf_pose_from from, double *degrees, dou
     }
     *degrees = *distance = NAN;
     if (values && n) {
-        qsort(values, n, sizeof *values, app_rising);
-        qsort(values + n, n, sizeof *values, app_rising);
-        *degrees = values[n / 2], *distance = values[n + n / 2];
+        *degrees = app_median(values, n);
+        *distance = app_median(values + n, n);
     }
     free(values);
     return n;

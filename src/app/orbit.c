@@ -77,10 +77,9 @@ static int as_known(const args *a, const sf_camera *known, size_t count, orbit *
         values[i] = sqrt(dot(at, at));
         values[count + i] = values[i] > 0 ? asin(fmax(-1, fmin(dot(at, o->up) / values[i], 1))) : 0;
     }
-    qsort(values, count, sizeof *values, app_rising);
-    qsort(values + count, count, sizeof *values, app_rising);
-    if (values[count / 2] > 0) o->distance = values[count / 2];
-    o->elevation = values[count + count / 2];
+    double distance = app_median(values, count);
+    if (distance > 0) o->distance = distance;
+    o->elevation = app_median(values + count, count);
     free(values);
     return 0;
 }
