@@ -1,4 +1,4 @@
-/* statistics.c - order statistics. */
+/* statistics.c - order statistics, lines of least squares. */
 #include "statistics.h"
 
 /* Each round parts the values from `first` to `last` by a pivot, and goes on with the part that holds `rank`.
@@ -37,4 +37,10 @@ int sf_compare_doubles(const void *a, const void *b) {
 int sf_compare_floats(const void *a, const void *b) {
     float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
+}
+
+void sf_line_fit(const sf_line_sums *s, double least_spread, double *gain, double *bias) {
+    double spread = s->w * s->xx - s->x * s->x;
+    *gain = spread > least_spread ? (s->w * s->xy - s->x * s->y) / spread : 1;
+    *bias = s->w > 0 ? (s->y - *gain * s->x) / s->w : 0;
 }

@@ -175,35 +175,26 @@ sf_status bench_steps(sf_context *ctx, const bench_options *options, bench_repor
 /* The views of a project, in memory as a fit has them. */
 typedef struct views {
     sf_view **view;
-    size_t n;
+    size_t held, n; /* that are held; that are timed */
     bench_view *shown;
 } views;
 
-static void release_views(sf_context *ctx, views *v) {
-    for (size_t i = 0; i < v->n; i++) sf_view_release(v->view[i]);
-    sf_free(ctx, v->view);
-    sf_free(ctx, v->shown);
+static void release_views(sf_scene *scene, views *v) {
+    sf_scene_release_all(scene, v->view, v->held);
+    sf_free(scene->ctx, v->shown);
 }
 
-static sf_status take_views(sf_context *ctx, sf_scene *scene, float near_plane, size_t most, views *v) {
-    uint32_t *ids = NULL;
-    size_t n = 0;
+static sf_status take_views(sf_scene *scene, float near_plane, size_t most, views *v) {
     *v = (views){0};
-    sf_status status = sf_scene_training_ids(scene, &ids, &n);
-    if (status) return status;
-    if (n > most) n = most;
-    v->view = sf_calloc(ctx, n + 1, sizeof(sf_view *));
-    v->shown = sf_calloc(ctx, n + 1, sizeof *v->shown);
-    if (!v->view || !v->shown) status = SF_ERR_MEMORY;
-    for (size_t i = 0; i < n && !status; i++) {
-        sf_view *view = sf_scene_retain_id(scene, ids[i]);
-        if (!view) continue;
-        v->shown[v->n] = (bench_view){view->camera, near_plane, view->rgb, view->weight};
-        v->view[v->n++] = view;
+    sf_status status = sf_scene_retain_training(scene, &v->view, &v->held);
+    v->n = v->held < most ? v->held : most;
+    if (!status && !v->n) status = sf_fail(scene->ctx, SF_ERR_EMPTY, "scene: no training view");
+    if (!status && !(v->shown = sf_calloc(scene->ctx, v->n, sizeof *v->shown))) status = SF_ERR_MEMORY;
+    for (size_t i = 0; i < v->n && !status; i++) {
+        const sf_view *view = v->view[i];
+        v->shown[i] = (bench_view){view->camera, near_plane, view->rgb, view->weight};
     }
-    sf_free(ctx, ids);
-    if (!status && !v->n) status = sf_fail(ctx, SF_ERR_EMPTY, "scene: no training view");
-    if (status) release_views(ctx, v);
+    if (status) release_views(scene, v);
     return status;
 }
 
@@ -248,7 +239,7 @@ sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_mode
     views v;
     int n = 0, all = report->machine.threads;
     bench_say(options, "steps of the fitted model");
-    sf_status status = take_views(ctx, scene, near_plane, options->quick ? 2 : SIZE_MAX, &v);
+    sf_status status = take_views(scene, near_plane, options->quick ? 2 : SIZE_MAX, &v);
     if (status) return status;
     status = sf_moments_create(model, SF_MOMENTS_FLOAT, 0, &moments);
     for (int level = 0; level < report->levels && !status; level++)
@@ -268,7 +259,7 @@ sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_mode
     f->count = status ? 0 : n;
     for (int i = 0; i < n; i++) close_runner(&runners[i]);
     sf_moments_destroy(ctx, &moments);
-    release_views(ctx, &v);
+    release_views(scene, &v);
     bench_machine_clock(&report->machine);
     return status;
 }

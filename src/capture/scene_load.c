@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "../base/rng.h"
+#include "../base/statistics.h"
 #include "../io/project.h"
 #include "../scene/scene.h"
 #include "sim.h"
@@ -41,14 +42,10 @@ static const char *frame_name(uint64_t frame, char name[FRAME_NAME]) {
 /* Box-averages a frame into the planes of a view whose size is the frame's divided by `factor`. */
 static void fill_planes(const sf_frame *frame, size_t factor, sf_view *view) {
     size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
-    uint32_t area = (uint32_t)(factor * factor);
     for (size_t i = 0; i < 3 * width * height; i++) {
         size_t channel = i / (width * height), y = i / width % height, x = i % width;
-        uint32_t sum = area / 2;
-        for (size_t v = y * factor; v < (y + 1) * factor; v++)
-            for (size_t u = x * factor; u < (x + 1) * factor; u++)
-                sum += frame->plane[0][v * frame->stride[0] + 3 * u + channel];
-        view->rgb[i] = (uint8_t)(sum / area);
+        const uint8_t *corner = frame->plane[0] + y * factor * frame->stride[0] + 3 * x * factor + channel;
+        view->rgb[i] = sf_box_mean(corner, factor, 3, frame->stride[0]);
     }
 }
 
@@ -94,18 +91,15 @@ static void sparse_point(const sf_sim *sim, const sf_view *view, sf_rng *rng, fl
 }
 
 static sf_status cast_points(sf_scene *scene, const sf_sim *sim, float *xyz, uint8_t *rgb) {
-    uint32_t *ids;
-    size_t views;
-    sf_status status = sf_scene_training_ids(scene, &ids, &views);
+    sf_view **views;
+    size_t n;
+    sf_status status = sf_scene_retain_training(scene, &views, &n);
     if (status != SF_OK) return status;
     sf_rng rng;
     sf_rng_seed(&rng, sim->seed);
-    for (size_t i = 0; i < SPARSE_POINTS; i++) {
-        sf_view *view = sf_scene_retain_id(scene, ids[i % views]);
-        sparse_point(sim, view, &rng, xyz + 3 * i, rgb + 3 * i);
-        sf_view_release(view);
-    }
-    sf_free(scene->ctx, ids);
+    for (size_t i = 0; i < SPARSE_POINTS; i++)
+        sparse_point(sim, views[i % n], &rng, xyz + 3 * i, rgb + 3 * i);
+    sf_scene_release_all(scene, views, n);
     return SF_OK;
 }
 

@@ -58,23 +58,19 @@ sf_prune_options sf_prune_options_default(void) {
 
 /* Mean PSNR over the training views of the model that is tried. */
 static sf_status measure(pruner *p, double *psnr) {
-    uint32_t *ids;
+    sf_view **list;
     size_t count, views = 0;
-    sf_status status = sf_scene_training_ids(p->scene, &ids, &count);
-    if (status) return status;
+    sf_status status = sf_scene_retain_training(p->scene, &list, &count);
     *psnr = 0;
     for (size_t i = 0; i < count && !status; i++) {
         double of_view;
-        sf_view *view = sf_scene_retain_id(p->scene, ids[i]);
-        if (!view) continue;
-        status = sf_view_psnr(p->fitter, view, &of_view);
-        sf_view_release(view);
+        status = sf_view_psnr(p->fitter, list[i], &of_view);
         if (status || isnan(of_view)) continue; /* masked altogether */
         *psnr += of_view;
         views++;
     }
-    sf_free(p->ctx, ids);
-    p->renders++;
+    sf_scene_release_all(p->scene, list, count);
+    if (!status) p->renders++;
     if (!status && !views) return sf_fail(p->ctx, SF_ERR_EMPTY, "scene: all training views are masked");
     *psnr /= (double)views;
     return status;

@@ -117,7 +117,7 @@ sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
     sf_status status = sf_forward(&f->workspace, f->model, &camera, &options, 0);
     if (status) return status;
     compare(&f->workspace, view, &squares, &weights);
-    *psnr = weights > 0 ? -10 * log10(fmax(squares / (3 * weights), 1e-10)) : NAN;
+    *psnr = weights > 0 ? sf_psnr_of(squares / (3 * weights)) : NAN;
     return SF_OK;
 }
 

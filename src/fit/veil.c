@@ -61,24 +61,17 @@ static double nearest_of(const sf_model *model, const sf_camera *camera, double 
 
 /* Where the training views were taken from: *stands [*count], sf_free'd by the caller. */
 static sf_status find_stands(const sf_fitter *f, double *depths, stand **stands, size_t *count) {
-    uint32_t *ids;
-    size_t n, found = 0;
-    *stands = NULL;
-    sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
-    if (status) return status;
-    *stands = sf_alloc(f->ctx, n, sizeof **stands);
-    for (size_t k = 0; *stands && k < n; k++) {
-        sf_view *view = sf_scene_retain_id(f->scene, ids[k]);
-        if (!view) continue;
-        stand *s = *stands + found++;
-        s->camera = view->camera;
-        sf_refine_camera(&f->views, view->id, &s->camera);
+    sf_view **views;
+    sf_status status = sf_scene_retain_training(f->scene, &views, count);
+    *stands = status ? NULL : sf_alloc(f->ctx, *count, sizeof **stands);
+    for (size_t k = 0; *stands && k < *count; k++) {
+        stand *s = *stands + k;
+        s->camera = views[k]->camera;
+        sf_refine_camera(&f->views, views[k]->id, &s->camera);
         sf_camera_center(&s->camera, s->center);
         s->nearest = nearest_of(f->model, &s->camera, depths);
-        sf_view_release(view);
     }
-    sf_free(f->ctx, ids);
-    *count = found;
+    sf_scene_release_all(f->scene, views, *count);
     return *stands ? SF_OK : SF_ERR_MEMORY;
 }
 

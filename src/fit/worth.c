@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "../kernels/sh.h"
 #include "grow.h"
 
@@ -23,7 +24,7 @@ enum {
 /* Of one channel, render x and picture y, by weight: what the line of least squares through them is made of,
  * and the line, y = gain x + bias. */
 typedef struct tone {
-    double weights, x, y, xx, xy;
+    sf_line_sums sums;
     double gain, bias;
 } tone;
 
@@ -54,12 +55,12 @@ static void residual_row(sf_workspace *ws, size_t row, band_sums *sums) {
         ws->weight[at] = weight;
         sums->errors.values += (double)(SF_CHANNELS * weight);
         for (int ch = 0; ch < SF_CHANNELS; ch++) {
-            tone *t = &sums->tones[ch];
+            sf_line_sums *t = &sums->tones[ch].sums;
             float drawn = x < width ? ws->rgb[ch][at] : 0, target = x < width ? ws->target[ch][at] : 0;
             float weighted = weight * drawn, r = weighted - target; /* the target has the weight in it */
             ws->d_rgb[ch][at] = r;
             sums->errors.squares += (double)r * (double)r;
-            t->weights += (double)weight, t->x += (double)weighted, t->y += (double)target;
+            t->w += (double)weight, t->x += (double)weighted, t->y += (double)target;
             t->xx += (double)weighted * (double)drawn, t->xy += (double)target * (double)drawn;
         }
     }
@@ -74,14 +75,12 @@ static void residual_task(void *job_pointer, size_t band, int thread) {
 
 static void find_tone(tone *t, const band_sums *bands, size_t count, int channel) {
     *t = (tone){0};
+    sf_line_sums *s = &t->sums;
     for (size_t band = 0; band < count; band++) {
-        const tone *part = &bands[band].tones[channel];
-        t->weights += part->weights, t->x += part->x, t->y += part->y, t->xx += part->xx, t->xy += part->xy;
+        const sf_line_sums *part = &bands[band].tones[channel].sums;
+        s->w += part->w, s->x += part->x, s->y += part->y, s->xx += part->xx, s->xy += part->xy;
     }
-    double spread = t->weights * t->xx - t->x * t->x;
-    int is_flat = !(spread > LEAST_SPREAD * t->weights * t->weights);
-    t->gain = is_flat ? 1 : (t->weights * t->xy - t->x * t->y) / spread;
-    t->bias = t->weights > 0 ? (t->y - t->gain * t->x) / t->weights : 0;
+    sf_line_fit(s, LEAST_SPREAD * s->w * s->w, &t->gain, &t->bias);
 }
 
 /* A tile's residuals with the tone of the picture. */

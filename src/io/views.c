@@ -3,6 +3,7 @@
 
 #include "../base/memory.h"
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "../scene/scene.h"
 #include "mask.h"
 #include "undistort.h"
@@ -41,24 +42,29 @@ static sf_status check_shape(const sf_entry *e, sf_picture *p) {
     return SF_ERR_FORMAT;
 }
 
+/* The mean of a channel over a box of side x side pixels from `at` on, by weight. 0 if nothing there weighs.
+ */
+static int weighted_mean(const sf_picture *p, size_t at, size_t channel, size_t side, uint8_t *mean) {
+    const uint8_t *plane = p->rgb + channel * (size_t)p->width * (size_t)p->height;
+    uint32_t sum = 0, weight = 0;
+    for (size_t i = 0; i < side * side; i++) {
+        size_t from = at + i / side * (size_t)p->width + i % side;
+        weight += p->weight[from];
+        sum += p->weight[from] * (uint32_t)plane[from];
+    }
+    if (weight) *mean = (uint8_t)((sum + weight / 2) / weight);
+    return weight > 0;
+}
+
 /* One pixel of the view: the mean over a box of the picture, by weight where that is known. */
 static void average_box(const sf_picture *p, size_t x, size_t y, size_t factor, const sf_view *v) {
-    size_t from_plane = (size_t)p->width * (size_t)p->height, at = y * (size_t)v->camera.width + x;
+    size_t width = (size_t)p->width, from = y * factor * width + x * factor;
+    size_t from_plane = width * (size_t)p->height, at = y * (size_t)v->camera.width + x;
     size_t to_plane = (size_t)v->camera.width * (size_t)v->camera.height;
-    uint32_t sum[3] = {0}, weighted[3] = {0}, weight = 0, n = (uint32_t)(factor * factor);
-    for (size_t i = 0; i < n; i++) {
-        size_t from = (y * factor + i / factor) * (size_t)p->width + x * factor + i % factor;
-        uint32_t w = p->weight ? p->weight[from] : 0;
-        weight += w;
-        for (size_t c = 0; c < 3; c++) {
-            sum[c] += p->rgb[c * from_plane + from];
-            weighted[c] += w * p->rgb[c * from_plane + from];
-        }
-    }
     for (size_t c = 0; c < 3; c++)
-        v->rgb[c * to_plane + at] =
-            (uint8_t)(weight ? (weighted[c] + weight / 2) / weight : (sum[c] + n / 2) / n);
-    if (v->weight) v->weight[at] = (uint8_t)((weight + n / 2) / n);
+        if (!p->weight || !weighted_mean(p, from, c, factor, &v->rgb[c * to_plane + at]))
+            v->rgb[c * to_plane + at] = sf_box_mean(p->rgb + c * from_plane + from, factor, 1, width);
+    if (v->weight) v->weight[at] = p->weight ? sf_box_mean(p->weight + from, factor, 1, width) : 0;
 }
 
 static void fill_view(const sf_picture *p, int factor, const sf_view *v) {

@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "../base/statistics.h"
+
 double sf_psnr_of(double mse) {
     return -10 * log10(mse < 1e-10 ? 1e-10 : mse); /* a target that is not finite stays seen */
 }
@@ -17,20 +19,17 @@ static double weight_at(const sf_workspace *ws, size_t at) {
 /* Fits target = gain x + bias by least squares to the columns left of `end`, but for what is white in the
  * target; returns the sum of weights. */
 static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain, double *bias) {
-    double w = 0, x = 0, t = 0, xx = 0, xt = 0;
+    sf_line_sums s = {0};
     for (size_t row = 0; row < (size_t)ws->eye.height; row++)
         for (size_t i = row * ws->stride; i < row * ws->stride + end; i++) {
             double weight = weight_at(ws, i), value = (double)ws->rgb[ch][i];
             double weighted = (double)ws->target[ch][i]; /* times the weight already */
             if (weighted >= WHITE * weight) continue;
-            w += weight, x += weight * value, t += weighted;
-            xx += weight * value * value, xt += weighted * value;
+            s.w += weight, s.x += weight * value, s.y += weighted;
+            s.xx += weight * value * value, s.xy += weighted * value;
         }
-    double spread = w * xx - x * x;
-    /* one value alone says nothing about a gain */
-    *gain = spread > 1e-9 * w * xx ? (w * xt - x * t) / spread : 1;
-    *bias = w > 0 ? (t - *gain * x) / w : 0;
-    return w;
+    sf_line_fit(&s, 1e-9 * s.w * s.xx, gain, bias); /* rounding is no spread */
+    return s.w;
 }
 
 double sf_corrected_psnr(const sf_workspace *ws) {

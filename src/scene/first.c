@@ -73,31 +73,10 @@ static sf_status choose_points(sf_scene *scene, size_t most, sf_cloud *c) {
     return status;
 }
 
-/* The training views of a scene; each is the holder's to release. */
-typedef struct held_views {
-    sf_view **views;
-    size_t n;
-} held_views;
-
-static void release_views(sf_context *ctx, held_views *held) {
-    for (size_t i = 0; i < held->n; i++) sf_view_release(held->views[i]);
-    sf_free(ctx, held->views);
-    *held = (held_views){0};
-}
-
-static sf_status hold_views(sf_scene *scene, held_views *held) {
-    uint32_t *ids = NULL;
-    size_t n = 0;
-    *held = (held_views){0};
-    sf_status status = sf_scene_training_ids(scene, &ids, &n);
-    if (!status && !(held->views = sf_calloc(scene->ctx, n, sizeof *held->views))) status = SF_ERR_MEMORY;
-    for (size_t i = 0; !status && i < n; i++) {
-        sf_view *view = sf_scene_retain_id(scene, ids[i]);
-        if (view) held->views[held->n++] = view;
-    }
-    if (!status && !held->n) status = sf_fail(scene->ctx, SF_ERR_EMPTY, "scene: no training view");
-    if (status) release_views(scene->ctx, held);
-    sf_free(scene->ctx, ids);
+/* The training views of a scene, for sf_scene_release_all. */
+static sf_status hold_views(sf_scene *scene, sf_view ***views, size_t *n) {
+    sf_status status = sf_scene_retain_training(scene, views, n);
+    if (!status && !*n) status = sf_fail(scene->ctx, SF_ERR_EMPTY, "scene: no training view");
     return status;
 }
 
@@ -153,13 +132,13 @@ static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, s
 }
 
 static sf_status find_points(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
-    held_views held;
-    sf_status status = hold_views(scene, &held);
-    if (status) return status;
-    const sf_view *const *views = (const sf_view *const *)held.views;
-    if (options->from == SF_FIRST_AUTO) status = points_of_scene(scene, views, held.n, options, c);
-    if (!status && !c->n) status = points_from_views(scene->ctx, views, held.n, options, rng, c);
-    release_views(scene->ctx, &held);
+    sf_view **held;
+    size_t n;
+    sf_status status = hold_views(scene, &held, &n);
+    const sf_view *const *views = (const sf_view *const *)held;
+    if (!status && options->from == SF_FIRST_AUTO) status = points_of_scene(scene, views, n, options, c);
+    if (!status && !c->n) status = points_from_views(scene->ctx, views, n, options, rng, c);
+    sf_scene_release_all(scene, held, n);
     return status;
 }
 

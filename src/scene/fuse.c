@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "neighbours.h"
 
 enum {
@@ -73,14 +74,9 @@ static int is_confirmed(const sf_seen *all, const sf_seen *seen, double x, doubl
 /* The view's own colour, averaged over a pixel of the reduced picture. */
 static void color_of(const sf_seen *seen, size_t x, size_t y, uint8_t *rgb) {
     size_t factor = (size_t)seen->grey.factor, width = (size_t)seen->view->camera.width;
-    size_t pixels = width * (size_t)seen->view->camera.height, area = factor * factor;
-    for (size_t ch = 0; ch < 3; ch++) {
-        size_t sum = area / 2;
-        for (size_t v = y * factor; v < (y + 1) * factor; v++)
-            for (size_t u = x * factor; u < (x + 1) * factor; u++)
-                sum += seen->view->rgb[ch * pixels + v * width + u];
-        rgb[ch] = (uint8_t)(sum / area);
-    }
+    size_t pixels = width * (size_t)seen->view->camera.height;
+    const uint8_t *corner = seen->view->rgb + y * factor * width + x * factor;
+    for (size_t ch = 0; ch < 3; ch++) rgb[ch] = sf_box_mean(corner + ch * pixels, factor, 1, width);
 }
 
 /* Takes pixel (x, y) as the cell's candidate if it has a confirmed depth and a higher score. */

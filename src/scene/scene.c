@@ -186,14 +186,23 @@ sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id) {
     return view;
 }
 
-sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count) {
+static sf_status retain_views(sf_scene *scene, int training, sf_view ***views, size_t *count) {
     pthread_mutex_lock(&scene->lock);
     *count = 0;
     *views = sf_alloc(scene->ctx, scene->view_count, sizeof **views);
     for (size_t i = 0; *views && i < scene->view_count; i++)
-        (*views)[(*count)++] = sf_view_retain(scene->views[i]);
+        if (!training || scene->views[i]->split == SF_SPLIT_TRAIN)
+            (*views)[(*count)++] = sf_view_retain(scene->views[i]);
     pthread_mutex_unlock(&scene->lock);
     return *views ? SF_OK : SF_ERR_MEMORY;
+}
+
+sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count) {
+    return retain_views(scene, 0, views, count);
+}
+
+sf_status sf_scene_retain_training(sf_scene *scene, sf_view ***views, size_t *count) {
+    return retain_views(scene, 1, views, count);
 }
 
 void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count) {

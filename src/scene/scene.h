@@ -63,8 +63,10 @@ sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
 
 /* A new reference to view `id`, NULL if there is none. */
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
-/* New references to all views, in order; release them and sf_free *views. */
+/* New references to all views, or to the training views, in order, and the end of them; after a failure, too,
+ * it may be called. */
 sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
+sf_status sf_scene_retain_training(sf_scene *scene, sf_view ***views, size_t *count);
 void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count);
 /* Whether all training cameras stand in one place, but for rounding. */
 int sf_scene_in_one_place(sf_scene *scene);

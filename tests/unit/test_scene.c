@@ -369,6 +369,16 @@ static void test_info_counts(void **state) {
         assert_int_equal(view.id, ids[i]);
         assert_int_equal(view.split, SF_SPLIT_TRAIN);
     }
+    sf_view **held;
+    size_t training;
+    assert_ok(ctx, sf_scene_retain_training(scene, &held, &training));
+    assert_int_equal(training, count);
+    assert_ok(ctx, sf_scene_remove_view(scene, ids[1])); /* what is held stays whole */
+    for (size_t i = 0; i < training; i++) {
+        assert_int_equal(held[i]->id, ids[i]);
+        assert_int_equal(held[i]->split, SF_SPLIT_TRAIN);
+    }
+    sf_scene_release_all(scene, held, training);
     sf_free(ctx, ids);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);

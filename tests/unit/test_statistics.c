@@ -1,4 +1,4 @@
-/* test_statistics.c - selection against sorting. */
+/* test_statistics.c - selection against sorting, means of boxes, lines through known points. */
 #include "testing.h"
 
 #include <math.h>
@@ -68,11 +68,61 @@ static void test_order(void **state) {
     assert_memory_equal(floats, ((float[]){-3, -3, 0.5, 2}), sizeof floats);
 }
 
+static void test_box_means(void **state) {
+    (void)state;
+    uint8_t interleaved[4 * 12], white[64 * 64];
+    for (size_t i = 0; i < sizeof interleaved; i++) interleaved[i] = (uint8_t)(i * i % 251);
+    for (size_t at = 0; at < 3; at++) { /* the channels of 2 x 2 pixels in 4 rows of 4 */
+        const uint8_t *corner = interleaved + 12 + 3 + at;
+        int sum = corner[0] + corner[3] + corner[12] + corner[15];
+        assert_int_equal(sf_box_mean(corner, 2, 3, 12), (sum + 2) / 4);
+    }
+    assert_int_equal(sf_box_mean((const uint8_t[]){1, 0, 0, 1}, 2, 1, 2), 1); /* a half goes up */
+    assert_int_equal(sf_box_mean((const uint8_t[]){1, 0, 0, 0}, 2, 1, 2), 0);
+    assert_int_equal(sf_box_mean((const uint8_t[]){7}, 1, 1, 1), 7);
+    memset(white, 255, sizeof white);
+    assert_int_equal(sf_box_mean(white, 64, 1, 64), 255);
+}
+
+static sf_line_sums sums_of(const double (*pairs)[3], size_t n) {
+    sf_line_sums s = {0};
+    for (size_t i = 0; i < n; i++) {
+        double w = pairs[i][0], x = pairs[i][1], y = pairs[i][2];
+        s.w += w, s.x += w * x, s.y += w * y, s.xx += w * x * x, s.xy += w * x * y;
+    }
+    return s;
+}
+
+static void test_lines(void **state) {
+    (void)state;
+    static const double on_line[][3] = {{1, 0, 3}, {2, 1, 5}, {0.5, -2, -1}}; /* y = 2 x + 3 */
+    static const double off_line[][3] = {
+        {1, 0, 0}, {1, 1, 1}, {1, 2, 0}, {3, 1, 3}}; /* gain 0, at the mean */
+    static const double flat[][3] = {{1, 2, 5}, {3, 2, 7}};
+    double gain, bias;
+    sf_line_sums s = sums_of(on_line, 3);
+    sf_line_fit(&s, 0, &gain, &bias);
+    assert_float_equal(gain, 2, 1e-12);
+    assert_float_equal(bias, 3, 1e-12);
+    sf_line_fit(&s, 1e9, &gain, &bias); /* told that this spread is none */
+    assert_true(gain == 1);
+    assert_float_equal(bias, (s.y - s.x) / s.w, 1e-12);
+    s = sums_of(off_line, 4);
+    sf_line_fit(&s, 0, &gain, &bias);
+    assert_float_equal(gain, 0, 1e-12);
+    assert_float_equal(bias, 10 / 6.0, 1e-12);
+    s = sums_of(flat, 2);
+    sf_line_fit(&s, 0, &gain, &bias);
+    assert_true(gain == 1);
+    assert_float_equal(bias, 4.5, 1e-12);
+    sf_line_fit(&(sf_line_sums){0}, 0, &gain, &bias);
+    assert_true(gain == 1 && bias == 0);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_ranks),
-        cmocka_unit_test(test_medians),
-        cmocka_unit_test(test_order),
+        cmocka_unit_test(test_ranks),     cmocka_unit_test(test_medians), cmocka_unit_test(test_order),
+        cmocka_unit_test(test_box_means), cmocka_unit_test(test_lines),
     };
     return cmocka_run_group_tests_name("statistics", tests, NULL, NULL);
 }
