@@ -54,6 +54,15 @@ void test_count_free(void *allocations, void *block) {
     free(block);
 }
 
+void *test_refuse_alloc(void *countdown, size_t size) {
+    return (*(long *)countdown)-- == 0 ? NULL : malloc(size);
+}
+
+void test_refuse_free(void *countdown, void *block) {
+    (void)countdown;
+    free(block);
+}
+
 void test_assert_status(const sf_context *ctx, sf_status got, sf_status expected, const char *call,
                         const char *file, int line) {
     if (got == expected) return;
@@ -99,6 +108,12 @@ const char *test_path(const char *name) {
     return path;
 }
 
+const char *test_path_in(const char *inside, const char *name) {
+    char path[512];
+    snprintf(path, sizeof path, "%s/%s", inside, name);
+    return test_path(path);
+}
+
 void test_write(const char *path, const void *data, size_t size) {
     FILE *f = fopen(path, "wb");
     assert_non_null(f);
@@ -137,6 +152,11 @@ const char *test_data(void) {
     const char *path = getenv("SPLATFIT_DATA");
     if (!path || !*path) test_skip("SPLATFIT_DATA is not set: no real scenes here");
     return path;
+}
+
+int test_is_quick(void) {
+    const char *quick = getenv("SPLATFIT_QUICK");
+    return quick && *quick && strcmp(quick, "0");
 }
 
 void test_skip(const char *reason) {
@@ -273,6 +293,25 @@ sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change chan
     test_copy_views(ctx, from, to, change, user);
     sf_scene_destroy(&from);
     return to;
+}
+
+sf_scene *test_load_scene(sf_context *ctx, const char *path, const sf_load_options *options) {
+    sf_scene *scene;
+    assert_ok(ctx, sf_scene_load(ctx, path, options, &scene));
+    assert_non_null(scene);
+    return scene;
+}
+
+sf_scene_info test_scene_info(sf_scene *scene) {
+    sf_scene_info info;
+    sf_scene_get_info(scene, &info);
+    return info;
+}
+
+sf_view_info test_view_info(sf_scene *scene, size_t index) {
+    sf_view_info view = {0};
+    assert_int_equal(sf_scene_get_view(scene, index, &view), SF_OK);
+    return view;
 }
 
 void test_turn_camera(sf_camera *camera, const double right[3], const double ahead[3]) {

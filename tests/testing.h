@@ -34,6 +34,10 @@ typedef struct test_allocations {
 void *test_count_alloc(void *allocations, size_t size);
 void test_count_free(void *allocations, void *block);
 
+/* An allocator that refuses one allocation, that which comes after `*countdown` others; -1: none. */
+void *test_refuse_alloc(void *countdown, size_t size);
+void test_refuse_free(void *countdown, void *block);
+
 /* Asserts status == expected and, where it is not, prints sf_last_error. */
 #define assert_status(ctx, call, expected) test_assert_status(ctx, call, expected, #call, __FILE__, __LINE__)
 #define assert_ok(ctx, call)               assert_status(ctx, call, SF_OK)
@@ -54,12 +58,19 @@ void test_assert_between(uintmax_t value, uintmax_t least, uintmax_t most, const
 const char *test_folder(void);
 /* "<test_folder>/<name>", in one of 16 buffers used in turn. */
 const char *test_path(const char *name);
+/* The same of "<inside>/<name>". */
+const char *test_path_in(const char *inside, const char *name);
 void test_write(const char *path, const void *data, size_t size);
 /* The content of a file, free()d by the caller; fails the test if it cannot be read. */
 uint8_t *test_read(const char *path, size_t *size);
 int test_exists(const char *path);
 /* Entries of a folder whose name is not . or .. ; -1 if it cannot be opened. */
 int test_count_entries(const char *path);
+
+/* The scene of a project, which must load; its figures; view `index` of it, which must be there. */
+sf_scene *test_load_scene(sf_context *ctx, const char *path, const sf_load_options *options);
+sf_scene_info test_scene_info(sf_scene *scene);
+sf_view_info test_view_info(sf_scene *scene, size_t index);
 
 /* Turns a camera: its axes to the right and ahead, unit vectors of the world at right angles. */
 void test_turn_camera(sf_camera *camera, const double right[3], const double ahead[3]);
@@ -99,6 +110,8 @@ sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change chan
 
 /* The folder named by SPLATFIT_DATA, or ends the test as skipped, saying that the variable is not set. */
 const char *test_data(void);
+/* Whether SPLATFIT_QUICK is set, but to 0: each instruction is slow, so tests do less. */
+int test_is_quick(void);
 /* Ends the test as skipped with the reason printed. */
 void test_skip(const char *reason);
 /* Skips the rest where another machine is emulated (SPLATFIT_EMULATED, see tests/run.sh). */

@@ -20,8 +20,6 @@ enum { WIDTH = 640, HEIGHT = 480, MOST_CORNERS = 80 };
 static const double pi = 3.141592653589793;
 static const sf_lens truth = {613.4, 610.9, 327.3, 235.8, -0.21, 0.06, 0.0012, -0.0008, 0};
 
-static int quick(void) { return getenv("SPLATFIT_QUICK") != NULL; }
-
 /* Views of the board "a4-36h11". */
 
 /* The board's middle seen at pixel (u, v) from `distance` metres, turned by x, y, z degrees. */
@@ -157,7 +155,7 @@ static void test_standard_deviations(void **state) {
     (void)state;
     enum { SEEDS = 6 };
     double squares = 0, n = 0;
-    for (uint64_t seed = 0; seed < (quick() ? 2 : SEEDS); seed++) {
+    for (uint64_t seed = 0; seed < (test_is_quick() ? 2 : SEEDS); seed++) {
         fixture f;
         sf_calibration c;
         begin(&f, 100 + seed);
@@ -174,7 +172,7 @@ static void test_standard_deviations(void **state) {
         end(&f);
     }
     print_message("errors are %.2f of their standard deviations (rms of %.0f)\n", sqrt(squares / n), n);
-    if (!quick()) assert_true(squares / n > 0.6 && squares / n < 1.5);
+    if (!test_is_quick()) assert_true(squares / n > 0.6 && squares / n < 1.5);
 }
 
 /* Outliers. */
@@ -842,7 +840,7 @@ static void test_rendered_boards(void **state) {
     FILE *frames = fopen(test_path("frames.grey"), "wb");
     assert_non_null(frames);
     assert_ok(f.ctx, sf_detector_create(f.ctx, f.board, 1, &detector));
-    for (size_t i = 0; i < (quick() ? 4 : STANDS); i++) {
+    for (size_t i = 0; i < (test_is_quick() ? 4 : STANDS); i++) {
         const sf_board_corner *corners;
         size_t count;
         sf_rigid T = pose_of(&truth, &stands[i]);
@@ -862,7 +860,7 @@ static void test_rendered_boards(void **state) {
     assert_ok(f.ctx, sf_calibrate(f.sightings, NULL, &c));
     print_lens("rendered boards", &c);
     assert_true(c.rms < 0.3);
-    if (quick())
+    if (test_is_quick())
         assert_as_told(&c);
     else {
         assert_within_bar(&c);

@@ -158,13 +158,6 @@ static files text_files(void) {
 
 /* Writing and loading it. */
 
-/* "<project>/<name>" in the scratch folder. */
-static const char *inside(const char *project, const char *name) {
-    char path[512];
-    snprintf(path, sizeof path, "%s/%s", project, name);
-    return test_path(path);
-}
-
 static void make_folder(const char *path) { assert_true(mkdir(path, 0777) == 0 || test_exists(path)); }
 
 static float shade(int picture, int i, int channel) {
@@ -182,12 +175,12 @@ static void write_picture(sf_context *ctx, const char *path, int picture, int wi
 static void write_pictures(sf_context *ctx, const char *project, const char *folder, int divisor) {
     char path[256];
     make_folder(test_path(project));
-    make_folder(inside(project, folder));
+    make_folder(test_path_in(project, folder));
     snprintf(path, sizeof path, "%s/sub", folder);
-    make_folder(inside(project, path));
+    make_folder(test_path_in(project, path));
     for (int i = 0; i < IMAGES; i++) {
         snprintf(path, sizeof path, "%s/%s", folder, images[i].name);
-        write_picture(ctx, inside(project, path), i, WIDTH / divisor, HEIGHT / divisor);
+        write_picture(ctx, test_path_in(project, path), i, WIDTH / divisor, HEIGHT / divisor);
     }
 }
 
@@ -197,7 +190,7 @@ static void write_model(const char *project, const char *folder, const files *f,
     const char *names[] = {"cameras", "images", "points3D"};
     for (int i = 0; i < 3; i++) {
         snprintf(path, sizeof path, "%s%s%s", folder, names[i], ending);
-        test_write(inside(project, path), all[i]->data, all[i]->size);
+        test_write(test_path_in(project, path), all[i]->data, all[i]->size);
     }
 }
 
@@ -205,29 +198,10 @@ static void write_model(const char *project, const char *folder, const files *f,
 static const char *write_project(sf_context *ctx, const char *project) {
     files f = binary_files();
     write_pictures(ctx, project, "images", 1);
-    make_folder(inside(project, "sparse"));
-    make_folder(inside(project, "sparse/0"));
+    make_folder(test_path_in(project, "sparse"));
+    make_folder(test_path_in(project, "sparse/0"));
     write_model(project, "sparse/0/", &f, ".bin");
     return test_path(project);
-}
-
-static sf_scene *load_with(sf_context *ctx, const char *path, const sf_load_options *options) {
-    sf_scene *scene;
-    assert_ok(ctx, sf_scene_load(ctx, path, options, &scene));
-    assert_non_null(scene);
-    return scene;
-}
-
-static sf_scene_info info_of(sf_scene *scene) {
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    return info;
-}
-
-static sf_view_info view_of(sf_scene *scene, size_t index) {
-    sf_view_info view = {0};
-    assert_int_equal(sf_scene_get_view(scene, index, &view), SF_OK);
-    return view;
 }
 
 static void assert_refused_with(sf_context *ctx, const char *path, const sf_load_options *options,
@@ -252,7 +226,7 @@ static void assert_near(double got, double expected) {
 /* Well-formed projects. */
 
 static void assert_same_view(sf_scene *a, sf_scene *b, size_t index) {
-    sf_view_info x = view_of(a, index), y = view_of(b, index);
+    sf_view_info x = test_view_info(a, index), y = test_view_info(b, index);
     float first[3 * PIXELS], second[3 * PIXELS], first_weight[PIXELS], second_weight[PIXELS];
     assert_string_equal(x.name, y.name);
     assert_int_equal(x.split, y.split);
@@ -271,8 +245,8 @@ static void assert_same_view(sf_scene *a, sf_scene *b, size_t index) {
 static void assert_same_scene(sf_scene *a, sf_scene *b) {
     float first[3 * POINTS], second[3 * POINTS];
     uint8_t first_colors[3 * POINTS], second_colors[3 * POINTS];
-    assert_int_equal(info_of(a).views, info_of(b).views);
-    for (size_t i = 0; i < info_of(a).views; i++) assert_same_view(a, b, i);
+    assert_int_equal(test_scene_info(a).views, test_scene_info(b).views);
+    for (size_t i = 0; i < test_scene_info(a).views; i++) assert_same_view(a, b, i);
     assert_int_equal(sf_scene_get_points(a, 0, POINTS, first, first_colors), POINTS);
     assert_int_equal(sf_scene_get_points(b, 0, POINTS, second, second_colors), POINTS);
     assert_memory_equal(first, second, sizeof first);
@@ -284,21 +258,21 @@ static void test_binary(void **state) {
     static const char *const order[] = {"a.png", "b.png", "c.png", "sub/a 1.png"};
     static const double quarter[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
     sf_context *ctx = test_context();
-    sf_scene *scene = load_with(ctx, write_project(ctx, "binary"), NULL);
-    sf_scene_info info = info_of(scene);
+    sf_scene *scene = test_load_scene(ctx, write_project(ctx, "binary"), NULL);
+    sf_scene_info info = test_scene_info(scene);
     assert_int_equal(info.views, IMAGES);
     assert_int_equal(info.test_views, 1);
     assert_int_equal(info.points, POINTS);
     assert_int_equal(info.undistorted_views, 1);
     assert_int_equal(info.skipped_missing + info.skipped_pose + info.skipped_points, 0);
     for (size_t i = 0; i < IMAGES; i++) {
-        sf_view_info view = view_of(scene, i);
+        sf_view_info view = test_view_info(scene, i);
         assert_string_equal(view.name, order[i]);
         assert_int_equal(view.split, i ? SF_SPLIT_TRAIN : SF_SPLIT_TEST);
         assert_int_equal(view.has_mask, i == 1); /* the lens that is undistorted */
         assert_int_equal(sf_camera_check(&view.camera), SF_OK);
     }
-    sf_view_info b = view_of(scene, 1), c = view_of(scene, 2);
+    sf_view_info b = test_view_info(scene, 1), c = test_view_info(scene, 2);
     for (int i = 0; i < 9; i++) assert_near(b.camera.R_cw[i], quarter[i]);
     assert_near(b.camera.t_cw[1], 2);
     assert_near(b.camera.fx, 20); /* its camera record is of twice the size */
@@ -324,13 +298,13 @@ static void test_text_is_the_same(void **state) {
     files f = text_files();
     write_pictures(ctx, "text", "images", 1);
     write_model("text", "", &f, ".txt"); /* in the root */
-    sf_scene *text = load_with(ctx, test_path("text"), NULL);
-    sf_scene *binary = load_with(ctx, write_project(ctx, "text-binary"), NULL);
+    sf_scene *text = test_load_scene(ctx, test_path("text"), NULL);
+    sf_scene *binary = test_load_scene(ctx, write_project(ctx, "text-binary"), NULL);
     assert_same_scene(text, binary);
     sf_scene_destroy(&text);
     write_project(ctx, "text"); /* where both exist, sparse/0 and binary come first */
-    test_write(inside("text", "sparse/0/images.txt"), "nonsense", 8);
-    text = load_with(ctx, test_path("text"), NULL);
+    test_write(test_path_in("text", "sparse/0/images.txt"), "nonsense", 8);
+    text = test_load_scene(ctx, test_path("text"), NULL);
     assert_same_scene(text, binary);
     sf_scene_destroy(&text);
     sf_scene_destroy(&binary);
@@ -341,7 +315,7 @@ static void test_any_number_of_threads(void **state) {
     (void)state;
     sf_context *one = test_context_threads(1), *five = test_context_threads(5);
     const char *path = write_project(one, "threads");
-    sf_scene *a = load_with(one, path, NULL), *b = load_with(five, path, NULL);
+    sf_scene *a = test_load_scene(one, path, NULL), *b = test_load_scene(five, path, NULL);
     assert_same_scene(a, b);
     sf_scene_destroy(&a);
     sf_scene_destroy(&b);
@@ -354,10 +328,10 @@ static void test_sparse_without_number(void **state) {
     sf_context *ctx = test_context();
     files f = binary_files();
     write_pictures(ctx, "flat", "images", 1);
-    make_folder(inside("flat", "sparse"));
+    make_folder(test_path_in("flat", "sparse"));
     write_model("flat", "sparse/", &f, ".bin");
-    sf_scene *scene = load_with(ctx, test_path("flat"), NULL);
-    assert_int_equal(info_of(scene).views, IMAGES);
+    sf_scene *scene = test_load_scene(ctx, test_path("flat"), NULL);
+    assert_int_equal(test_scene_info(scene).views, IMAGES);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -371,15 +345,15 @@ static void test_largest_of_several_models(void **state) {
     add_uint(&small.images, 1, 8);
     add_image(&small.images, &images[0]);
     write_model("several", "sparse/0/", &small, ".bin");
-    make_folder(inside("several", "sparse/1"));
-    make_folder(inside("several", "sparse/10"));
-    make_folder(inside("several", "sparse/other"));
+    make_folder(test_path_in("several", "sparse/1"));
+    make_folder(test_path_in("several", "sparse/10"));
+    make_folder(test_path_in("several", "sparse/other"));
     write_model("several", "sparse/1/", &small, ".bin");
     write_model("several", "sparse/10/", &text, ".txt");
     write_model("several", "sparse/other/", &f, ".bin");
     test_log_clear();
-    sf_scene *scene = load_with(ctx, test_path("several"), NULL);
-    assert_int_equal(info_of(scene).views, IMAGES);
+    sf_scene *scene = test_load_scene(ctx, test_path("several"), NULL);
+    assert_int_equal(test_scene_info(scene).views, IMAGES);
     assert_log("of 3 models, 10 is taken");
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -390,16 +364,16 @@ static void test_folders_of_pictures(void **state) {
     sf_context *ctx = test_context();
     sf_load_options options = sf_load_options_default();
     write_project(ctx, "folders");
-    assert_int_equal(rename(inside("folders", "images"), inside("folders", "kept")), 0);
+    assert_int_equal(rename(test_path_in("folders", "images"), test_path_in("folders", "kept")), 0);
     assert_refused(ctx, test_path("folders"), SF_ERR_IO, "images_2");
     options.images = "none";
     assert_refused_with(ctx, test_path("folders"), &options, SF_ERR_IO, "folders/none");
     write_pictures(ctx, "folders", "images_4", 4);
     write_pictures(ctx, "folders", "images_8", 8);
     test_log_clear();
-    sf_scene *scene = load_with(ctx, test_path("folders"), NULL);
+    sf_scene *scene = test_load_scene(ctx, test_path("folders"), NULL);
     assert_log("images_4");
-    sf_view_info c = view_of(scene, 2);
+    sf_view_info c = test_view_info(scene, 2);
     assert_int_equal(c.camera.width, WIDTH / 4);
     assert_int_equal(c.camera.height, HEIGHT / 4);
     assert_near(c.camera.fx, 5);
@@ -407,8 +381,8 @@ static void test_folders_of_pictures(void **state) {
     assert_near(c.camera.cx, 3.125);
     sf_scene_destroy(&scene);
     options.images = "kept";
-    scene = load_with(ctx, test_path("folders"), &options);
-    assert_int_equal(view_of(scene, 2).camera.width, WIDTH);
+    scene = test_load_scene(ctx, test_path("folders"), &options);
+    assert_int_equal(test_view_info(scene, 2).camera.width, WIDTH);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -418,8 +392,8 @@ static void test_downscale(void **state) {
     sf_context *ctx = test_context();
     sf_load_options options = sf_load_options_default();
     options.downscale = 5; /* 24 x 16 leaves 4 x 3, with a rest */
-    sf_scene *scene = load_with(ctx, write_project(ctx, "downscale"), &options);
-    sf_view_info c = view_of(scene, 2);
+    sf_scene *scene = test_load_scene(ctx, write_project(ctx, "downscale"), &options);
+    sf_view_info c = test_view_info(scene, 2);
     float rgb[3 * 4 * 3];
     assert_int_equal(c.camera.width, 4);
     assert_int_equal(c.camera.height, 3);
@@ -442,9 +416,9 @@ static void test_downscale(void **state) {
 
 static void assert_held_out(sf_context *ctx, const char *path, const sf_load_options *options,
                             unsigned mask) {
-    sf_scene *scene = load_with(ctx, path, options);
+    sf_scene *scene = test_load_scene(ctx, path, options);
     for (size_t i = 0; i < IMAGES; i++)
-        assert_int_equal(view_of(scene, i).split == SF_SPLIT_TEST, mask >> i & 1);
+        assert_int_equal(test_view_info(scene, i).split == SF_SPLIT_TEST, mask >> i & 1);
     sf_scene_destroy(&scene);
 }
 
@@ -462,13 +436,13 @@ static void test_hold_out(void **state) {
     options.hold_out = 1;
     assert_refused_with(ctx, test_path("hold"), &options, SF_ERR_EMPTY, "no training view");
     options.hold_out = 2;
-    assert_int_equal(unlink(inside("hold", "images/a.png")),
+    assert_int_equal(unlink(test_path_in("hold", "images/a.png")),
                      0); /* what is missing does not move the others */
-    sf_scene *scene = load_with(ctx, test_path("hold"), &options);
-    assert_int_equal(info_of(scene).views, 3);
-    assert_string_equal(view_of(scene, 1).name, "c.png");
-    assert_int_equal(view_of(scene, 1).split, SF_SPLIT_TEST);
-    assert_int_equal(info_of(scene).test_views, 1);
+    sf_scene *scene = test_load_scene(ctx, test_path("hold"), &options);
+    assert_int_equal(test_scene_info(scene).views, 3);
+    assert_string_equal(test_view_info(scene, 1).name, "c.png");
+    assert_int_equal(test_view_info(scene, 1).split, SF_SPLIT_TEST);
+    assert_int_equal(test_scene_info(scene).test_views, 1);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -483,7 +457,7 @@ static void test_test_list(void **state) {
     sf_load_options options = sf_load_options_default();
     char list[256];
     write_project(ctx, "list");
-    snprintf(list, sizeof list, "%s", inside("list", "test.txt"));
+    snprintf(list, sizeof list, "%s", test_path_in("list", "test.txt"));
     options.test_list = list;
     for (size_t i = 0; i < sizeof lists / sizeof *lists; i++) {
         test_write(list, lists[i].text, strlen(lists[i].text));
@@ -492,7 +466,7 @@ static void test_test_list(void **state) {
     test_write(list, "a.png\n\nd.png\n", 13);
     assert_refused_with(ctx, test_path("list"), &options, SF_ERR_ARGUMENT,
                         "line 3: no picture is named 'd.png'");
-    options.test_list = inside("list", "none.txt");
+    options.test_list = test_path_in("list", "none.txt");
     assert_refused_with(ctx, test_path("list"), &options, SF_ERR_IO, "none.txt");
     sf_context_destroy(&ctx);
 }
@@ -516,7 +490,7 @@ static void test_options_out_of_range(void **state) {
     assert_refused_with(ctx, test_path("options"), &options, SF_ERR_ARGUMENT,
                         "max_views: 4 views are more than 3");
     options.max_views = 4;
-    sf_scene *scene = load_with(ctx, test_path("options"), &options);
+    sf_scene *scene = test_load_scene(ctx, test_path("options"), &options);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -527,18 +501,18 @@ static void test_missing_pictures(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     write_project(ctx, "missing");
-    assert_int_equal(unlink(inside("missing", "images/b.png")), 0);
-    test_write(inside("missing", "images/c.png"), "some text", 9);
+    assert_int_equal(unlink(test_path_in("missing", "images/b.png")), 0);
+    test_write(test_path_in("missing", "images/c.png"), "some text", 9);
     test_log_clear();
-    sf_scene *scene = load_with(ctx, test_path("missing"), NULL);
-    assert_int_equal(info_of(scene).views, 2);
-    assert_int_equal(info_of(scene).skipped_missing, 2);
+    sf_scene *scene = test_load_scene(ctx, test_path("missing"), NULL);
+    assert_int_equal(test_scene_info(scene).views, 2);
+    assert_int_equal(test_scene_info(scene).skipped_missing, 2);
     assert_log("images/b.png: skipped: No such file");
     assert_log("images/c.png: skipped: is neither a JPEG nor a PNG");
     assert_log("2 of 4 pictures skipped");
     sf_scene_destroy(&scene);
-    assert_int_equal(unlink(inside("missing", "images/a.png")), 0);
-    assert_int_equal(unlink(inside("missing", "images/sub/a 1.png")), 0);
+    assert_int_equal(unlink(test_path_in("missing", "images/a.png")), 0);
+    assert_int_equal(unlink(test_path_in("missing", "images/sub/a 1.png")), 0);
     assert_refused(ctx, test_path("missing"), SF_ERR_EMPTY, "4 lack a readable picture");
     sf_context_destroy(&ctx);
 }
@@ -563,9 +537,9 @@ static void test_poses_that_are_none(void **state) {
         }
         write_model("poses", "sparse/0/", &f, ".bin");
         test_log_clear();
-        sf_scene *scene = load_with(ctx, test_path("poses"), NULL);
-        assert_int_equal(info_of(scene).views, 2);
-        assert_int_equal(info_of(scene).skipped_pose, 2);
+        sf_scene *scene = test_load_scene(ctx, test_path("poses"), NULL);
+        assert_int_equal(test_scene_info(scene).views, 2);
+        assert_int_equal(test_scene_info(scene).skipped_pose, 2);
         assert_log("2 of 4 views skipped: pose or intrinsics not usable (first: ");
         sf_scene_destroy(&scene);
     }
@@ -586,8 +560,8 @@ static void test_lenses_that_are_none(void **state) {
             add_camera(&f.cameras, &c);
         }
         write_model("lenses", "sparse/0/", &f, ".bin");
-        sf_scene *scene = load_with(ctx, test_path("lenses"), NULL);
-        assert_int_equal(info_of(scene).skipped_pose, 2);
+        sf_scene *scene = test_load_scene(ctx, test_path("lenses"), NULL);
+        assert_int_equal(test_scene_info(scene).skipped_pose, 2);
         sf_scene_destroy(&scene);
     }
     sf_context_destroy(&ctx);
@@ -606,14 +580,14 @@ static void test_points_that_are_none(void **state) {
     add_uint(&f.points, 0, 8);
     f.points.data[0]++;
     write_model("points", "sparse/0/", &f, ".bin");
-    sf_scene *scene = load_with(ctx, test_path("points"), NULL);
-    assert_int_equal(info_of(scene).points, POINTS);
-    assert_int_equal(info_of(scene).skipped_points, 1);
+    sf_scene *scene = test_load_scene(ctx, test_path("points"), NULL);
+    assert_int_equal(test_scene_info(scene).points, POINTS);
+    assert_int_equal(test_scene_info(scene).skipped_points, 1);
     sf_scene_destroy(&scene);
-    assert_int_equal(unlink(inside("points", "sparse/0/points3D.bin")), 0);
+    assert_int_equal(unlink(test_path_in("points", "sparse/0/points3D.bin")), 0);
     test_log_clear();
-    scene = load_with(ctx, test_path("points"), NULL);
-    assert_int_equal(info_of(scene).points, 0);
+    scene = test_load_scene(ctx, test_path("points"), NULL);
+    assert_int_equal(test_scene_info(scene).points, 0);
     assert_log("no points3D.bin");
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -643,11 +617,11 @@ static void test_orientation_is_said_once(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     write_project(ctx, "turned");
-    write_turned(inside("turned", "images/a.png")); /* told by its content */
-    write_turned(inside("turned", "images/c.png"));
+    write_turned(test_path_in("turned", "images/a.png")); /* told by its content */
+    write_turned(test_path_in("turned", "images/c.png"));
     test_log_clear();
-    sf_scene *scene = load_with(ctx, test_path("turned"), NULL);
-    assert_int_equal(view_of(scene, 0).camera.width, WIDTH);
+    sf_scene *scene = test_load_scene(ctx, test_path("turned"), NULL);
+    assert_int_equal(test_view_info(scene, 0).camera.width, WIDTH);
     assert_log("2 pictures carry an EXIF orientation");
     assert_null(strstr(strstr(test_log, "EXIF") + 1, "EXIF"));
     sf_scene_destroy(&scene);
@@ -659,15 +633,15 @@ static void test_orientation_is_said_once(void **state) {
 static void check_truncations(sf_context *ctx, const char *name, const buffer *b) {
     for (size_t size = 0; size < b->size; size++) {
         sf_scene *scene;
-        test_write(inside("cut", name), b->data, size);
+        test_write(test_path_in("cut", name), b->data, size);
         sf_status status = sf_scene_load(ctx, test_path("cut"), NULL, &scene);
         if (status != SF_ERR_FORMAT)
             fail_msg("%s cut to %zu of %zu bytes: %s", name, size, b->size, sf_status_text(status));
         assert_null(scene);
         assert_error_names(ctx, name);
     }
-    test_write(inside("cut", name), b->data, b->size);
-    sf_scene *scene = load_with(ctx, test_path("cut"), NULL);
+    test_write(test_path_in("cut", name), b->data, b->size);
+    sf_scene *scene = test_load_scene(ctx, test_path("cut"), NULL);
     sf_scene_destroy(&scene);
 }
 
@@ -687,13 +661,13 @@ static void check_flips(sf_context *ctx, const char *name, const buffer *b) {
         buffer flipped = *b;
         sf_scene *scene;
         flipped.data[at] ^= 0x81;
-        test_write(inside("flip", name), flipped.data, flipped.size);
+        test_write(test_path_in("flip", name), flipped.data, flipped.size);
         sf_status status = sf_scene_load(ctx, test_path("flip"), NULL, &scene);
         assert_int_equal(scene != NULL, status == SF_OK);
-        if (!status) assert_between(info_of(scene).views, 1, IMAGES);
+        if (!status) assert_between(test_scene_info(scene).views, 1, IMAGES);
         sf_scene_destroy(&scene);
     }
-    test_write(inside("flip", name), b->data, b->size);
+    test_write(test_path_in("flip", name), b->data, b->size);
 }
 
 static void test_flipped_bits(void **state) {
@@ -788,7 +762,7 @@ static void test_unsupported_cameras(void **state) {
                 continue;
             }
             assert_ok(ctx, sf_scene_load(ctx, test_path("unused"), NULL, &scene));
-            assert_int_equal(info_of(scene).views, IMAGES);
+            assert_int_equal(test_scene_info(scene).views, IMAGES);
             sf_scene_destroy(&scene);
         }
     sf_context_destroy(&ctx);
@@ -884,7 +858,7 @@ static void test_garbage(void **state) {
         for (unsigned seed = 0; seed < 20; seed++) {
             for (size_t i = 0; i < sizeof garbage; i++)
                 garbage[i] = i < 8 ? (uint8_t)(i == 0) : (uint8_t)((i * 2654435761u + seed * 40503u) >> 11);
-            test_write(inside("garbage", names[k]), garbage, sizeof garbage);
+            test_write(test_path_in("garbage", names[k]), garbage, sizeof garbage);
             assert_refused(ctx, test_path("garbage"), SF_ERR_FORMAT, names[k]);
         }
     }
@@ -896,15 +870,16 @@ static void test_absent_files(void **state) {
     sf_context *ctx = test_context();
     write_project(ctx, "absent");
     assert_refused(ctx, test_path("nothing-here"), SF_ERR_IO, "nothing-here");
-    assert_refused(ctx, inside("absent", "images"), SF_ERR_IO, "its pictures belong to the project in");
-    assert_refused(ctx, inside("absent", "sparse/0/cameras.bin"), SF_ERR_FORMAT, "neither a folder nor");
-    assert_int_equal(unlink(inside("absent", "sparse/0/cameras.bin")), 0);
+    assert_refused(ctx, test_path_in("absent", "images"), SF_ERR_IO, "its pictures belong to the project in");
+    assert_refused(ctx, test_path_in("absent", "sparse/0/cameras.bin"), SF_ERR_FORMAT,
+                   "neither a folder nor");
+    assert_int_equal(unlink(test_path_in("absent", "sparse/0/cameras.bin")), 0);
     assert_refused(ctx, test_path("absent"), SF_ERR_IO,
                    "sparse/0: holds neither cameras.bin nor cameras.txt");
     write_project(ctx, "absent");
-    assert_int_equal(unlink(inside("absent", "sparse/0/images.bin")), 0);
+    assert_int_equal(unlink(test_path_in("absent", "sparse/0/images.bin")), 0);
     assert_refused(ctx, test_path("absent"), SF_ERR_IO, "holds neither images.bin nor images.txt");
-    make_folder(inside("absent", "sparse/0/images.bin")); /* a folder is no file */
+    make_folder(test_path_in("absent", "sparse/0/images.bin")); /* a folder is no file */
     assert_refused(ctx, test_path("absent"), SF_ERR_IO, "holds neither images.bin nor images.txt");
     sf_context_destroy(&ctx);
 }
@@ -913,7 +888,7 @@ static void test_no_images(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     write_project(ctx, "none");
-    test_write(inside("none", "sparse/0/images.bin"), "\0\0\0\0\0\0\0", 8);
+    test_write(test_path_in("none", "sparse/0/images.bin"), "\0\0\0\0\0\0\0", 8);
     assert_refused(ctx, test_path("none"), SF_ERR_EMPTY, "names no picture");
     sf_context_destroy(&ctx);
 }
@@ -953,11 +928,11 @@ static void test_malformed_text(void **state) {
     write_pictures(ctx, "words", "images", 1);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         write_model("words", "", &f, ".txt");
-        test_write(inside("words", cases[i].file), cases[i].text, strlen(cases[i].text));
+        test_write(test_path_in("words", cases[i].file), cases[i].text, strlen(cases[i].text));
         assert_refused(ctx, test_path("words"), cases[i].status, cases[i].part);
     }
     write_model("words", "", &f, ".txt");
-    test_write(inside("words", "cameras.txt"), "1 PINHOLE\0", 10);
+    test_write(test_path_in("words", "cameras.txt"), "1 PINHOLE\0", 10);
     assert_refused(ctx, test_path("words"), SF_ERR_FORMAT, "zero byte");
     sf_context_destroy(&ctx);
 }
@@ -972,30 +947,19 @@ static void test_not_finite_text(void **state) {
     options.hold_out = 0;
     write_pictures(ctx, "nan", "images", 1);
     write_model("nan", "", &f, ".txt");
-    test_write(inside("nan", "images.txt"), text, strlen(text));
-    sf_scene *scene = load_with(ctx, test_path("nan"), &options);
-    assert_int_equal(info_of(scene).views, 1);
-    assert_int_equal(info_of(scene).skipped_pose, 2);
+    test_write(test_path_in("nan", "images.txt"), text, strlen(text));
+    sf_scene *scene = test_load_scene(ctx, test_path("nan"), &options);
+    assert_int_equal(test_scene_info(scene).views, 1);
+    assert_int_equal(test_scene_info(scene).skipped_pose, 2);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
 
 /* No memory. */
 
-/* Refuses one allocation, the countdown-th from now. */
-static void *alloc_or_refuse(void *user, size_t size) {
-    long *countdown = user;
-    return (*countdown)-- == 0 ? NULL : malloc(size);
-}
-
-static void free_block(void *user, void *block) {
-    (void)user;
-    free(block);
-}
-
 static void check_each_allocation(const char *project, long least) {
     long countdown = -1, at = 0;
-    sf_allocator allocator = {alloc_or_refuse, free_block, &countdown};
+    sf_allocator allocator = {test_refuse_alloc, test_refuse_free, &countdown};
     sf_context_options options = {.allocator = &allocator, .threads = 1};
     sf_context *ctx;
     sf_scene *scene;
@@ -1011,7 +975,7 @@ static void check_each_allocation(const char *project, long least) {
         assert_null(scene);
         assert_error_names(ctx, "out of memory");
     }
-    assert_int_equal(info_of(scene).views, IMAGES);
+    assert_int_equal(test_scene_info(scene).views, IMAGES);
     assert_true(at > least);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -1022,7 +986,7 @@ static void test_each_allocation_may_fail(void **state) {
     sf_context *ctx = test_context();
     files text = text_files();
     write_project(ctx, "memory");
-    make_folder(inside("memory", "sparse/1"));
+    make_folder(test_path_in("memory", "sparse/1"));
     write_model("memory", "sparse/1/", &text, ".txt");
     check_each_allocation("memory", 50);
     sf_context_destroy(&ctx);
@@ -1046,7 +1010,7 @@ static void test_add_file(void **state) {
     write_picture(ctx, path, 0, WIDTH, HEIGHT);
     assert_ok(ctx, sf_scene_create(ctx, &scene));
     assert_ok(ctx, sf_scene_add_file(scene, path, &c, SF_SPLIT_TRAIN, &id));
-    sf_view_info view = view_of(scene, 0);
+    sf_view_info view = test_view_info(scene, 0);
     assert_int_equal(view.id, id);
     assert_string_equal(view.name, "added.png");
     assert_int_equal(view.camera.width, WIDTH);
@@ -1058,7 +1022,7 @@ static void test_add_file(void **state) {
     assert_error_names(ctx, "none.png");
     c.R_cw[0] = 2;
     assert_status(ctx, sf_scene_add_file(scene, path, &c, SF_SPLIT_TRAIN, NULL), SF_ERR_ARGUMENT);
-    assert_int_equal(info_of(scene).views, 1);
+    assert_int_equal(test_scene_info(scene).views, 1);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -1072,12 +1036,12 @@ static void test_real_fox(void **state) {
     sf_context *ctx = test_context();
     sf_load_options options = sf_load_options_default();
     options.images = "images_4";
-    sf_scene *scene = load_with(ctx, path, &options);
-    sf_scene_info info = info_of(scene);
+    sf_scene *scene = test_load_scene(ctx, path, &options);
+    sf_scene_info info = test_scene_info(scene);
     assert_int_equal(info.views, 50);
     assert_int_equal(info.test_views, 7);
     assert_int_equal(info.points, 12222);
-    assert_int_equal(view_of(scene, 0).camera.width, 266);
+    assert_int_equal(test_view_info(scene, 0).camera.width, 266);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -1087,10 +1051,10 @@ static void test_real_tagboard(void **state) {
     char path[1024];
     snprintf(path, sizeof path, "%s/rbt-tagboard", test_data());
     sf_context *ctx = test_context();
-    sf_scene *scene = load_with(ctx, path, NULL);
-    assert_int_equal(info_of(scene).views, 99);
-    assert_int_equal(info_of(scene).test_views, 13);
-    assert_int_equal(info_of(scene).points, 4743);
+    sf_scene *scene = test_load_scene(ctx, path, NULL);
+    assert_int_equal(test_scene_info(scene).views, 99);
+    assert_int_equal(test_scene_info(scene).test_views, 13);
+    assert_int_equal(test_scene_info(scene).points, 4743);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }

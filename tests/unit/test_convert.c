@@ -153,8 +153,7 @@ static void test_error_is_as_documented(void **state) {
     (void)state;
     enum { SIDE = 256 };
     static uint8_t y[SIDE * SIDE], u[SIDE * SIDE], v[SIDE * SIDE];
-    const char *quick = getenv("SPLATFIT_QUICK");
-    int step = quick && *quick && strcmp(quick, "0") ? 127 : 15;
+    int step = test_is_quick() ? 127 : 15;
     sf_context *ctx = test_context();
     float *rgb[3], *all = make_planes(SIDE, SIDE, rgb);
     double worst = 0;

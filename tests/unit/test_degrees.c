@@ -10,11 +10,6 @@
 #include "fit/fitter.h"
 #include "reference/random.h"
 
-static int is_quick(void) {
-    const char *quick = getenv("SPLATFIT_QUICK");
-    return quick && *quick && strcmp(quick, "0");
-}
-
 /* Values of the bands up to a degree, and of a whole Gaussian. */
 static size_t sh_values(int degree) { return 3 * (size_t)(degree + 1) * (size_t)(degree + 1); }
 
@@ -125,7 +120,7 @@ static void test_as_if_padded(void **state) {
     sf_isa_info info;
     for (size_t i = 0; !sf_isa_describe(i, &info); i++) {
         if (!info.usable) continue;
-        check_level(info.name, is_quick() ? 300 : 1500, 2);
+        check_level(info.name, test_is_quick() ? 300 : 1500, 2);
         check_level(info.name, 21, 1);
     }
 }
@@ -667,7 +662,7 @@ static void grow(int threads, int growth, const char *path) {
     options.grow_every = 4;
     options.grow_start = 0;
     options.grow_most = 1e6;
-    options.steps = is_quick() ? 12 : 30;
+    options.steps = test_is_quick() ? 12 : 30;
     assert_ok(ctx, sf_scene_load(ctx, SCENE, NULL, &scene));
     sf_fitter *f;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));

@@ -9,8 +9,6 @@
 #include "fit/exposure.h"
 #include "render/workspace.h"
 
-static int is_quick(void) { return getenv("SPLATFIT_QUICK") != NULL; }
-
 /* 1. The gradient */
 
 enum { WIDTH = 37, HEIGHT = 29, PIXELS = WIDTH * HEIGHT };
@@ -218,7 +216,7 @@ static sf_fit_options small_fit(int exposure) {
     sf_fit_options options = sf_fit_options_default();
     options.validate = 0;
     options.size = SF_SIZE_CAP;
-    options.steps = is_quick() ? 60 : 2000;
+    options.steps = test_is_quick() ? 60 : 2000;
     options.max_gaussians = 3000;
     options.exposure = exposure;
     return options;
@@ -251,7 +249,7 @@ static sf_quality fitted(sf_context *ctx, test_change change, int exposure) {
  * is right, and the held-out ones are brighter than all. */
 static void wandering_exposure_costs_little(void **state) {
     (void)state;
-    if (is_quick()) test_skip("SPLATFIT_QUICK is set, and this takes thousands of steps");
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and this takes thousands of steps");
     sf_context *ctx = test_context();
     sf_quality plain = fitted(ctx, test_dim, 0), steady = fitted(ctx, test_dim, 1);
     sf_quality without = fitted(ctx, test_wander, 0), with = fitted(ctx, test_wander, 1);
@@ -278,7 +276,7 @@ static void mean_is_held(void **state) {
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));
     assert_ok(ctx, sf_scene_get_view(scene, 1, &view));
     assert_status(ctx, sf_fitter_get_exposure(fitter, view.id, gain, bias), SF_ERR_ARGUMENT);
-    for (int i = 0; i < (is_quick() ? 50 : 200); i++) assert_ok(ctx, sf_fitter_step(fitter));
+    for (int i = 0; i < (test_is_quick() ? 50 : 200); i++) assert_ok(ctx, sf_fitter_step(fitter));
     for (size_t i = 0; i < info.views; i++) {
         assert_ok(ctx, sf_scene_get_view(scene, i, &view));
         if (view.split != SF_SPLIT_TRAIN) continue;

@@ -38,12 +38,6 @@ static uint8_t shade(int view, int x, int y, int channel) {
 
 /* Files. */
 
-static const char *inside(const char *project, const char *name) {
-    char path[512];
-    snprintf(path, sizeof path, "%s/%s", project, name);
-    return test_path(path);
-}
-
 static void make_folders(const char *project, const char *name) {
     char part[512];
     snprintf(part, sizeof part, "%s/%s", project, name);
@@ -57,7 +51,7 @@ static void make_folders(const char *project, const char *name) {
 
 static void put(const char *project, const char *name, const void *data, size_t size) {
     make_folders(project, name);
-    test_write(inside(project, name), data, size);
+    test_write(test_path_in(project, name), data, size);
 }
 
 static int marked; /* texts begin with a byte order mark */
@@ -201,7 +195,7 @@ static void put_mask_of(const char *project, const char *name, int divisor, int 
     }
     sf_context *ctx = test_context();
     make_folders(project, name);
-    assert_ok(ctx, sf_write_png(ctx, inside(project, name), width, height, rgb));
+    assert_ok(ctx, sf_write_png(ctx, test_path_in(project, name), width, height, rgb));
     sf_context_destroy(&ctx);
 }
 
@@ -330,7 +324,7 @@ static void make_marked_colmap(const char *project, const char *camera) {
 
 static void make_missing(const char *project, const char *rest) {
     make_colmap(project, rest);
-    assert_int_equal(remove(inside(project, "images/c.png")), 0);
+    assert_int_equal(remove(test_path_in(project, "images/c.png")), 0);
 }
 
 static void make_masked(const char *project, const char *form) {
@@ -1098,7 +1092,7 @@ static void fit_masked(const char *project, float under) {
                 rgb[3 * i + c] = near ? under : (float)shade(v, x, y, c) / 255;
             }
         snprintf(name, sizeof name, "images/%s.png", names[v]);
-        assert_ok(ctx, sf_write_png(ctx, inside(project, name), WIDTH, HEIGHT, rgb));
+        assert_ok(ctx, sf_write_png(ctx, test_path_in(project, name), WIDTH, HEIGHT, rgb));
     }
     sf_scene *scene;
     sf_fitter *fitter;

@@ -13,11 +13,6 @@
 #include "render/workspace.h"
 #include "scene/gaussians.h"
 
-static int is_quick(void) {
-    const char *quick = getenv("SPLATFIT_QUICK");
-    return quick && *quick && strcmp(quick, "0");
-}
-
 static sf_context *scalar_context(void) {
     sf_context *ctx;
     sf_context_options options = {.threads = 2, .isa = "scalar"};
@@ -67,7 +62,7 @@ static double worst_exp2(sf_context *ctx, float least, float most, uint32_t sign
  * 1, every 1021st. */
 static void exp2_is_within_its_bound(void **state) {
     (void)state;
-    const uint32_t minus = 0x80000000u, step = is_quick() ? 64 : 1;
+    const uint32_t minus = 0x80000000u, step = test_is_quick() ? 64 : 1;
     sf_context *ctx = scalar_context();
     double worst = fmax(worst_exp2(ctx, 0x1p-26f, 9, minus, step), worst_exp2(ctx, 0x1p-26f, 1, 0, step));
     for (uint32_t bits = 0; bits <= sf_bits_of(0x1p-26f); bits += 1021) {

@@ -12,10 +12,8 @@
  */
 static const double LEAST_RECOVERED = 0.7;
 
-static int is_quick(void) { return getenv("SPLATFIT_QUICK") != NULL; }
-
 static void skip_if_quick(void) {
-    if (is_quick()) test_skip("SPLATFIT_QUICK is set, and this takes thousands of steps");
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and this takes thousands of steps");
 }
 
 static sf_fit_options small_fit(int64_t steps) {

@@ -15,12 +15,6 @@
  * (1/255, the stop at 1e-4) goes either way and is worth up to 1/255: the seeds here have none. */
 static const double PICTURE_BOUND = 1e-5, GRADIENT_BOUND = 2e-4;
 
-/* Scenes shrink, and values of one kind are sampled, where every instruction is slow. */
-static int is_quick(void) {
-    const char *quick = getenv("SPLATFIT_QUICK");
-    return quick && *quick && strcmp(quick, "0");
-}
-
 /* ---- a render and its gradient --------------------------------------------------------------------------
  */
 
@@ -98,7 +92,7 @@ static void random_scenes_match_the_reference(void **state) {
     test_ref_counts all = {0};
     for (int k = 0; k < 8; k++) {
         const int *size = sizes[k % 4];
-        size_t count = is_quick() ? 80 : 200;
+        size_t count = test_is_quick() ? 80 : 200;
         test_ref_scene scene = test_random_scene(200 + (uint64_t)k, count, k % 4, size[0], size[1]);
         char name[64];
         scene.antialiased = k >= 4;
@@ -119,7 +113,7 @@ static void random_scenes_match_the_reference(void **state) {
 /* Far below a pixel the compensation is held at its least, and passes no gradient. */
 static void compensation_ends_at_its_least(void **state) {
     (void)state;
-    test_ref_scene scene = test_random_scene(220, is_quick() ? 250 : 800, 1, 40, 30);
+    test_ref_scene scene = test_random_scene(220, test_is_quick() ? 250 : 800, 1, 40, 30);
     scene.antialiased = 1;
     for (size_t i = 0; i < scene.count; i++) {
         scene.gaussians.logit_opacities[i] = 4;
@@ -133,7 +127,7 @@ static void compensation_ends_at_its_least(void **state) {
 static void thread_count_does_not_matter(void **state) {
     (void)state;
     static const int threads[] = {2, 3, 4, 8};
-    test_ref_scene scene = test_random_scene(31, is_quick() ? 300 : 1000, 3, 77, 45);
+    test_ref_scene scene = test_random_scene(31, test_is_quick() ? 300 : 1000, 3, 77, 45);
     test_outcome one = test_outcome_alone(&scene, 1);
     for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
         test_outcome many = test_outcome_alone(&scene, threads[t]);
@@ -389,7 +383,7 @@ static void empty_model_is_the_background(void **state) {
 /* A renderer keeps its workspace: nothing of an earlier picture or model shows. */
 static void renderer_can_be_used_again(void **state) {
     (void)state;
-    size_t many = is_quick() ? 60 : 300;
+    size_t many = test_is_quick() ? 60 : 300;
     test_ref_scene scenes[] = {test_random_scene(61, many, 3, 150, 100), test_random_scene(62, 20, 1, 17, 9),
                                test_random_scene(63, many, 3, 90, 166), test_random_scene(64, 0, 0, 33, 33)};
     enum { SCENES = sizeof scenes / sizeof *scenes };

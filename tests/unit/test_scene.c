@@ -54,12 +54,6 @@ static sf_scene *new_scene(sf_context *ctx) {
     return scene;
 }
 
-static sf_scene_info info_of(sf_scene *scene) {
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    return info;
-}
-
 static void assert_near(double got, double expected, double tolerance) {
     if (!(fabs(got - expected) <= tolerance)) fail_msg("%.17g is not %.17g", got, expected);
 }
@@ -209,7 +203,7 @@ static void test_views_are_moved(void **state) {
     assert_memory_equal(rgb, again, 4 * pixels * sizeof *rgb);
     assert_int_equal(sf_scene_set_pose(scene, ids[0], none, t), SF_ERR_ARGUMENT);
     assert_int_equal(sf_scene_set_pose(scene, 99, turned, t), SF_ERR_ARGUMENT);
-    assert_int_equal(info_of(scene).views, 2);
+    assert_int_equal(test_scene_info(scene).views, 2);
     free(rgb);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -240,7 +234,7 @@ static void test_views_come_and_go(void **state) {
     assert_view(ctx, scene, 0, ids[0], "first");
     assert_view(ctx, scene, 1, ids[3], "fourth");
     assert_view(ctx, scene, 2, ids[4], "first");
-    assert_int_equal(info_of(scene).views, 3);
+    assert_int_equal(test_scene_info(scene).views, 3);
     sf_scene_destroy(&scene);
     assert_null(scene);
     sf_scene_destroy(&scene);
@@ -289,7 +283,7 @@ static void test_views_refused(void **state) {
     assert_status(ctx, sf_scene_add_view(scene, "lens", &bad, &pixels, SF_SPLIT_TRAIN, &id), SF_ERR_ARGUMENT);
     assert_error_names(ctx, "lens: camera");
     assert_int_equal(id, 99);
-    assert_int_equal(info_of(scene).views, 0);
+    assert_int_equal(test_scene_info(scene).views, 0);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -323,7 +317,7 @@ static void test_add_file(void **state) {
     assert_status(ctx, sf_scene_add_file(scene, test_path("file.png"), &camera, SF_SPLIT_TEST, &id),
                   SF_ERR_ARGUMENT);
     assert_error_names(ctx, "file.png");
-    assert_int_equal(info_of(scene).views, 1);
+    assert_int_equal(test_scene_info(scene).views, 1);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -351,11 +345,11 @@ static void test_info_counts(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene = new_scene(ctx);
-    sf_scene_info info = info_of(scene);
+    sf_scene_info info = test_scene_info(scene);
     assert_int_equal(info.views + info.train_views + info.test_views + info.points, 0);
     assert_near(info.extent, 1, 0);
     for (int i = 0; i < 5; i++) add_view(ctx, scene, NULL, i, i % 2 ? SF_SPLIT_TEST : SF_SPLIT_TRAIN);
-    info = info_of(scene);
+    info = test_scene_info(scene);
     assert_int_equal(info.views, 5);
     assert_int_equal(info.train_views, 3);
     assert_int_equal(info.test_views, 2);
@@ -392,17 +386,17 @@ static void test_extent(void **state) {
     uint32_t left = add_view(ctx, scene, NULL, -1, SF_SPLIT_TRAIN);
     uint32_t right = add_view(ctx, scene, NULL, 5, SF_SPLIT_TRAIN);
     add_view(ctx, scene, NULL, 40, SF_SPLIT_TEST); /* not counted */
-    sf_scene_info info = info_of(scene);
+    sf_scene_info info = test_scene_info(scene);
     assert_near(info.center[0], 2, 1e-12);
     assert_near(info.center[1], 0, 1e-12);
     assert_near(info.extent, 3.3, 1e-12);
 
     assert_ok(ctx, sf_scene_remove_view(scene, right)); /* one camera: no points, then the median of five */
-    assert_near(info_of(scene).extent, 1, 0);
+    assert_near(test_scene_info(scene).extent, 1, 0);
     assert_ok(ctx, sf_scene_remove_view(scene, left));
     add_view(ctx, scene, NULL, 0, SF_SPLIT_TRAIN);
     assert_ok(ctx, sf_scene_add_points(scene, 5, &points[0][0], NULL));
-    assert_near(info_of(scene).extent, 3, 1e-6);
+    assert_near(test_scene_info(scene).extent, 3, 1e-6);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -414,9 +408,9 @@ static void test_extent_of_one_place(void **state) {
     sf_context *ctx = test_context();
     sf_scene *scene = new_scene(ctx);
     for (int i = 0; i < 7; i++) add_view(ctx, scene, NULL, 0.1, SF_SPLIT_TRAIN);
-    assert_near(info_of(scene).extent, 1, 0);
+    assert_near(test_scene_info(scene).extent, 1, 0);
     assert_ok(ctx, sf_scene_add_points(scene, 1, point, NULL));
-    assert_near(info_of(scene).extent, 7, 1e-6);
+    assert_near(test_scene_info(scene).extent, 7, 1e-6);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -433,8 +427,8 @@ static void test_points(void **state) {
     assert_ok(ctx, sf_scene_add_points(scene, 6, &xyz[0][0], &rgb[0][0]));
     assert_ok(ctx, sf_scene_add_points(scene, 0, NULL, NULL));
     assert_ok(ctx, sf_scene_add_points(scene, 1, xyz[0], NULL));
-    assert_int_equal(info_of(scene).points, 4);
-    assert_int_equal(info_of(scene).skipped_points, 3);
+    assert_int_equal(test_scene_info(scene).points, 4);
+    assert_int_equal(test_scene_info(scene).skipped_points, 3);
     float got[5][3] = {{0}};
     uint8_t colors[5][3] = {{0}};
     assert_int_equal(sf_scene_get_points(scene, 0, 5, &got[0][0], &colors[0][0]), 4);
@@ -465,7 +459,7 @@ static void test_too_many_points(void **state) {
     assert_status(ctx, sf_scene_add_points(scene, SIZE_MAX, xyz, NULL), SF_ERR_ARGUMENT);
     assert_status(ctx, sf_scene_add_points(scene, SIZE_MAX / 12 + 1, xyz, NULL), SF_ERR_ARGUMENT);
     assert_error_names(ctx, "count");
-    assert_int_equal(info_of(scene).points, 1);
+    assert_int_equal(test_scene_info(scene).points, 1);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -510,9 +504,9 @@ static void test_out_of_memory(void **state) {
         sf_status status = sf_scene_create(ctx, &scene);
         if (!status) {
             status = sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL);
-            assert_int_equal(info_of(scene).views, !status);
+            assert_int_equal(test_scene_info(scene).views, !status);
             if (!status) status = sf_scene_add_points(scene, 1, point, NULL);
-            assert_int_equal(info_of(scene).points, !status);
+            assert_int_equal(test_scene_info(scene).points, !status);
         }
         if (status) assert_status(ctx, status, SF_ERR_MEMORY);
         done = !status;
@@ -574,7 +568,7 @@ static void test_views_change_under_a_fitter(void **state) {
     atomic_store(&t.stop, 1);
     for (int i = 0; i < 2; i++) assert_int_equal(pthread_join(threads[i], NULL), 0);
     assert_int_equal(atomic_load(&t.failures), 0);
-    assert_int_equal(info_of(scene).views, 1);
+    assert_int_equal(test_scene_info(scene).views, 1);
     assert_view(ctx, scene, 0, 1, "stays");
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "scene/gaussian_math.h"
+
 enum { ROW = 32 };
 
 static sf_model *model_of(sf_context *ctx, const sf_gaussians *g, size_t count, int degree) {
@@ -53,8 +55,6 @@ static void test_bytes(void **state) {
     sf_context_destroy(&ctx);
 }
 
-static double sigmoid(double x) { return 1 / (1 + exp(-x)); }
-
 static void test_round_trip(void **state) {
     (void)state;
     enum { COUNT = 40 };
@@ -83,7 +83,7 @@ static void test_round_trip(void **state) {
     double before = INFINITY;
     for (int j = 0; j < COUNT; j++) {
         int i = (int)lround(3 * (double)means2[3 * j]);
-        double weight = log(sigmoid((double)logits[i]));
+        double weight = log(sf_sigmoid((double)logits[i]));
         for (int k = 0; k < 3; k++) {
             weight += (double)log_scales[3 * i + k];
             assert_true(means2[3 * j + k] == means[3 * i + k]);
@@ -93,7 +93,7 @@ static void test_round_trip(void **state) {
         }
         /* 1 would be 256: it is one step less. */
         for (int k = 0; k < 4; k++) assert_true(fabsf(quats2[4 * j + k] - quats[4 * i + k]) <= 1 / 128.0f);
-        assert_true(fabs(sigmoid((double)logits2[j]) - sigmoid((double)logits[i])) <= 0.5 / 255 + 1e-6);
+        assert_true(fabs(sf_sigmoid((double)logits2[j]) - sf_sigmoid((double)logits[i])) <= 0.5 / 255 + 1e-6);
         assert_true(weight <= before + 1e-4);
         before = weight;
     }

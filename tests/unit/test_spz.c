@@ -8,6 +8,7 @@
 #include <zlib.h>
 
 #include "base/rng.h"
+#include "scene/gaussian_math.h"
 
 enum { MAX_COUNT = 64, MAX_K = 16, HEADER = 16, MAX_FILE = 1 << 16 };
 
@@ -181,8 +182,6 @@ static void assert_same_rotation(const float *a, const float *b, double bound) {
     assert_near("the rotation's cosine", fabs(dot) / sqrt(aa * bb), 1, bound);
 }
 
-static double sigmoid(double x) { return 1 / (1 + exp(-x)); }
-
 /* Every field comes back within half a step of the format. `sh_steps` of band 1 and of those above. */
 static void assert_within_steps(const values *was, const values *is, int count, int coefficients,
                                 double mean_step, const double sh_steps[2]) {
@@ -200,8 +199,8 @@ static void assert_within_steps(const values *was, const values *is, int count, 
                         1 / 32.0 + rounding);
         }
         assert_same_rotation(is->quats + 4 * j, was->quats + 4 * i, 6 * rotation * rotation + rounding);
-        assert_near("opacity", sigmoid((double)is->logit_opacities[j]),
-                    sigmoid((double)was->logit_opacities[i]), 0.5 / 255 + rounding);
+        assert_near("opacity", sf_sigmoid((double)is->logit_opacities[j]),
+                    sf_sigmoid((double)was->logit_opacities[i]), 0.5 / 255 + rounding);
         for (int k = 0; k < 3 * coefficients; k++) {
             double step = k < 3 ? 1 / 255.0 / 0.15 : sh_steps[k >= 12];
             assert_near("SH", (double)is->sh[3 * coefficients * j + k],
@@ -431,7 +430,7 @@ static void check_version(sf_context *ctx, int version) {
     assert_int_equal(sf_model_antialiased(model), version == 3);
     assert_ok(ctx, sf_model_get(model, 0, 1, &(sf_gaussians){mean, quat, scale, &logit, sh}));
     assert_true(mean[0] == 1 && mean[1] == -2.5f && mean[2] == (version == 1 ? ldexpf(1, -24) : 0));
-    assert_near("opacity", sigmoid((double)logit), 0.2, 1e-6);
+    assert_near("opacity", sf_sigmoid((double)logit), 0.2, 1e-6);
     assert_near("red", (double)sh[0], -0.5 / 0.15, 1e-6);
     assert_near("green", (double)sh[1], 0.5 / 0.15, 1e-6);
     assert_near("blue", (double)sh[2], 0.1 / 0.15, 1e-6);

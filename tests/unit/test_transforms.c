@@ -13,13 +13,6 @@ enum { WIDTH = 24, HEIGHT = 16, PIXELS = WIDTH * HEIGHT, TEXT_BYTES = 8192 };
 #define LENS                "'w':24,'h':16,'fl_x':20,'fl_y':21,'cx':12.5,'cy':8.25,"
 #define FRAME(name, matrix) "{'file_path':'" name "','transform_matrix':" matrix "}"
 
-/* "<project>/<name>" in the scratch folder. */
-static const char *inside(const char *project, const char *name) {
-    char path[512];
-    snprintf(path, sizeof path, "%s/%s", project, name);
-    return test_path(path);
-}
-
 /* Writes JSON that is spelled with ' for ". */
 static void write_json(const char *project, const char *name, const char *text) {
     char json[TEXT_BYTES];
@@ -28,7 +21,7 @@ static void write_json(const char *project, const char *name, const char *text) 
     for (size_t i = 0; i < size; i++) json[i] = text[i];
     for (size_t i = 0; i < size; i++)
         if (json[i] == '\'') json[i] = '"';
-    test_write(inside(project, name), json, size);
+    test_write(test_path_in(project, name), json, size);
 }
 
 static void write_picture(sf_context *ctx, const char *path, float level) {
@@ -40,10 +33,10 @@ static void write_picture(sf_context *ctx, const char *path, float level) {
 /* A folder with images/a.png, b.png and c.png. */
 static void make_project(sf_context *ctx, const char *project) {
     mkdir(test_path(project), 0777);
-    mkdir(inside(project, "images"), 0777);
-    write_picture(ctx, inside(project, "images/a.png"), 0.25f);
-    write_picture(ctx, inside(project, "images/b.png"), 0.5f);
-    write_picture(ctx, inside(project, "images/c.png"), 0.75f);
+    mkdir(test_path_in(project, "images"), 0777);
+    write_picture(ctx, test_path_in(project, "images/a.png"), 0.25f);
+    write_picture(ctx, test_path_in(project, "images/b.png"), 0.5f);
+    write_picture(ctx, test_path_in(project, "images/c.png"), 0.75f);
 }
 
 static sf_load_options train_all(void) {
@@ -52,17 +45,10 @@ static sf_load_options train_all(void) {
     return options;
 }
 
-static sf_scene *load_with(sf_context *ctx, const char *path, const sf_load_options *options) {
-    sf_scene *scene;
-    assert_ok(ctx, sf_scene_load(ctx, path, options, &scene));
-    assert_non_null(scene);
-    return scene;
-}
-
 static sf_scene *load_json(sf_context *ctx, const char *project, const char *text) {
     sf_load_options options = train_all();
     write_json(project, "transforms.json", text);
-    return load_with(ctx, test_path(project), &options);
+    return test_load_scene(ctx, test_path(project), &options);
 }
 
 static void assert_refused(sf_context *ctx, const char *project, const char *text, sf_status expected,
@@ -74,18 +60,6 @@ static void assert_refused(sf_context *ctx, const char *project, const char *tex
     assert_null(scene);
     assert_error_names(ctx, part);
     assert_error_names(ctx, project);
-}
-
-static sf_scene_info info_of(sf_scene *scene) {
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    return info;
-}
-
-static sf_view_info view_of(sf_scene *scene, size_t index) {
-    sf_view_info view = {0};
-    assert_int_equal(sf_scene_get_view(scene, index, &view), SF_OK);
-    return view;
 }
 
 static void assert_near(double got, double expected) {
@@ -108,8 +82,8 @@ static void test_lens_for_all_and_for_one(void **state) {
                                 "{" LENS "'camera_model':'OPENCV','k1':0,'frames':["
                                 "{'file_path':'./images/b.png','fl_x':30,'cx':12,'transform_matrix':" IDENTITY
                                 "}," FRAME("images/a.png", IDENTITY) "]}");
-    sf_view_info a = view_of(scene, 0), b = view_of(scene, 1);
-    assert_int_equal(info_of(scene).views, 2);
+    sf_view_info a = test_view_info(scene, 0), b = test_view_info(scene, 1);
+    assert_int_equal(test_scene_info(scene).views, 2);
     assert_string_equal(a.name, "images/a.png");
     assert_string_equal(b.name, "images/b.png");
     assert_near(a.camera.fx, 20);
@@ -126,8 +100,8 @@ static void test_lens_for_all_and_for_one(void **state) {
 /* The camera of the only view. */
 static sf_camera camera_of(sf_context *ctx, const char *text) {
     sf_scene *scene = load_json(ctx, "one", text);
-    sf_camera camera = view_of(scene, 0).camera;
-    assert_int_equal(info_of(scene).views, 1);
+    sf_camera camera = test_view_info(scene, 0).camera;
+    assert_int_equal(test_scene_info(scene).views, 1);
     sf_scene_destroy(&scene);
     return camera;
 }
@@ -199,8 +173,8 @@ static void test_poses_that_are_none(void **state) {
                  "{" LENS "'frames':[" FRAME("images/b.png", IDENTITY) "," FRAME("images/a.png", "%s") "]}",
                  bad[i]);
         sf_scene *scene = load_json(ctx, "bad", text);
-        assert_int_equal(info_of(scene).views, 1);
-        assert_int_equal(info_of(scene).skipped_pose, 1);
+        assert_int_equal(test_scene_info(scene).views, 1);
+        assert_int_equal(test_scene_info(scene).skipped_pose, 1);
         sf_scene_destroy(&scene);
     }
     assert_refused(ctx, "bad",
@@ -311,25 +285,26 @@ static void test_names_of_windows(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     make_project(ctx, "windows");
-    assert_int_equal(rename(inside("windows", "images/b.png"), inside("windows", "images/b.PNG")), 0);
-    write_picture(ctx, inside("windows", "mask.png"), 1);
-    test_write(inside("windows", "points.ply"), one_point, strlen(one_point));
+    assert_int_equal(rename(test_path_in("windows", "images/b.png"), test_path_in("windows", "images/b.PNG")),
+                     0);
+    write_picture(ctx, test_path_in("windows", "mask.png"), 1);
+    test_write(test_path_in("windows", "points.ply"), one_point, strlen(one_point));
     sf_scene *scene = load_json(
         ctx, "windows",
         "{" LENS "'ply_file_path':'.\\\\points.ply','test_filenames':['images\\\\c.png'],'frames':["
         "{'file_path':'.\\\\images\\\\a.png','mask_path':'.\\\\mask.png','transform_matrix':" IDENTITY
         "}," FRAME("images/b", IDENTITY) "," FRAME("images\\\\c.png", IDENTITY) "]}");
-    assert_int_equal(info_of(scene).views, 3);
-    assert_string_equal(view_of(scene, 0).name, "images/a.png");
-    assert_int_equal(info_of(scene).masked_views, 1);
-    assert_int_equal(info_of(scene).points, 1);
+    assert_int_equal(test_scene_info(scene).views, 3);
+    assert_string_equal(test_view_info(scene, 0).name, "images/a.png");
+    assert_int_equal(test_scene_info(scene).masked_views, 1);
+    assert_int_equal(test_scene_info(scene).points, 1);
     sf_scene_destroy(&scene);
     sf_load_options options = train_all();
     options.test_list = test_path("windows-list");
     test_write(options.test_list, "\xEF\xBB\xBFimages\\b\r\n", 13);
-    scene = load_with(ctx, test_path("windows"), &options);
-    assert_int_equal(view_of(scene, 1).split, SF_SPLIT_TEST);
-    assert_int_equal(view_of(scene, 2).split, SF_SPLIT_TRAIN);
+    scene = test_load_scene(ctx, test_path("windows"), &options);
+    assert_int_equal(test_view_info(scene, 1).split, SF_SPLIT_TEST);
+    assert_int_equal(test_view_info(scene, 2).split, SF_SPLIT_TRAIN);
     sf_scene_destroy(&scene);
     assert_refused(ctx, "windows", "{" LENS "'frames':[" FRAME("..\\\\a.png", IDENTITY) "]}", SF_ERR_FORMAT,
                    "is not a path inside its folder");
@@ -352,8 +327,9 @@ static void test_shapes(void **state) {
                  "}," FRAME("images/b.png", IDENTITY) "]}",
                  cases[i].w, cases[i].h);
         sf_scene *scene = load_json(ctx, "shapes", text);
-        if ((int)info_of(scene).views != 1 + cases[i].views) fail_msg("%d x %d", cases[i].w, cases[i].h);
-        assert_int_equal(info_of(scene).skipped_missing, 1 - cases[i].views);
+        if ((int)test_scene_info(scene).views != 1 + cases[i].views)
+            fail_msg("%d x %d", cases[i].w, cases[i].h);
+        assert_int_equal(test_scene_info(scene).skipped_missing, 1 - cases[i].views);
         sf_scene_destroy(&scene);
     }
     sf_context_destroy(&ctx);
@@ -366,8 +342,8 @@ static void test_distortion(void **state) {
     sf_scene *scene = load_json(
         ctx, "bent",
         "{" LENS "'k1':0.1,'p2':0.01,'k3':0,'k4':0.0,'frames':[" FRAME("images/a.png", IDENTITY) "]}");
-    assert_int_equal(info_of(scene).undistorted_views, 1);
-    assert_int_equal(view_of(scene, 0).has_mask, 1);
+    assert_int_equal(test_scene_info(scene).undistorted_views, 1);
+    assert_int_equal(test_view_info(scene, 0).has_mask, 1);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -378,26 +354,26 @@ static void test_masks(void **state) {
     float mask[3 * PIXELS], weight[PIXELS];
     make_project(ctx, "masks");
     for (int i = 0; i < 3 * PIXELS; i++) mask[i] = i / 3 % WIDTH < 10 ? 0 : 1;
-    assert_ok(ctx, sf_write_png(ctx, inside("masks", "mask.png"), WIDTH, HEIGHT, mask));
-    assert_ok(ctx, sf_write_png(ctx, inside("masks", "small.png"), WIDTH / 2, HEIGHT, mask));
+    assert_ok(ctx, sf_write_png(ctx, test_path_in("masks", "mask.png"), WIDTH, HEIGHT, mask));
+    assert_ok(ctx, sf_write_png(ctx, test_path_in("masks", "small.png"), WIDTH / 2, HEIGHT, mask));
     sf_scene *scene =
         load_json(ctx, "masks",
                   "{" LENS "'frames':["
                   "{'file_path':'images/a.png','mask_path':'mask.png','transform_matrix':" IDENTITY "},"
                   "{'file_path':'images/b.png','mask_path':'small.png','transform_matrix':" IDENTITY "},"
                   "{'file_path':'images/c.png','mask_path':'none.png','transform_matrix':" IDENTITY "}]}");
-    assert_int_equal(info_of(scene).views, 1);
-    assert_int_equal(info_of(scene).skipped_missing, 2);
+    assert_int_equal(test_scene_info(scene).views, 1);
+    assert_int_equal(test_scene_info(scene).skipped_missing, 2);
     assert_log("mask: size: 12 x 16 is not the picture's 24 x 16");
     assert_log("mask: No such file");
-    assert_ok(ctx, sf_scene_get_pixels(scene, view_of(scene, 0).id, NULL, weight));
+    assert_ok(ctx, sf_scene_get_pixels(scene, test_view_info(scene, 0).id, NULL, weight));
     for (int i = 0; i < PIXELS; i++) assert_true(weight[i] == (i % WIDTH < 10 ? 0.0f : 1.0f));
     sf_scene_destroy(&scene);
     sf_load_options quarter = train_all(); /* boxes of 4 x 4: the third of a row is half hidden */
     quarter.downscale = 4;
     float rgb[3 * PIXELS / 16];
-    scene = load_with(ctx, test_path("masks"), &quarter);
-    assert_ok(ctx, sf_scene_get_pixels(scene, view_of(scene, 0).id, rgb, weight));
+    scene = test_load_scene(ctx, test_path("masks"), &quarter);
+    assert_ok(ctx, sf_scene_get_pixels(scene, test_view_info(scene, 0).id, rgb, weight));
     for (int x = 0; x < WIDTH / 4; x++)
         assert_int_equal(255 * weight[x] + 0.5f, x < 2 ? 0 : x == 2 ? 128 : 255);
     for (int x = 2; x < WIDTH / 4; x++) { /* red at column c and row r is (24 r + c) / 384 */
@@ -422,19 +398,19 @@ static void test_points(void **state) {
     make_project(ctx, "ply");
     test_log_clear();
     sf_scene *scene = load_json(ctx, "ply", text);
-    assert_int_equal(info_of(scene).points, 0);
+    assert_int_equal(test_scene_info(scene).points, 0);
     assert_log("ply_file_path");
     sf_scene_destroy(&scene);
-    test_write(inside("ply", "points.ply"), ply, strlen(ply));
+    test_write(test_path_in("ply", "points.ply"), ply, strlen(ply));
     scene = load_json(ctx, "ply", text);
-    assert_int_equal(info_of(scene).points, 2);
-    assert_int_equal(info_of(scene).skipped_points, 1);
+    assert_int_equal(test_scene_info(scene).points, 2);
+    assert_int_equal(test_scene_info(scene).skipped_points, 1);
     assert_log("skipped 1 of 3 points that are not finite (first: #");
     assert_int_equal(sf_scene_get_points(scene, 0, 2, xyz, rgb), 2);
     assert_true(xyz[3] == 4 && xyz[5] == 6);
     assert_int_equal(rgb[4], 50);
     sf_scene_destroy(&scene);
-    test_write(inside("ply", "points.ply"), "plywood", 7);
+    test_write(test_path_in("ply", "points.ply"), "plywood", 7);
     assert_refused(ctx, "ply", text, SF_ERR_FORMAT, "points.ply");
     sf_context_destroy(&ctx);
 }
@@ -447,9 +423,9 @@ static void test_points(void **state) {
 
 static void assert_held_out(sf_context *ctx, const char *project, const sf_load_options *options,
                             unsigned mask) {
-    sf_scene *scene = load_with(ctx, test_path(project), options);
-    for (size_t i = 0; i < info_of(scene).views; i++)
-        assert_int_equal(view_of(scene, i).split == SF_SPLIT_TEST, mask >> i & 1);
+    sf_scene *scene = test_load_scene(ctx, test_path(project), options);
+    for (size_t i = 0; i < test_scene_info(scene).views; i++)
+        assert_int_equal(test_view_info(scene, i).split == SF_SPLIT_TEST, mask >> i & 1);
     sf_scene_destroy(&scene);
 }
 
@@ -474,7 +450,7 @@ static void test_lists_of_names(void **state) {
         assert_held_out(ctx, "lists", &none, 0);
     }
     char list[256];
-    snprintf(list, sizeof list, "%s", inside("lists", "list.txt"));
+    snprintf(list, sizeof list, "%s", test_path_in("lists", "list.txt"));
     test_write(list, "a.png\n", 6);
     write_json("lists", "transforms.json", "{" LENS "'test_filenames':['images/b.png']," THREE_FRAMES);
     sf_load_options by_list = sf_load_options_default();
@@ -496,9 +472,9 @@ static void test_blender_pair(void **state) {
                "{'camera_angle_x':0.7,'frames':[" FRAME("./images/b", IDENTITY) "]}");
     write_json("pair", "transforms_val.json", "nonsense");
     assert_held_out(ctx, "pair", NULL, 2);
-    sf_scene *scene = load_with(ctx, test_path("pair"), NULL);
-    assert_int_equal(info_of(scene).views, 3);
-    assert_string_equal(view_of(scene, 1).name, "images/b");
+    sf_scene *scene = test_load_scene(ctx, test_path("pair"), NULL);
+    assert_int_equal(test_scene_info(scene).views, 3);
+    assert_string_equal(test_view_info(scene, 1).name, "images/b");
     sf_scene_destroy(&scene);
     write_json("pair", "transforms_test.json", "{");
     assert_status(ctx, sf_scene_load(ctx, test_path("pair"), NULL, &scene), SF_ERR_FORMAT);
@@ -511,8 +487,8 @@ static void test_file_is_as_good_as_its_folder(void **state) {
     sf_context *ctx = test_context();
     make_project(ctx, "file");
     write_json("file", "other.json", "{" LENS THREE_FRAMES);
-    sf_scene *scene = load_with(ctx, inside("file", "other.json"), NULL);
-    assert_int_equal(info_of(scene).views, 3);
+    sf_scene *scene = test_load_scene(ctx, test_path_in("file", "other.json"), NULL);
+    assert_int_equal(test_scene_info(scene).views, 3);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -525,8 +501,8 @@ static void test_missing_picture_is_skipped(void **state) {
     sf_scene *scene = load_json(ctx, "gone",
                                 "{'camera_angle_x':0.7,'frames':[" FRAME("images/none", IDENTITY) "," FRAME(
                                     "images/b.png", IDENTITY) "]}");
-    assert_int_equal(info_of(scene).views, 1);
-    assert_int_equal(info_of(scene).skipped_missing, 1);
+    assert_int_equal(test_scene_info(scene).views, 1);
+    assert_int_equal(test_scene_info(scene).skipped_missing, 1);
     assert_log("images/none: skipped: No such file");
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -626,21 +602,10 @@ static void test_deep_nesting(void **state) {
 
 /* No memory. */
 
-/* Refuses one allocation, the countdown-th from now. */
-static void *alloc_or_refuse(void *user, size_t size) {
-    long *countdown = user;
-    return (*countdown)-- == 0 ? NULL : malloc(size);
-}
-
-static void free_block(void *user, void *block) {
-    (void)user;
-    free(block);
-}
-
 static void test_each_allocation_may_fail(void **state) {
     (void)state;
     long countdown = -1, at = 0;
-    sf_allocator allocator = {alloc_or_refuse, free_block, &countdown};
+    sf_allocator allocator = {test_refuse_alloc, test_refuse_free, &countdown};
     sf_context_options options = {.allocator = &allocator, .threads = 1};
     sf_context *ctx = test_context();
     sf_scene *scene;
@@ -648,7 +613,7 @@ static void test_each_allocation_may_fail(void **state) {
     write_json("memory", "transforms.json",
                "{'camera_angle_x':0.7,'k1':0.1,'mask_path':'images/c.png','ply_file_path':'points.ply',"
                "'test_filenames':['images/b.png']," THREE_FRAMES);
-    test_write(inside("memory", "points.ply"), one_point, strlen(one_point));
+    test_write(test_path_in("memory", "points.ply"), one_point, strlen(one_point));
     sf_context_destroy(&ctx);
     assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
     for (;; at++) {
@@ -662,8 +627,8 @@ static void test_each_allocation_may_fail(void **state) {
         assert_null(scene);
         assert_error_names(ctx, "out of memory");
     }
-    assert_int_equal(info_of(scene).views, 3);
-    assert_int_equal(info_of(scene).points, 1);
+    assert_int_equal(test_scene_info(scene).views, 3);
+    assert_int_equal(test_scene_info(scene).points, 1);
     assert_true(at > 50);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -676,10 +641,10 @@ static void test_real_fox(void **state) {
     char path[1024];
     snprintf(path, sizeof path, "%s/fox-centred-270", test_data());
     sf_context *ctx = test_context();
-    sf_scene *scene = load_with(ctx, path, NULL);
-    assert_int_equal(info_of(scene).views, 50);
-    assert_int_equal(info_of(scene).test_views, 7);
-    assert_int_equal(info_of(scene).points, 19020);
+    sf_scene *scene = test_load_scene(ctx, path, NULL);
+    assert_int_equal(test_scene_info(scene).views, 50);
+    assert_int_equal(test_scene_info(scene).test_views, 7);
+    assert_int_equal(test_scene_info(scene).points, 19020);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
@@ -693,10 +658,10 @@ static void test_real_fox_is_as_colmap_says(void **state) {
     sf_context *ctx = test_context();
     sf_load_options options = sf_load_options_default();
     options.images = "images_8";
-    sf_scene *colmap = load_with(ctx, path, &options), *transforms = load_with(ctx, json, NULL);
-    assert_int_equal(info_of(transforms).views, 50);
+    sf_scene *colmap = test_load_scene(ctx, path, &options), *transforms = test_load_scene(ctx, json, NULL);
+    assert_int_equal(test_scene_info(transforms).views, 50);
     for (size_t i = 0; i < 50; i++) {
-        sf_camera a = view_of(colmap, i).camera, b = view_of(transforms, i).camera;
+        sf_camera a = test_view_info(colmap, i).camera, b = test_view_info(transforms, i).camera;
         assert_true(fabs(a.fx - b.fx) < 1e-6 && fabs(a.cy - b.cy) < 1e-6);
         for (int k = 0; k < 9; k++) assert_near(a.R_cw[k], b.R_cw[k]);
         for (int k = 0; k < 3; k++) assert_near(a.t_cw[k], b.t_cw[k]);
