@@ -166,7 +166,7 @@ void sf_blend_bwd_scalar(const sf_blend_args *a) {
     }
 }
 
-void sf_blend_worth_scalar(const sf_blend_args *a) {
+void sf_blend_importance_scalar(const sf_blend_args *a) {
     float T[SF_TILE_PIXELS], d_rgb[SF_TILE_PIXELS][3], behind[SF_TILE_PIXELS][3]; /* C - S_i */
     float weight[SF_TILE_PIXELS], error[SF_TILE_PIXELS];
     uint32_t last = 0;
@@ -187,7 +187,7 @@ void sf_blend_worth_scalar(const sf_blend_args *a) {
 
     for (uint32_t e = 0; e < a->count; e++) {
         float *sums = a->sums + (size_t)a->slots[e] * SF_SUMS;
-        for (int k = 0; k < SF_WORTH_SUMS; k++) sums[k] = 0.0f;
+        for (int k = 0; k < SF_IMPORTANCE_SUMS; k++) sums[k] = 0.0f;
         if (e >= last) continue;
         const sf_splat *g = &a->splats[a->entries[e]];
         for (int y = first_row_of(g, a), y_end = end_row_of(g, a); y < y_end; y++) {

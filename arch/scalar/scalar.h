@@ -12,7 +12,7 @@ void sf_spans_scalar(const sf_splat *splats, const uint16_t *first_row, const ui
                      uint32_t *tiles, float *depth);
 void sf_blend_scalar(const sf_blend_args *args);
 void sf_blend_bwd_scalar(const sf_blend_args *args);
-void sf_blend_worth_scalar(const sf_blend_args *args);
+void sf_blend_importance_scalar(const sf_blend_args *args);
 void sf_loss_scalar(const sf_loss_args *args);
 void sf_adam_scalar(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);
 void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,

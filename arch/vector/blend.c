@@ -310,7 +310,7 @@ VEC void blend_bwd_pair(const chunk *c, int i, const pairs *r, int k, int opaque
     sums[8] = vf_fma(qs, r->s[k], sums[8]);
 }
 
-/* What blend_worth keeps of a block's pixels beside those: what lies behind the entries so far, C - S_i, the
+/* What blend_importance keeps of a block's pixels beside those: what lies behind the entries so far, C - S_i, the
  * weight, and the weighted square error. */
 typedef struct worth_pixels {
     vf behind[3], weight, error;
@@ -328,9 +328,9 @@ static void load_worth(const sf_blend_args *a, const pixels p[BLOCKS], worth_pix
     }
 }
 
-/* Pair k of Gaussian i: its part of the sums of blend_worth. */
-VEC void blend_worth_pair(const chunk *c, int i, const pairs *r, int k, pixels *p, worth_pixels *q,
-                          vf sums[SF_WORTH_SUMS]) {
+/* Pair k of Gaussian i: its part of the sums of blend_importance. */
+VEC void blend_importance_pair(const chunk *c, int i, const pairs *r, int k, pixels *p, worth_pixels *q,
+                          vf sums[SF_IMPORTANCE_SUMS]) {
     p += r->block[k], q += r->block[k];
     /* 2. opacity at this pixel */
     vf alpha = vf_min(r->og[k], vf_set(SF_ALPHA_MAX)), T = p->T, next = vf_fnma(T, alpha, T);
@@ -370,7 +370,7 @@ static uint64_t open_blocks(const uint32_t *last, uint32_t e, uint32_t *until) {
     return open;
 }
 
-/* The sums of each entry over its pairs: those of blend_bwd, or of blend_worth. */
+/* The sums of each entry over its pairs: those of blend_bwd, or of blend_importance. */
 VEC void gather_sums(const sf_blend_args *a, int worth) {
     chunk c;
     pixels p[BLOCKS];
@@ -398,7 +398,7 @@ VEC void gather_sums(const sf_blend_args *a, int worth) {
                 vf sums[9];
                 for (int j = 0; j < 9; j++) sums[j] = vf_set(0);
                 if (worth)
-                    for (; k < end[g - first]; k++) blend_worth_pair(&c, g, &r, k, p, q, sums);
+                    for (; k < end[g - first]; k++) blend_importance_pair(&c, g, &r, k, p, q, sums);
                 else if (c.power[g] > LOG2_ALPHA_MAX)
                     for (; k < end[g - first]; k++) blend_bwd_pair(&c, g, &r, k, 1, p, sums);
                 else
@@ -416,5 +416,5 @@ VEC void gather_sums(const sf_blend_args *a, int worth) {
 void KERNEL(sf_blend_bwd)(const sf_blend_args *a) { gather_sums(a, 0); }
 
 #if !defined(SF_BLEND_VARIANT)
-void KERNEL(sf_blend_worth)(const sf_blend_args *a) { gather_sums(a, 1); }
+void KERNEL(sf_blend_importance)(const sf_blend_args *a) { gather_sums(a, 1); }
 #endif

@@ -190,7 +190,7 @@ static sf_status run_loss(bench_lab *lab) {
     return SF_OK;
 }
 
-static sf_status run_blend_worth(bench_lab *lab) { return sf_stage_blend_worth(&lab->ws); }
+static sf_status run_blend_importance(bench_lab *lab) { return sf_stage_blend_importance(&lab->ws); }
 static sf_status run_blend_bwd(bench_lab *lab) { return sf_stage_blend_bwd(&lab->ws); }
 
 static void take_nothing(void *user, const sf_params *grads, size_t first, size_t end) {
@@ -209,7 +209,7 @@ static const char *const unit_names[] = {"Gaussian",  "contributing pair", "pixe
     {"convert, " #format, SF_KERNEL_convert, UNIT_WHOLE_PIXEL, run_convert_##format, NULL, 0, 1},
 
 /* What is measured, in the order of a step: blend_bwd takes what blend of the same level left. So does
- * blend_worth, ahead of it: both write the sums, and project_bwd takes those of blend_bwd. */
+ * blend_importance, ahead of it: both write the sums, and project_bwd takes those of blend_bwd. */
 static const struct {
     const char *name;
     int kernel; /* of the table */
@@ -225,7 +225,7 @@ static const struct {
     {"blend", SF_KERNEL_blend, UNIT_PAIR, NULL, run_blend, BENCH_BLEND_OPERATIONS, 1},
     {"unpack", SF_KERNEL_unpack, UNIT_PIXEL, run_unpack, NULL, 0, 1},
     {"loss", SF_KERNEL_loss, UNIT_PIXEL, NULL, run_loss, BENCH_LOSS_OPERATIONS, 1},
-    {"blend_worth", SF_KERNEL_blend_worth, UNIT_PAIR, NULL, run_blend_worth, BENCH_BLEND_WORTH_OPERATIONS, 1},
+    {"blend_importance", SF_KERNEL_blend_importance, UNIT_PAIR, NULL, run_blend_importance, BENCH_BLEND_WORTH_OPERATIONS, 1},
     {"blend_bwd", SF_KERNEL_blend_bwd, UNIT_PAIR, NULL, run_blend_bwd, BENCH_BLEND_BWD_OPERATIONS, 1},
     {"project_bwd", SF_KERNEL_project_bwd, UNIT_GAUSSIAN, NULL, run_project_bwd, 0, 1},
     {"adam, in cache", SF_KERNEL_adam, UNIT_NEAR, run_adam, NULL, 0, 1},
@@ -269,7 +269,7 @@ static sf_status lab_room(bench_lab *lab, double far_bytes) {
     return failed ? SF_ERR_MEMORY : SF_OK;
 }
 
-/* 1 in the picture, which blend_worth reads; the loss is without weights. */
+/* 1 in the picture, which blend_importance reads; the loss is without weights. */
 static void fill_weight(sf_workspace *ws) {
     for (size_t y = 0; y < ws->plane_rows; y++)
         for (size_t x = 0; x < ws->stride; x++)

@@ -43,7 +43,7 @@ static double load_target(sf_workspace *ws, const bench_view *view) {
 typedef struct update_job {
     const sf_workspace *ws;
     const sf_model *model;
-    const sf_moments *moments;
+    const sf_optimizer_state *moments;
 } update_job;
 
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
@@ -52,7 +52,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!grads->field[field]) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
-        sf_moments_step(job->moments, job->ws->ctx->kernels, field, at, (end - first) * block,
+        sf_optimizer_step(job->moments, job->ws->ctx->kernels, field, at, (end - first) * block,
                         job->model->params.field[field] + at, grads->field[field], &step, 0);
     }
 }
@@ -64,7 +64,7 @@ static void end_stage(const sf_workspace *ws, double *mark, double *seconds) {
     *mark = now;
 }
 
-sf_status bench_step(sf_workspace *ws, const sf_model *model, const sf_moments *moments,
+sf_status bench_step(sf_workspace *ws, const sf_model *model, const sf_optimizer_state *moments,
                      const bench_view *view, double seconds[STAGES]) {
     static const float background[3] = {0.5f, 0.5f, 0.5f};
     sf_loss_value loss;
@@ -105,7 +105,7 @@ int bench_parameters(int sh_degree) {
 double bench_stage_floor(const bench_step_times *step, int stage, double flops, double bytes) {
     double n = (double)step->gaussians, parameters = bench_parameters(step->sh_degree);
     double pixels = (double)step->width * step->height, record = sizeof(sf_splat);
-    const sf_moments floats = sf_moments_of(SF_MOMENTS_FLOAT, 0);
+    const sf_optimizer_state floats = sf_optimizer_moments(SF_MOMENTS_FLOAT, 0);
     switch (stage) {
     case STAGE_PROJECT: /* parameters in, records out */
         return n * (4 * parameters + record) / bytes;

@@ -2,7 +2,7 @@
 #ifndef BENCH_STEP_H
 #define BENCH_STEP_H
 
-#include "../fit/moments.h"
+#include "../fit/optimizer_state.h"
 #include "scene.h"
 
 enum {
@@ -42,7 +42,7 @@ typedef struct bench_view {
 } bench_view;
 
 /* One step with a learning rate of 0, so that every step does the same work. seconds: of each stage. */
-sf_status bench_step(sf_workspace *ws, const sf_model *model, const sf_moments *moments,
+sf_status bench_step(sf_workspace *ws, const sf_model *model, const sf_optimizer_state *moments,
                      const bench_view *view, double seconds[STAGES]);
 
 /* Least seconds that the stage's arithmetic or its way to memory takes with `roof` figures: operations a

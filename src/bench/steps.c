@@ -43,7 +43,7 @@ enum { ROUNDS_LEAST = 3, ROUNDS_MOST = 20 };
 
 /* All runners in turn, round after round, until the time is up: what disturbs one disturbs all alike. */
 static sf_status run_rounds(sf_context *ctx, runner *runners, int n, const sf_model *model,
-                            const sf_moments *moments, const bench_view *view, double limit) {
+                            const sf_optimizer_state *moments, const bench_view *view, double limit) {
     double start = sf_clock();
     for (int round = 0; round < ROUNDS_MOST; round++) {
         if (round >= ROUNDS_LEAST && sf_clock() - start > limit) break;
@@ -89,10 +89,10 @@ static sf_status run_size(sf_context *ctx, const bench_options *options, const s
                           bench_step_times *list, int *count) {
     runner runners[2 * BENCH_LEVELS_MOST] = {0};
     bench_scene scene = {0};
-    sf_moments moments = {0};
+    sf_optimizer_state moments = {0};
     int n = 0, all = s->alone ? 1 : report->machine.threads;
     sf_status status = bench_scene_create(ctx, s->gaussians, s->width, s->height, BENCH_SEED, &scene);
-    if (!status) status = sf_moments_create(scene.model, SF_MOMENTS_FLOAT, 0, &moments);
+    if (!status) status = sf_optimizer_create(scene.model, SF_MOMENTS_FLOAT, 0, &moments);
     for (int level = s->first; level <= s->last; level++)
         for (int many = 0; many < (all > 1 ? 2 : 1) && !status; many++) {
             bench_step_times *times = &list[*count + n];
@@ -108,7 +108,7 @@ static sf_status run_size(sf_context *ctx, const bench_options *options, const s
     if (!status) count_work(report, runners, n, s->count_pairs);
     if (!status) *count += n;
     for (int i = 0; i < n; i++) close_runner(&runners[i]);
-    sf_moments_destroy(ctx, &moments);
+    sf_optimizer_destroy(ctx, &moments);
     bench_scene_destroy(&scene);
     return status;
 }
@@ -209,7 +209,7 @@ static void average(const double (*least)[STAGES], size_t n, double *scratch, be
 
 /* Every view by every runner, round after round. */
 static sf_status run_views(sf_context *ctx, runner *runners, int n, const sf_model *model,
-                           const sf_moments *moments, const views *v, double limit) {
+                           const sf_optimizer_state *moments, const views *v, double limit) {
     double(*least)[STAGES] = sf_calloc(ctx, (size_t)n * v->n, sizeof *least), start = sf_clock();
     double *scratch = sf_calloc(ctx, v->n, sizeof *scratch);
     sf_status status = least && scratch ? SF_OK : SF_ERR_MEMORY;
@@ -234,14 +234,14 @@ static sf_status run_views(sf_context *ctx, runner *runners, int n, const sf_mod
 sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_model *model, sf_scene *scene,
                     float near_plane, bench_report *report) {
     runner runners[2 * BENCH_LEVELS_MOST] = {0};
-    sf_moments moments = {0};
+    sf_optimizer_state moments = {0};
     bench_fitted *f = &report->fitted;
     views v;
     int n = 0, all = report->machine.threads;
     bench_say(options, "steps of the fitted model");
     sf_status status = take_views(scene, near_plane, options->quick ? 2 : SIZE_MAX, &v);
     if (status) return status;
-    status = sf_moments_create(model, SF_MOMENTS_FLOAT, 0, &moments);
+    status = sf_optimizer_create(model, SF_MOMENTS_FLOAT, 0, &moments);
     for (int level = 0; level < report->levels && !status; level++)
         for (int many = 0; many < (all > 1 ? 2 : 1) && !status; many++, n++)
             status = open_runner(ctx, report, level, many ? all : 1, &f->times[n], &runners[n]);
@@ -258,7 +258,7 @@ sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_mode
     f->height = v.shown[0].camera.height;
     f->count = status ? 0 : n;
     for (int i = 0; i < n; i++) close_runner(&runners[i]);
-    sf_moments_destroy(ctx, &moments);
+    sf_optimizer_destroy(ctx, &moments);
     release_views(scene, &v);
     bench_machine_clock(&report->machine);
     return status;

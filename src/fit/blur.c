@@ -166,7 +166,7 @@ static sf_status judge_views(sf_fitter *f, judgement *j) {
 static double median(const sf_fitter *f, const judgement *j, int direction, size_t *n) {
     *n = 0;
     for (size_t i = 0; i < j->count; i++)
-        if (!sf_validates(f, j->ids[i])) j->sorted[(*n)++] = j->sharper[direction][i];
+        if (!sf_is_in_validation(f, j->ids[i])) j->sorted[(*n)++] = j->sharper[direction][i];
     return *n ? sf_median(j->sorted, *n) : 0;
 }
 
@@ -187,8 +187,8 @@ static void find_blurred(sf_fitter *f, const judgement *j) {
         double least = fmin(j->sharper[ACROSS][i] - usual[ACROSS], j->sharper[DOWN][i] - usual[DOWN]);
         if (!(least < limit)) continue;
         f->blur.ids[f->blur.count++] = j->ids[i];
-        if (sf_validates(f, j->ids[i]))
-            sf_forget_best(f);
+        if (sf_is_in_validation(f, j->ids[i]))
+            sf_forget_best_model(f);
         else
             f->sampler.at = f->sampler.count;
     }
@@ -228,7 +228,7 @@ static int may_judge(const sf_fitter *f) {
     return f->options.blur > 0 && f->options.background != SF_BACKGROUND_RANDOM && !f->blur.judged;
 }
 
-sf_status sf_judge_blur(sf_fitter *f, double fraction) {
+sf_status sf_measure_blur(sf_fitter *f, double fraction) {
     judgement j = {0};
     if (!may_judge(f) || fraction < JUDGE_AT) return SF_OK;
     sf_status status = judge(f, &j);
@@ -240,7 +240,7 @@ sf_status sf_judge_blur(sf_fitter *f, double fraction) {
     return status;
 }
 
-void sf_leave_out_blurred(sf_fitter *f) {
+void sf_skip_blurred_views(sf_fitter *f) {
     size_t kept = 0, sharp = 0;
     for (size_t i = 0; i < f->sampler.count; i++) sharp += !sf_is_blurred(f, f->sampler.ids[i]);
     if (!sharp) return;

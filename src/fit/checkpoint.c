@@ -24,7 +24,7 @@ static const char *const free_options[] = {"steps", "time_limit", "memory"};
 static const double MOST_COUNT = 0x1p53;
 
 enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUES = 16, VIEW_VALUES = 3 };
-enum { TRIAL_WORDS = sizeof(sf_trial) / sizeof(uint32_t) };
+enum { TRIAL_WORDS = sizeof(sf_merge) / sizeof(uint32_t) };
 
 /* Scalars of the fitter, by kind. */
 #define STATE_INTEGERS(F)                                                                                    \
@@ -110,12 +110,12 @@ static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_mo
     return status;
 }
 
-static size_t moment_size(const sf_moments *moments, int part, const sf_model *model, int field) {
+static size_t moment_size(const sf_optimizer_state *moments, int part, const sf_model *model, int field) {
     size_t n = (size_t)sf_moment_components(moments, part, field);
     return n * SF_LANES * sf_blocks(model->banded[sf_field_band(field)]);
 }
 
-static void put_moments(sf_sections_out *out, const sf_moments *moments, const sf_model *model) {
+static void put_moments(sf_sections_out *out, const sf_optimizer_state *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT; i++)
             if (moments->part[part][i])
@@ -123,7 +123,7 @@ static void put_moments(sf_sections_out *out, const sf_moments *moments, const s
                                 moment_size(moments, part, model, i), SF_MOMENT_VALUE);
 }
 
-static sf_status take_moments(sf_sections_in *in, const sf_moments *moments, const sf_model *model) {
+static sf_status take_moments(sf_sections_in *in, const sf_optimizer_state *moments, const sf_model *model) {
     sf_status status = SF_OK;
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT && !status; i++)
@@ -670,7 +670,7 @@ static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
         sf_sections_take_new(in, "plan", &f->trace.ticks, &f->trace.count, INT32_MAX, sizeof *f->trace.ticks);
     if (status) return status;
     f->trace.capacity = f->trace.count;
-    return sf_plan_check(f->ctx, f->trace.ticks, f->trace.count) ? bad(in, "plan", "times do not rise")
+    return sf_time_trace_check(f->ctx, f->trace.ticks, f->trace.count) ? bad(in, "plan", "times do not rise")
                                                                  : SF_OK;
 }
 
@@ -728,7 +728,7 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
 
 /* Pairs on trial, and what they are judged by. */
 static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
-    sf_trials *t = &f->merges;
+    sf_merges *t = &f->merges;
     size_t n = f->model->count, words;
     sf_status status =
         sf_sections_take_new(in, "trials", &t->list, &words, n * TRIAL_WORDS, sizeof(uint32_t));

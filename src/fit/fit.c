@@ -8,9 +8,9 @@
 #include "../base/pool.h"
 #include "../io/cameras_json.h"
 #include "../scene/first.h"
-#include "price.h"
+#include "select.h"
 #include "refine.h"
-#include "trial.h"
+#include "select_merge.h"
 
 enum {
     ROUNDS = 3,            /* to time a step */
@@ -60,7 +60,7 @@ static void choose_background(sf_fitter *f) {
 static size_t without_validation(const sf_fitter *f, uint32_t *ids, size_t count) {
     size_t kept = 0;
     for (size_t i = 0; i < count; i++)
-        if (!sf_validates(f, ids[i])) ids[kept++] = ids[i];
+        if (!sf_is_in_validation(f, ids[i])) ids[kept++] = ids[i];
     return kept;
 }
 
@@ -71,7 +71,7 @@ static int learns_views(const sf_fitter *f) {
 
 /* Views that came or went are no measure for those before. */
 static void note_views(sf_fitter *f, size_t count) {
-    if (f->sampler.views_before && count != f->sampler.views_before) sf_guard_forget(f);
+    if (f->sampler.views_before && count != f->sampler.views_before) sf_recovery_forget(f);
     f->sampler.views_before = count;
 }
 
@@ -79,7 +79,7 @@ static void note_views(sf_fitter *f, size_t count) {
  */
 static sf_status meet_views(sf_fitter *f, uint32_t *ids, size_t *count) {
     note_views(f, *count);
-    sf_status status = sf_take_up(f, ids, *count);
+    sf_status status = sf_assign_views(f, ids, *count);
     *count = without_validation(f, ids, *count);
     if (!status && learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, ids, *count);
     if (!status && f->options.refine_poses)
@@ -117,7 +117,7 @@ static sf_status begin_pass(sf_fitter *f) {
     sf_status status = sf_scene_training_ids(f->scene, &f->sampler.ids, &f->sampler.count);
     if (!status) status = meet_views(f, f->sampler.ids, &f->sampler.count);
     if (!status) {
-        sf_leave_out_blurred(f);
+        sf_skip_blurred_views(f);
         status = spread_order(f);
     }
     if (status) f->sampler.count = 0; /* the pass has not begun */
@@ -349,7 +349,7 @@ static sf_status take_up_first(sf_fitter *f) {
     size_t count;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
     if (status) return status;
-    status = sf_take_up(f, ids, count);
+    status = sf_assign_views(f, ids, count);
     sf_free(f->ctx, ids);
     if (!status && f->options.target_psnr > 0 && !f->validation.count)
         sf_log(f->ctx, SF_LOG_WARNING, "target_psnr: too few training views to look for it: %zu", count);
@@ -383,11 +383,11 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     if (!f) return;
     sf_model_destroy(&f->model);
     sf_model_destroy(&f->restore.model);
-    sf_shown_free(f);
-    sf_moments_destroy(f->ctx, &f->moments);
+    sf_average_free(f);
+    sf_optimizer_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->densify.gradient_sum);
     sf_free(f->ctx, f->densify.visible_count);
-    sf_trials_free(f);
+    sf_merges_free(f);
     sf_free(f->ctx, f->sampler.ids);
     sf_free(f->ctx, f->validation.ids);
     sf_free(f->ctx, f->blur.ids);
@@ -415,10 +415,10 @@ static void note_progress(sf_fitter *f, double loss) {
 sf_status sf_fitter_step(sf_fitter *f) {
     if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
     double fraction = sf_next_fraction(f);
-    sf_status status = sf_consider(f, fraction);
+    sf_status status = sf_validation_step(f, fraction);
     if (status == SF_ERR_END && sf_drop_not_finite(f)) status = SF_ERR_MEMORY;
-    if (!status) status = sf_guard(f);
-    if (!status) status = sf_judge_blur(f, fraction);
+    if (!status) status = sf_recovery_step(f);
+    if (!status) status = sf_measure_blur(f, fraction);
     if (status) return status;
     sf_view *view;
     status = next_view(f, &view);
@@ -434,7 +434,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
     status = differentiate(f, view, state, &loss, &d);
     sf_view_release(view);
     int64_t diverged = f->recovery.count;
-    if (!status && !isfinite(loss.loss)) status = sf_diverged(f, loss.loss);
+    if (!status && !isfinite(loss.loss)) status = sf_recover(f, loss.loss);
     if (!status && f->recovery.count > diverged) status = SF_ERR_EMPTY; /* of a model that is no more */
     if (!status) status = sf_update(f, fraction, with_camera ? d.camera : NULL);
     if (status && status != SF_ERR_EMPTY) return status;
@@ -444,9 +444,9 @@ sf_status sf_fitter_step(sf_fitter *f) {
     }
     note_progress(f, loss.loss);
     if (f->workspace.not_finite) (void)sf_drop_not_finite(f); /* left out, where there is no memory for it */
-    if (sf_growth_due(f, fraction) || sf_charging_due(f, fraction)) {
+    if (sf_densification_is_due(f, fraction) || sf_selection_is_due(f, fraction)) {
         sf_fitter_watch_memory(f);
-        sf_grow_and_prune(f, fraction);
+        sf_densify_and_prune(f, fraction);
     }
     return SF_OK;
 }
@@ -507,8 +507,8 @@ void sf_fitter_skip_time(sf_fitter *f, double seconds) {
 sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     sf_status status = sf_model_copy(f->model, f->model->count, model);
     if (status) return status;
-    sf_take_means(f, *model);
-    sf_trials_undo(&f->merges, *model);
+    sf_take_moving_average(f, *model);
+    sf_merges_undo(&f->merges, *model);
     return SF_OK;
 }
 
@@ -582,7 +582,7 @@ void sf_fitter_render_options(const sf_fitter *f, sf_render_options *options) {
 sf_status sf_fitter_render(sf_fitter *f, const sf_camera *camera, const sf_image_out *out) {
     sf_render_options options;
     sf_fitter_render_options(f, &options);
-    const sf_model *model = sf_fitter_shown(f);
+    const sf_model *model = sf_fitter_average_model(f);
     sf_status status = sf_forward(&f->workspace, model, camera, &options, out->depth != NULL);
     if (!status) sf_copy_out(&f->workspace, out);
     return status;

@@ -3,7 +3,7 @@
 
 #include "../scene/first.h"
 #include "fitter.h"
-#include "trial.h"
+#include "select_merge.h"
 
 static int is_point(const float *xyz, float radius) {
     return isfinite(xyz[0]) && isfinite(xyz[1]) && isfinite(xyz[2]) && isfinite(radius) && radius > 0;
@@ -12,11 +12,11 @@ static int is_point(const float *xyz, float radius) {
 /* Places for all that there are and `count` more, which are copies of the first until they are filled in. */
 static sf_status make_places(sf_fitter *f, size_t count, uint32_t *where) {
     size_t had = f->model->count;
-    sf_place *places = sf_alloc(f->ctx, had + count, sizeof *places);
+    sf_remap_entry *places = sf_alloc(f->ctx, had + count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < had; i++) places[i] = (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
-    for (size_t i = 0; i < count; i++) places[had + i] = (sf_place){0, (uint8_t)f->model->sh_degree};
-    sf_status status = sf_arrange(f, places, had + count, where);
+    for (size_t i = 0; i < had; i++) places[i] = (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
+    for (size_t i = 0; i < count; i++) places[had + i] = (sf_remap_entry){0, (uint8_t)f->model->sh_degree};
+    sf_status status = sf_reorder(f, places, had + count, where);
     sf_free(f->ctx, places);
     return status;
 }
@@ -27,7 +27,7 @@ static void clear(sf_fitter *f, size_t i) {
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int k = 0; sf_field_stored(field, f->model->sh_degree) && k < sf_field_components(field); k++)
             *sf_value(p, field, i, k) = field == SF_FIELD_quat && k == 0 ? 1 : 0;
-    sf_moments_forget(&f->moments, f->model, i);
+    sf_optimizer_reset(&f->moments, f->model, i);
     f->densify.gradient_sum[i] = 0;
     f->densify.visible_count[i] = 0;
 }
@@ -36,7 +36,7 @@ sf_status sf_fitter_add_points(sf_fitter *f, size_t count, const float *xyz, con
                                const float *radius, size_t *added) {
     size_t most = (size_t)f->options.max_gaussians, n = 0, had;
     if (added) *added = 0;
-    sf_trials_end(f); /* the others find other places */
+    sf_merges_undo_all(f); /* the others find other places */
     had = f->model->count;
     for (size_t i = 0; i < count && had + n < most; i++) n += (size_t)is_point(xyz + 3 * i, radius[i]);
     if (!n || !had) return had ? SF_OK : sf_fail(f->ctx, SF_ERR_EMPTY, "model: it has no Gaussian left");

@@ -20,10 +20,10 @@ enum {
 
 /* Bytes of a Gaussian that growth takes while it goes on: the candidates or the draws of relocation, places,
  * and the order that they make; and those that writing the result takes: a .spz most. */
-enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_place), WRITING = 24 };
+enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_remap_entry), WRITING = 24 };
 /* And charging: what each is worth, its neighbours, a quarter of them on trial: more are there only of a
  * model that trials have made smaller. */
-enum { CHARGING = 128 + sizeof(sf_trial) / 4 };
+enum { CHARGING = 128 + sizeof(sf_merge) / 4 };
 
 /* Entries and strips (a Gaussian's tiles and rows of tiles). */
 #define MEAN_TILES  4.5
@@ -82,7 +82,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
     double models = 2 * values; /* itself, the one to go back to */
-    sf_moments moments = sf_moments_of((int)f->options.moments, f->options.mean_steps);
+    sf_optimizer_state moments = sf_optimizer_moments((int)f->options.moments, f->options.mean_steps);
     models += SF_MOMENT_VALUE * sf_moment_values(&moments, sh_degree);
     if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* as it is shown */
     double growing = GROWING + (f->options.size == SF_SIZE_AUTO ? CHARGING : 0);

@@ -16,18 +16,18 @@ double sf_online_extent(const sf_fitter *f) { return f->extent; }
 const sf_model *sf_online_model(sf_fitter *f, sf_render_options *options) {
     sf_fitter_render_options(f, options);
     options->sh_degree = f->sh_degree;
-    return sf_fitter_shown(f);
+    return sf_fitter_average_model(f);
 }
 
 sf_status sf_online_draw(sf_fitter *f, const sf_camera *camera, const sf_workspace **drawing) {
     sf_render_options options;
     sf_fitter_render_options(f, &options);
     *drawing = &f->workspace;
-    return sf_forward(&f->workspace, sf_fitter_shown(f), camera, &options, 1);
+    return sf_forward(&f->workspace, sf_fitter_average_model(f), camera, &options, 1);
 }
 
 void sf_online_move_means(sf_fitter *f, void (*move)(sf_model *model, void *user), void *user) {
-    sf_trials_end(f);
+    sf_merges_undo_all(f);
     move(f->model, user);
     if (f->restore.model) move(f->restore.model, user);
 }

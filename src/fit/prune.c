@@ -1,6 +1,6 @@
 /* prune.c - a model taken down to what its scene needs.
  *
- * What taking a Gaussian out costs is known exactly for one alone (worth.h), not for many that go together:
+ * What taking a Gaussian out costs is known exactly for one alone (select_importance.h), not for many that go together:
  * each alone may make up for the error of others. Their effects on the pictures, in which no residual is
  * counted upon, put them in order, and how many may go is found by bisection on true renders. In rounds, each
  * with a part of the loss, for what is left is worth more when neighbours have gone.
@@ -12,8 +12,8 @@
 #include <string.h>
 
 #include "fitter.h"
-#include "grow.h"
-#include "worth.h"
+#include "densify.h"
+#include "select_importance.h"
 
 enum {
     ROUNDS = 4,       /* in which the loss is spent */
@@ -148,7 +148,7 @@ static double energy(const sf_model *model, size_t i, int band) {
 /* Bands of each Gaussian, from the highest on: at the end of a fit, where no coefficient has a gradient, a
  * band's cost is the square of the colours that it changes, on average over all directions, times the pixels
  * that show the Gaussian (by its share of the error, which is about the same everywhere); by its floats. */
-static void list_bands(pruner *p, const sf_worth *worth) {
+static void list_bands(pruner *p, const sf_importance *worth) {
     for (size_t i = 0; i < p->kept->count; i++) {
         double cost = 0;
         for (int band = p->kept->sh_degree; band > 0; band--) {
@@ -164,13 +164,13 @@ static void list_bands(pruner *p, const sf_worth *worth) {
 
 /* Lists what may go, the least worthy first. */
 static sf_status list_items(pruner *p, int bands) {
-    sf_worth worth;
+    sf_importance worth;
     p->item_count = 0;
-    sf_status status = sf_weigh(p->fitter, 0, &worth);
+    sf_status status = sf_measure_importance(p->fitter, 0, &worth);
     if (!status && bands) list_bands(p, &worth);
     for (size_t i = 0; i < p->kept->count && !status && !bands; i++)
         p->items[p->item_count++] = (item){worth.effect[i], (uint32_t)i, -1};
-    sf_worth_free(p->ctx, &worth);
+    sf_importance_free(p->ctx, &worth);
     if (!status) qsort(p->items, p->item_count, sizeof *p->items, compare);
     return status;
 }

@@ -109,7 +109,7 @@ double sf_fraction_at(const sf_fitter *f, double time) {
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
-int sf_settles_early(const sf_fitter *f) { return f->cool_down.from < f->options.lr_settle; }
+int sf_cools_down_early(const sf_fitter *f) { return f->cool_down.from < f->options.lr_settle; }
 
 double sf_end_of_run(const sf_fitter *f) { return f->cool_down.from + f->cool_down.length; }
 
@@ -120,7 +120,7 @@ static double settled_part(const sf_fitter *f, double fraction) {
 
 /* The place in the plan: a run that settles early goes through what is left of it while it settles. */
 static double place_of(const sf_fitter *f, double fraction) {
-    if (!sf_settles_early(f) || fraction < f->cool_down.from) return fraction;
+    if (!sf_cools_down_early(f) || fraction < f->cool_down.from) return fraction;
     return f->cool_down.from + settled_part(f, fraction) * (1 - f->cool_down.from);
 }
 
@@ -183,19 +183,19 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
 }
 
 /* At the end all rates fall: what is left of the noise of single views settles. */
-double sf_settled_rate(const sf_fitter *f, double fraction, double rate) {
+double sf_cooled_rate(const sf_fitter *f, double fraction, double rate) {
     return f->recovery.lr_scale * rate * pow(f->options.lr_settled, settled_part(f, fraction));
 }
 
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
-    return sf_settled_rate(f, fraction, full_rate(f, place_of(f, fraction), field));
+    return sf_cooled_rate(f, fraction, full_rate(f, place_of(f, fraction), field));
 }
 
 /* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */
-int sf_growth_due(const sf_fitter *f, double fraction) {
+int sf_densification_is_due(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
     double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->cool_down.from) : o->grow_end;
-    if (sf_settles_early(f)) end = fmin(end, f->cool_down.from);
+    if (sf_cools_down_early(f)) end = fmin(end, f->cool_down.from);
     return f->step % o->grow_every == 0 && fraction >= o->grow_start && fraction <= end;
 }
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "adam.h"
-#include "grow.h"
+#include "densify.h"
 
 typedef struct update_job {
     sf_fitter *fitter;
@@ -13,7 +13,7 @@ typedef struct update_job {
     uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
     float most_ratio, most_scale; /* logarithms of the greatest aspect and scale */
     float fade, shrink;           /* of logits, by the opacity, and of log-scales, in this step */
-    double noise;                 /* of relocate.c */
+    double noise;                 /* of densify_relocate.c */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
@@ -59,7 +59,7 @@ static void regularise(const update_job *job, size_t first, size_t end) {
 
 /* Of all that has a mean, also what no view shows: momentum moves it. */
 static void around_mean(const sf_fitter *f, size_t first, size_t end,
-                        void (*part)(const sf_moments *, int, size_t, size_t, const float *)) {
+                        void (*part)(const sf_optimizer_state *, int, size_t, size_t, const float *)) {
     for (int field = 0; sf_has_momentum(field); field++) {
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         part(&f->moments, field, at, (end - first) * block, f->model->params.field[field] + at);
@@ -77,7 +77,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         if (!seen && !sf_has_momentum(field)) continue; /* nothing would change */
-        sf_moments_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
+        sf_optimizer_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
                         f->model->params.field[field] + at, grads->field[field], &job->step[field],
                         job->key[field]);
     }
@@ -85,7 +85,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
         limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);
-    if (job->noise > 0) sf_disturb(f, job->noise, first, end);
+    if (job->noise > 0) sf_inject_noise(f, job->noise, first, end);
     around_mean(f, first, end, sf_mean_close);
     gather_statistics(f, first * SF_LANES, last);
 }
@@ -127,7 +127,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
 }
 
 void sf_update_background(sf_fitter *f, double fraction, const double *gradient) {
-    double step[3], rate = sf_settled_rate(f, fraction, f->options.lr_background * f->options.lr_haste);
+    double step[3], rate = sf_cooled_rate(f, fraction, f->options.lr_background * f->options.lr_haste);
     sf_adam_small(&f->options, rate, f->step + 1, 3, gradient, f->background_m, f->background_v, step);
     for (int k = 0; k < 3; k++) f->background[k] = fmin(fmax(f->background[k] - step[k], 0), 1);
 }

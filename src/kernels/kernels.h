@@ -30,7 +30,7 @@ enum {
     SF_TILE = 16,  /* px a side */
     SF_TILE_PIXELS = SF_TILE * SF_TILE,
     SF_SUMS = 16, /* floats a slot of gradient sums; the first 9 are used, the others are of no meaning */
-    SF_WORTH_SUMS = 8, /* those that blend_worth uses */
+    SF_IMPORTANCE_SUMS = 8, /* those that blend_importance uses */
     SF_SSIM_RADIUS = 5
 };
 
@@ -152,12 +152,12 @@ typedef struct sf_blend_args {
                               blend_bwd of one level belong together; blend: out; blend_bwd: in */
     uint64_t *parts;       /* [count] the parts of the tile that each entry reaches, in the level's own form
                               too; those after the last that a pixel took stay untouched */
-    const float *d_rgb[3]; /* blend_bwd; blend_worth: m (C - y), with the weight m of each pixel */
-    const float *weight;   /* blend_worth: m; 0 beyond the picture */
-    const uint32_t *slots; /* blend_bwd, blend_worth: [count] slot of each entry */
+    const float *d_rgb[3]; /* blend_bwd; blend_importance: m (C - y), with the weight m of each pixel */
+    const float *weight;   /* blend_importance: m; 0 beyond the picture */
+    const uint32_t *slots; /* blend_bwd, blend_importance: [count] slot of each entry */
     float *sums; /* out, [slots][SF_SUMS], 0s for an entry of no effect. blend_bwd: sum over pixels of
                     w d_rgb (3), p, p t, p s, p t^2, p t s, p s^2 (M.2 with the whitened offsets).
-                    blend_worth: of w d_rgb (3), D . d_rgb, m |D|^2, m w^2, w |d_rgb|^2, m w, where D
+                    blend_importance: of w d_rgb (3), D . d_rgb, m |D|^2, m w^2, w |d_rgb|^2, m w, where D
                     = w c - alpha / (1 - alpha) (what lies behind) is what the picture would lose */
 } sf_blend_args;
 
@@ -246,7 +246,7 @@ typedef struct sf_convert_args {
     X(unpack)                                                                                                \
     X(loss)                                                                                                  \
     X(blend_bwd)                                                                                             \
-    X(blend_worth)                                                                                           \
+    X(blend_importance)                                                                                           \
     X(project_bwd)                                                                                           \
     X(adam)                                                                                                  \
     X(adam_half)                                                                                             \
@@ -293,7 +293,7 @@ typedef struct sf_kernels {
     /* What the tile would lose with each Gaussian, and what of its error each has a part in
      * (src/fit/README.md, Size). Without entry i, and all else as it is, C would be C - D_i, exactly: C is
      * linear in each alpha. */
-    void (*blend_worth)(const sf_blend_args *args);
+    void (*blend_importance)(const sf_blend_args *args);
 
     /* Blocks first .. end-1: sums of the slots, then M.3, M.4, M.6 to the raw parameters. */
     void (*project_bwd)(const sf_project_bwd_args *args, size_t first, size_t end);

@@ -53,11 +53,11 @@ static void blend_bwd_task(void *ws_pointer, size_t tile, int thread) {
     ws->ctx->kernels->blend_bwd(&args);
 }
 
-static void blend_worth_task(void *ws_pointer, size_t tile, int thread) {
+static void blend_importance_task(void *ws_pointer, size_t tile, int thread) {
     (void)thread;
     sf_workspace *ws = ws_pointer;
     sf_blend_args args = tile_args(ws, tile);
-    ws->ctx->kernels->blend_worth(&args);
+    ws->ctx->kernels->blend_importance(&args);
 }
 
 /* A task for each tile, which fills the sums of its slots. */
@@ -70,7 +70,7 @@ static sf_status fill_slots(sf_workspace *ws, sf_task_fn task) {
 }
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws) { return fill_slots(ws, blend_bwd_task); }
-sf_status sf_stage_blend_worth(sf_workspace *ws) { return fill_slots(ws, blend_worth_task); }
+sf_status sf_stage_blend_importance(sf_workspace *ws) { return fill_slots(ws, blend_importance_task); }
 
 static void background_task(void *ws_pointer, size_t row, int thread) {
     (void)thread;

@@ -104,8 +104,8 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_
                    int with_gradient, sf_loss_value *value);
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws);
-/* The sums of blend_worth in the slots, of ws->d_rgb and ws->weight, which is 0 beyond the picture. */
-sf_status sf_stage_blend_worth(sf_workspace *ws);
+/* The sums of blend_importance in the slots, of ws->d_rgb and ws->weight, which is 0 beyond the picture. */
+sf_status sf_stage_blend_importance(sf_workspace *ws);
 /* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
  * grads' arrays, of which those are NULL whose band none of these blocks has; lanes that lack a band have 0.
  * Called on the pool's threads, for each block once. */

@@ -15,7 +15,7 @@ int sf_degree_of(const sf_model *model, size_t i) {
     return degree;
 }
 
-sf_status sf_order_create(sf_context *ctx, const sf_place *places, size_t n, uint32_t *where,
+sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *places, size_t n, uint32_t *where,
                           sf_order *order) {
     size_t at[SF_BANDS];
     *order = (sf_order){.from = sf_alloc(ctx, n, sizeof *order->from)};
@@ -73,7 +73,7 @@ static void gather_block(int components, const char *array, size_t had, const sf
     }
 }
 
-void sf_blocked_arrange(int components, int band, void *array, size_t had, const sf_order *order) {
+void sf_blocked_reorder(int components, int band, void *array, size_t had, const sf_order *order) {
     size_t first, end, block = block_bytes(components);
     char *values = array, *scratch = order->scratch;
     changed_blocks(order, band, &first, &end);
@@ -83,7 +83,7 @@ void sf_blocked_arrange(int components, int band, void *array, size_t had, const
     if (end * SF_LANES < had) memset(values + end * block, 0, (sf_blocks(had) - end) * block);
 }
 
-void sf_values_arrange(void *values, size_t size, size_t count, const sf_order *order) {
+void sf_values_reorder(void *values, size_t size, size_t count, const sf_order *order) {
     char *at = values, *scratch = order->scratch;
     size_t n = order->banded[0];
     for (size_t k = 0; k < n; k++) memcpy(scratch + k * size, at + order->from[k] * size, size);
@@ -103,13 +103,13 @@ static uint8_t used_degree(const sf_model *model, size_t i) {
 
 sf_status sf_model_pack(sf_model *model) {
     sf_order order = {0};
-    sf_place *places = sf_alloc(model->ctx, model->count, sizeof *places);
+    sf_remap_entry *places = sf_alloc(model->ctx, model->count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < model->count; i++) places[i] = (sf_place){(uint32_t)i, used_degree(model, i)};
+    for (size_t i = 0; i < model->count; i++) places[i] = (sf_remap_entry){(uint32_t)i, used_degree(model, i)};
     sf_status status = sf_order_create(model->ctx, places, model->count, NULL, &order);
     sf_free(model->ctx, places);
     if (!status) status = sf_order_prepare(model->ctx, &order);
-    if (!status) sf_model_arrange(model, &order);
+    if (!status) sf_model_reorder(model, &order);
     sf_order_free(model->ctx, &order);
     for (int band = 1; band <= model->sh_degree && !status; band++) {
         size_t room = model->banded[band]; /* where this fails, the arrays are larger than need be */

@@ -142,12 +142,12 @@ void sf_model_assign(sf_model *model, const sf_model *from) {
     model->antialiased = from->antialiased;
 }
 
-void sf_model_arrange(sf_model *model, const sf_order *order) {
+void sf_model_reorder(sf_model *model, const sf_order *order) {
     sf_model_note_change(model);
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
         size_t had = model->banded[sf_field_band(f)], now = order->banded[sf_field_band(f)];
         size_t end = sf_blocks(had > now ? had : now) * SF_LANES;
-        sf_blocked_arrange(field_components[f], sf_field_band(f), model->params.field[f], had, order);
+        sf_blocked_reorder(field_components[f], sf_field_band(f), model->params.field[f], had, order);
         set_neutral(&model->params, f, now, end);
     }
     memcpy(model->banded, order->banded, sizeof model->banded);

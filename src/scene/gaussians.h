@@ -91,10 +91,10 @@ int sf_degree_of(const sf_model *model, size_t i);
 /* arrange.c: which Gaussian comes from where. */
 
 /* A copy of Gaussian `from`, with the bands up to `degree`. */
-typedef struct sf_place {
+typedef struct sf_remap_entry {
     uint32_t from;
     uint8_t degree;
-} sf_place;
+} sf_remap_entry;
 
 /* Places in the order of falling degree. */
 typedef struct sf_order {
@@ -106,7 +106,7 @@ typedef struct sf_order {
 
 /* Sorts n places stably by falling degree. where[k] (may be NULL): the index that places[k] gets.
  * sf_order_free releases it, also after a failure. */
-sf_status sf_order_create(sf_context *ctx, const sf_place *places, size_t n, uint32_t *where,
+sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *places, size_t n, uint32_t *where,
                           sf_order *order);
 /* The room that the order takes for the rearranging, without which nothing may be rearranged. */
 sf_status sf_order_prepare(sf_context *ctx, sf_order *order);
@@ -115,9 +115,9 @@ void sf_order_free(sf_context *ctx, sf_order *order);
 /* Rearranges a blocked array of values of 4 bytes that goes with a band, of at most as many components as a
  * field of it, in which `had` Gaussians were; it has room for those that there will be. Who had no value gets
  * 0. */
-void sf_blocked_arrange(int components, int band, void *array, size_t had, const sf_order *order);
+void sf_blocked_reorder(int components, int band, void *array, size_t had, const sf_order *order);
 /* Rearranges a whole model, which has room; and an array of `count` values of at most 16 bytes beside it. */
-void sf_model_arrange(sf_model *model, const sf_order *order);
-void sf_values_arrange(void *values, size_t size, size_t count, const sf_order *order);
+void sf_model_reorder(sf_model *model, const sf_order *order);
+void sf_values_reorder(void *values, size_t size, size_t count, const sf_order *order);
 
 #endif

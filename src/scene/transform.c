@@ -114,16 +114,16 @@ sf_status sf_model_crop(sf_model *model, const double low[3], const double high[
         if (!(low[k] <= high[k]))
             return sf_fail(model->ctx, SF_ERR_ARGUMENT, "box: axis %d: %g is not below %g", k, low[k],
                            high[k]);
-    sf_place *places = sf_alloc(model->ctx, model->count + 1, sizeof *places);
+    sf_remap_entry *places = sf_alloc(model->ctx, model->count + 1, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
     for (size_t i = 0; i < model->count; i++)
         if (is_inside(model, i, low, high))
-            places[kept++] = (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(model, i)};
+            places[kept++] = (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(model, i)};
     sf_status status = kept ? sf_order_create(model->ctx, places, kept, NULL, &order)
                             : sf_fail(model->ctx, SF_ERR_EMPTY, "box: no Gaussian lies in it");
     sf_free(model->ctx, places);
     if (!status) status = sf_order_prepare(model->ctx, &order);
-    if (!status) sf_model_arrange(model, &order);
+    if (!status) sf_model_reorder(model, &order);
     sf_order_free(model->ctx, &order);
     return status;
 }

@@ -1,4 +1,4 @@
-/* test_blend.c - blend, blend_bwd and blend_worth at every level against float64, tile by tile. */
+/* test_blend.c - blend, blend_bwd and blend_importance at every level against float64, tile by tile. */
 #include "check.h"
 
 #include <stdlib.h>
@@ -141,7 +141,7 @@ static void make_gradient(check *c, tile *t) {
 
 static void call_blend(const sf_kernels *kernels, void *args) { kernels->blend(args); }
 static void call_blend_bwd(const sf_kernels *kernels, void *args) { kernels->blend_bwd(args); }
-static void call_blend_worth(const sf_kernels *kernels, void *args) { kernels->blend_worth(args); }
+static void call_blend_importance(const sf_kernels *kernels, void *args) { kernels->blend_importance(args); }
 
 static void compare_plane(check *c, const tile *t, const char *what, const float *got, const bounded *want) {
     for (int px = 0; px < SF_TILE_PIXELS; px++)
@@ -164,7 +164,7 @@ static void compare_picture(check *c, const tile *t) {
 
 static const char *const gradient_names[] = {"sum w dr", "sum w dg",  "sum w db",  "sum p",    "sum p t",
                                              "sum p s",  "sum p t^2", "sum p t s", "sum p s^2"};
-static const char *const worth_names[SF_WORTH_SUMS] = {"sum w dr",    "sum w dg",  "sum w db",    "sum D . d",
+static const char *const worth_names[SF_IMPORTANCE_SUMS] = {"sum w dr",    "sum w dg",  "sum w db",    "sum D . d",
                                                        "sum m |D|^2", "sum m w^2", "sum w |d|^2", "sum m w"};
 
 /* The first `count` sums of each slot. */
@@ -203,8 +203,8 @@ static void blend_case(check *c) {
         if (check_call(c, 1, call_blend_bwd, &t.args))
             compare_sums(c, &t, t.gradient, t.gradient_sums, gradient_names, 9);
         t.args.sums = t.worth;
-        if (check_call(c, 2, call_blend_worth, &t.args))
-            compare_sums(c, &t, t.worth, t.worth_sums, worth_names, SF_WORTH_SUMS);
+        if (check_call(c, 2, call_blend_importance, &t.args))
+            compare_sums(c, &t, t.worth, t.worth_sums, worth_names, SF_IMPORTANCE_SUMS);
     }
 }
 
@@ -212,7 +212,7 @@ static void blend_agrees_with_float64(void **state) {
     (void)state;
     static const check_kernel kernels[] = {{"blend", SF_KERNEL_blend},
                                            {"blend_bwd", SF_KERNEL_blend_bwd},
-                                           {"blend_worth", SF_KERNEL_blend_worth}};
+                                           {"blend_importance", SF_KERNEL_blend_importance}};
     check_kernels(kernels, 3, 2 * KINDS * COUNTS * ROUNDS, blend_case);
     print_message("%llu pairs, %llu saturated, %llu pixels stopped\n", (unsigned long long)pairs,
                   (unsigned long long)saturated, (unsigned long long)stopped);

@@ -23,7 +23,7 @@ void test_ref_blend_tile(const sf_blend_args *a, test_ref_tile *tile);
 /* Reads d_rgb, too, which must be 0 on the gradient's cliffs. sums: [count][9]. */
 void test_ref_blend_tile_backward(const sf_blend_args *a, const test_ref_tile *tile, bounded (*sums)[9]);
 /* Reads weight, too; that and d_rgb must be 0 on the cliffs of the picture, d_rgb alone may be on the
- * gradient's. sums: [count][9], of which SF_WORTH_SUMS are in use. */
+ * gradient's. sums: [count][9], of which SF_IMPORTANCE_SUMS are in use. */
 void test_ref_blend_tile_worth(const sf_blend_args *a, const test_ref_tile *tile, bounded (*sums)[9]);
 
 /* Tiles first .. end-1 of a row; empty where end <= first. */

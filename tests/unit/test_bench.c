@@ -100,10 +100,10 @@ static void test_float64_agrees_with_the_kernels(void **state) {
 static void test_steps_change_nothing(void **state) {
     (void)state;
     setup s;
-    sf_moments moments;
+    sf_optimizer_state moments;
     open_setup(&s, 2000, 120, 68);
     const sf_model *model = s.scene.model;
-    assert_ok(s.ctx, sf_moments_create(model, SF_MOMENTS_FLOAT, 0, &moments));
+    assert_ok(s.ctx, sf_optimizer_create(model, SF_MOMENTS_FLOAT, 0, &moments));
     bench_view view = {.camera = s.scene.camera, .near_plane = BENCH_NEAR, .rgb = s.scene.picture};
     size_t bytes = model->count * 3 * sizeof(float);
     float *before = malloc(bytes);
@@ -116,7 +116,7 @@ static void test_steps_change_nothing(void **state) {
     }
     assert_memory_equal(before, model->params.field[SF_FIELD_mean], bytes);
     free(before);
-    sf_moments_destroy(s.ctx, &moments);
+    sf_optimizer_destroy(s.ctx, &moments);
     close_setup(&s);
 }
 
@@ -234,7 +234,7 @@ static void test_kernels_alone_have_their_figures(void **state) {
         "blend",
         "unpack",
         "loss",
-        "blend_worth",
+        "blend_importance",
         "blend_bwd",
         "project_bwd",
         "adam, in cache",
@@ -280,7 +280,7 @@ static void test_once_names_kernels_and_units(void **state) {
     size_t size;
     char *said = (char *)test_read(test_path("said"), &size);
     test_assert_contains(said, "sf_blend_scalar ", __FILE__, __LINE__);
-    test_assert_contains(said, "sf_blend_worth_scalar ", __FILE__, __LINE__);
+    test_assert_contains(said, "sf_blend_importance_scalar ", __FILE__, __LINE__);
     test_assert_contains(said, "sf_project_bwd_scalar 2000\n", __FILE__, __LINE__);
     free(said);
 }

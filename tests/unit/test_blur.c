@@ -181,12 +181,12 @@ static void test_no_measure(void **state) {
     double psnr;
     size_t views;
     assert_true(fitter->validation.best_psnr > 0);
-    assert_ok(ctx, sf_validate(fitter, &psnr, &views));
+    assert_ok(ctx, sf_measure_validation(fitter, &psnr, &views));
     assert_int_equal(views, BLURRED);
     assert_ok(ctx, sf_fitter_step(fitter));
     assert_a_third_found(fitter);
     assert_true(isnan(fitter->validation.best_psnr));
-    assert_ok(ctx, sf_validate(fitter, &psnr, &views));
+    assert_ok(ctx, sf_measure_validation(fitter, &psnr, &views));
     assert_int_equal(views, 0);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     sf_fitter_destroy(&fitter);

@@ -249,11 +249,11 @@ static void test_same_bytes_when_stopped(void **state) {
 /* Gaussian i gets degree (i + shift) % 4, shift counting upwards. */
 static void mix_degrees(const run *r, size_t shift) {
     sf_fitter *f = r->fitter;
-    sf_place *places = calloc(f->model->count, sizeof *places);
+    sf_remap_entry *places = calloc(f->model->count, sizeof *places);
     assert_non_null(places);
     for (size_t i = 0; i < f->model->count; i++)
-        places[i] = (sf_place){(uint32_t)i, (uint8_t)((i + shift) % 4)};
-    assert_ok(r->ctx, sf_arrange(f, places, f->model->count, NULL));
+        places[i] = (sf_remap_entry){(uint32_t)i, (uint8_t)((i + shift) % 4)};
+    assert_ok(r->ctx, sf_reorder(f, places, f->model->count, NULL));
     free(places);
 }
 

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "fit/trial.h"
+#include "fit/select_merge.h"
 #include "live/deformation.h"
 #include "pose/track.h"
 
@@ -147,7 +147,7 @@ static void all_of_a_fit_goes_along(void **state) {
     sf_fit_options options = sf_fit_options_default();
     sf_scene *scene;
     sf_fitter *f;
-    sf_worth w;
+    sf_importance w;
     for (size_t i = 0; i < COUNT; i++) {
         *sf_value(&model->params, SF_FIELD_logit_opacity, i, 0) = 0;
         for (int k = 0; k < 3; k++) *sf_value(&model->params, SF_FIELD_log_scale, i, k) = -2.5f;
@@ -155,16 +155,16 @@ static void all_of_a_fit_goes_along(void **state) {
     assert_ok(ctx, sf_scene_create(ctx, &scene));
     assert_ok(ctx, sf_scene_add_view(scene, NULL, &c.camera, &pixels, SF_SPLIT_TRAIN, NULL));
     assert_ok(ctx, sf_fitter_create(ctx, scene, model, &options, &f));
-    assert_ok(ctx, sf_keep_best(f));
+    assert_ok(ctx, sf_save_restore_point(f));
     get_means(f->model, mean);
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_measure_importance(f, 0, &w));
     f->options.merge = 1;
-    assert_ok(ctx, sf_trials_begin(f, &w));
-    sf_worth_free(ctx, &w);
+    assert_ok(ctx, sf_merges_begin(f, &w));
+    sf_importance_free(ctx, &w);
     assert_true(f->merges.count > 0);
 
     assert_ok(ctx, sf_deform_fit(ctx, f, &c, 1));
-    sf_trials_end(f);
+    sf_merges_undo_all(f);
     get_means(f->model, deformed);
     for (int i = 0; i < COUNT; i++) {
         double p[3], q[3];
@@ -172,7 +172,7 @@ static void all_of_a_fit_goes_along(void **state) {
         seen_at(&c, 1, deformed + 3 * i, q);
         for (int k = 0; k < 3; k++) assert_true(fabs(p[k] - q[k]) < 2e-6);
     }
-    assert_ok(ctx, sf_bring_back(f));
+    assert_ok(ctx, sf_go_to_restore_point(f));
     get_means(f->model, back);
     assert_memory_equal(back, deformed, sizeof back);
     sf_fitter_destroy(&f);

@@ -446,18 +446,18 @@ static void assert_neutral_behind(const sf_fitter *f) {
 
 /* Places n Gaussians, drawn from those that there are, and checks each of them. */
 static void check_arranged(sf_context *ctx, sf_fitter *f, size_t n, sf_rng *rng, int most) {
-    sf_place *places = calloc(n + 1, sizeof *places);
+    sf_remap_entry *places = calloc(n + 1, sizeof *places);
     uint32_t *where = calloc(n + 1, sizeof *where);
     belongings *before = gather_all(f);
     uint8_t *taken = calloc(n + 1, 1);
     size_t expected[SF_BANDS] = {0};
     assert_true(places && where && taken);
     for (size_t k = 0; k < n; k++) {
-        places[k] = (sf_place){(uint32_t)sf_rng_below(rng, f->model->count),
+        places[k] = (sf_remap_entry){(uint32_t)sf_rng_below(rng, f->model->count),
                                (uint8_t)sf_rng_below(rng, (uint64_t)most + 1)};
         for (int band = 0; band <= places[k].degree; band++) expected[band]++;
     }
-    assert_ok(ctx, sf_arrange(f, places, n, where));
+    assert_ok(ctx, sf_reorder(f, places, n, where));
     assert_int_equal(f->model->count, n);
     assert_memory_equal(f->model->banded, expected, sizeof expected);
     for (size_t k = 0; k < n; k++) {
@@ -504,17 +504,17 @@ static void test_arrange(void **state) {
 }
 
 /* Every other one is of degree 0, the others of degrees 0 to 3. */
-static sf_place *mixed_places(const sf_fitter *f) {
-    sf_place *places = calloc(f->model->count, sizeof *places);
+static sf_remap_entry *mixed_places(const sf_fitter *f) {
+    sf_remap_entry *places = calloc(f->model->count, sizeof *places);
     assert_non_null(places);
     for (size_t i = 0; i < f->model->count; i++)
-        places[i] = (sf_place){(uint32_t)i, (uint8_t)(i % 2 ? 0 : i / 2 % 4)};
+        places[i] = (sf_remap_entry){(uint32_t)i, (uint8_t)(i % 2 ? 0 : i / 2 % 4)};
     return places;
 }
 
 static void mix(sf_context *ctx, sf_fitter *f) {
-    sf_place *places = mixed_places(f);
-    assert_ok(ctx, sf_arrange(f, places, f->model->count, NULL));
+    sf_remap_entry *places = mixed_places(f);
+    assert_ok(ctx, sf_reorder(f, places, f->model->count, NULL));
     free(places);
 }
 
@@ -541,11 +541,11 @@ static void check_sorting(size_t n, int sorts) {
     sf_scene *scene;
     assert_ok(ctx, sf_scene_load(ctx, SCENE, NULL, &scene));
     sf_fitter *f = fitter_of(ctx, scene, SF_MOMENTS_FLOAT);
-    sf_place *places = calloc(n, sizeof *places);
+    sf_remap_entry *places = calloc(n, sizeof *places);
     assert_non_null(places);
     for (size_t k = 0; k < n; k++)
-        places[k] = (sf_place){(uint32_t)(k * 7919 % f->model->count), (uint8_t)(k % 4)};
-    assert_ok(ctx, sf_arrange(f, places, n, NULL));
+        places[k] = (sf_remap_entry){(uint32_t)(k * 7919 % f->model->count), (uint8_t)(k % 4)};
+    assert_ok(ctx, sf_reorder(f, places, n, NULL));
     belongings *before = gather_all(f);
     assert_ok(ctx, sf_fitter_sort(f));
     belongings *after = gather_all(f);
@@ -575,7 +575,7 @@ static void test_sort(void **state) {
 /* Bytes of a fit's model and its moments, which are floats. */
 static size_t fitted_bytes(const size_t room[SF_BANDS]) {
     size_t bytes = 0;
-    sf_moments moments = sf_moments_of(SF_MOMENTS_FLOAT, 0);
+    sf_optimizer_state moments = sf_optimizer_moments(SF_MOMENTS_FLOAT, 0);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         int values = sf_field_components(field);
         for (int part = 0; part < SF_MOMENT_PARTS; part++)
@@ -603,9 +603,9 @@ static void test_memory_of_fit(void **state) {
     for (int band = 1; band < SF_BANDS; band++)
         assert_true(f->model->capacity[band] <= 2 * f->model->banded[band] + 2 * SF_LANES);
     assert_about(m.live, others + fitted_bytes(f->model->capacity));
-    sf_place *places = mixed_places(f);
+    sf_remap_entry *places = mixed_places(f);
     for (size_t i = 0; i < n; i++) places[i].degree = 0;
-    assert_ok(ctx, sf_arrange(f, places, n, NULL));
+    assert_ok(ctx, sf_reorder(f, places, n, NULL));
     free(places);
     const size_t none[SF_BANDS] = {whole[0], 0, 0, 0};
     assert_about(m.live, others + fitted_bytes(none));
@@ -625,13 +625,13 @@ static void test_arrange_without_memory(void **state) {
     sf_fitter *f = fitter_of(ctx, scene, SF_MOMENTS_FLOAT);
     mix(ctx, f);
     size_t n = f->model->count, more = f->model->capacity[0] + 40; /* all arrays grow */
-    sf_place *places = calloc(more, sizeof *places);
+    sf_remap_entry *places = calloc(more, sizeof *places);
     belongings *before = gather_all(f);
     assert_non_null(places);
-    for (size_t k = 0; k < more; k++) places[k] = (sf_place){(uint32_t)(k * 7 % n), 3};
+    for (size_t k = 0; k < more; k++) places[k] = (sf_remap_entry){(uint32_t)(k * 7 % n), 3};
     for (long allowed = 0;; allowed++) {
         m.left = allowed;
-        sf_status status = sf_arrange(f, places, more, NULL);
+        sf_status status = sf_reorder(f, places, more, NULL);
         m.left = -1;
         if (!status) break;
         refused++;

@@ -306,7 +306,7 @@ static void test_validation_views_teach_nothing(void **state) {
     sf_fitter *fitter = start(&options);
     for (size_t i = 0; i < scene->view_count; i++) {
         sf_view *view = scene->views[i];
-        if (view->split != SF_SPLIT_TRAIN || !sf_validates(fitter, view->id)) continue;
+        if (view->split != SF_SPLIT_TRAIN || !sf_is_in_validation(fitter, view->id)) continue;
         memset(view->rgb, 77, 3 * (size_t)view->camera.width * (size_t)view->camera.height);
         spoilt++;
     }
@@ -338,7 +338,7 @@ static void test_the_best_model_comes_back(void **state) {
     double best = 0, psnr;
     size_t views;
     assert_ok(ctx, sf_fitter_run(fitter, keep_best, &best));
-    assert_ok(ctx, sf_validate(fitter, &psnr, &views));
+    assert_ok(ctx, sf_measure_validation(fitter, &psnr, &views));
     assert_true(views >= 2);
     assert_true(best > 5);
     assert_true(psnr >= best - 0.011); /* gains below 0.01 dB are none */

@@ -1,7 +1,7 @@
-/* relocate.c - Gaussians as samples (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte
+/* densify_relocate.c - Gaussians as samples (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte
  * Carlo"): faint ones move to live ones, and noise lets them look around.
  */
-#include "grow.h"
+#include "densify.h"
 
 #include <math.h>
 #include <string.h>
@@ -17,7 +17,7 @@
 /* N Gaussians of opacity o in one place are 1 - (1 - o g)^N: at the middle the one of before. Along a line
  * its integral is that of sum_k C(N, k) (-1)^(k-1) o^k g^k, and the integral of g^k is that of g over
  * sqrt(k). */
-double sf_relocated(double opacity, uint32_t n, double *shrink) {
+double sf_relocated_opacity(double opacity, uint32_t n, double *shrink) {
     double each = -expm1(log1p(-opacity) / n), term = 1, sum = 0;
     for (uint32_t k = 1; k <= n; k++) {
         term *= each * (double)(n - k + 1) / k;
@@ -32,9 +32,9 @@ double sf_relocated(double opacity, uint32_t n, double *shrink) {
 static void correct(sf_fitter *f, size_t i, uint32_t n) {
     const sf_params *p = &f->model->params;
     double opacity = fmin(sf_sigmoid((double)p->field[SF_FIELD_logit_opacity][i]), 0.9999), shrink;
-    sf_set_opacity(p, i, (float)sf_relocated(opacity, n, &shrink));
+    sf_set_opacity(p, i, (float)sf_relocated_opacity(opacity, n, &shrink));
     for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_log_scale, i, k) += (float)log(shrink);
-    sf_moments_restart(&f->moments, f->model, i);
+    sf_optimizer_restart(&f->moments, f->model, i);
 }
 
 /* Of a place that nobody has come to yet. */
@@ -45,7 +45,7 @@ typedef struct relocation {
     size_t moving;
     double *until;    /* [count] sum of the opacities of live ones up to here */
     uint32_t *copies; /* [count] how many come to this one */
-    sf_place *place;  /* [places] */
+    sf_remap_entry *place;  /* [places] */
     uint32_t *where;  /* [places] */
 } relocation;
 
@@ -71,10 +71,10 @@ static sf_status make_relocation(const sf_fitter *f, size_t more, relocation *r)
 
 /* Who lives and who moves. */
 static void find_places(const sf_fitter *f, relocation *r) {
-    float faintest = sf_faintest(f);
+    float faintest = sf_min_logit_opacity(f);
     double sum = 0;
     for (size_t i = 0; i < r->places; i++) {
-        int lives = i < r->count && sf_worth_keeping(f, i, faintest);
+        int lives = i < r->count && sf_is_kept(f, i, faintest);
         if (lives) sum += (double)sf_sigmoidf(f->model->params.field[SF_FIELD_logit_opacity][i]);
         if (i < r->count) r->until[i] = sum;
         r->place[i].from = lives ? (uint32_t)i : NOBODY;
@@ -97,14 +97,14 @@ static uint32_t find_source(const relocation *r, double sum) {
 
 static sf_status relocate(sf_fitter *f, relocation *r, double sum) {
     for (size_t k = 0; k < r->places; k++) {
-        sf_place *place = &r->place[k];
+        sf_remap_entry *place = &r->place[k];
         if (place->from == NOBODY) {
             place->from = find_source(r, sum * sf_rng_uniform(&f->rng));
             r->copies[place->from]++;
         }
         place->degree = (uint8_t)sf_degree_of(f->model, place->from);
     }
-    sf_status status = sf_arrange(f, r->place, r->places, r->where);
+    sf_status status = sf_reorder(f, r->place, r->places, r->where);
     for (size_t k = 0; k < r->places && !status; k++) {
         uint32_t copies = r->copies[r->place[k].from];
         if (copies) correct(f, r->where[k], copies + 1);
@@ -149,7 +149,7 @@ static void disturb(const sf_fitter *f, size_t i, double strength) {
     for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_mean, i, k) += move[k];
 }
 
-void sf_disturb(sf_fitter *f, double strength, size_t first, size_t end) {
+void sf_inject_noise(sf_fitter *f, double strength, size_t first, size_t end) {
     const float *logit = f->model->params.field[SF_FIELD_logit_opacity];
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     for (size_t i = first * SF_LANES; i < last; i++) {

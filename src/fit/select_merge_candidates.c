@@ -1,9 +1,9 @@
-/* merge.c - two Gaussians that do the work of one become one.
+/* select_merge_candidates.c - two Gaussians that do the work of one become one.
  *
  * Each of two that lie on each other is needed as long as the other is as it is: what taking one out would
- * cost says nothing. What one in the place of both leaves out does, in the end (trial.c; README, Size).
+ * cost says nothing. What one in the place of both leaves out does, in the end (select_merge.c; README, Size).
  */
-#include "merge.h"
+#include "select_merge_candidates.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@
 #include "../base/pool.h"
 #include "../kernels/sh.h"
 #include "../scene/nearest.h"
-#include "grow.h"
+#include "densify.h"
 
 enum {
     CLOSE = 8,  /* neighbours that each is compared with */
@@ -36,7 +36,7 @@ typedef struct merge_job {
     const sf_nearest *nearest; /* [count][CLOSE], by place in `left` */
     const float *effect;
     double misfit;
-    sf_pair *best; /* [count] the cheapest of each Gaussian; of a rise of INFINITY: none */
+    sf_merge_candidate *best; /* [count] the cheapest of each Gaussian; of a rise of INFINITY: none */
 } merge_job;
 
 static double determinant(const double C[9]) {
@@ -123,10 +123,10 @@ static size_t list_left(const sf_fitter *f, const float *effect, uint32_t *left,
     return n;
 }
 
-static sf_pair best_of(const merge_job *job, size_t k) {
+static sf_merge_candidate best_of(const merge_job *job, size_t k) {
     const sf_params *p = &job->fitter->model->params;
     uint32_t i = job->left[k];
-    sf_pair best = {INFINITY, i, i};
+    sf_merge_candidate best = {INFINITY, i, i};
     blob a = blob_of(p, i);
     double reach = sqrt(fmax(fmax(a.C[0], a.C[4]), a.C[8]));
     for (const sf_nearest *n = job->nearest + CLOSE * k, *end = n + CLOSE; n < end; n++) {
@@ -135,7 +135,7 @@ static sf_pair best_of(const merge_job *job, size_t k) {
         blob b = blob_of(p, other);
         double misfit = misfit_of(&a, &b),
                rise = misfit * ((double)job->effect[i] + (double)job->effect[other]);
-        if (misfit < job->misfit && rise < best.rise) best = (sf_pair){rise, i, other};
+        if (misfit < job->misfit && rise < best.rise) best = (sf_merge_candidate){rise, i, other};
     }
     return best;
 }
@@ -149,7 +149,7 @@ static void find_task(void *job_pointer, size_t task, int thread) {
 
 /* A total order, so that any sort gives the same. */
 static int by_rise(const void *a, const void *b) {
-    const sf_pair *x = a, *y = b;
+    const sf_merge_candidate *x = a, *y = b;
     if (x->rise != y->rise) return x->rise < y->rise ? -1 : 1;
     return (x->a > y->a) - (x->a < y->a);
 }
@@ -195,7 +195,7 @@ static float value_of(const sf_model *m, int field, size_t i, int c) {
     return i < m->banded[sf_field_band(field)] ? *sf_value(&m->params, field, i, c) : 0;
 }
 
-void sf_merge_pair(sf_fitter *f, const sf_pair *pair) {
+void sf_apply_merge(sf_fitter *f, const sf_merge_candidate *pair) {
     const sf_model *m = f->model;
     const sf_params *p = &m->params;
     blob a = blob_of(p, pair->a), b = blob_of(p, pair->b), one = fused(&a, &b);
@@ -206,11 +206,11 @@ void sf_merge_pair(sf_fitter *f, const sf_pair *pair) {
             *x = part * *x + (1 - part) * value_of(m, field, pair->b, c);
         }
     set_shape(p, pair->a, &one);
-    sf_moments_restart(&f->moments, m, pair->a);
+    sf_optimizer_restart(&f->moments, m, pair->a);
 }
 
 /* Leaves the cheapest pairs of Gaussians that are in no cheaper one; returns how many there are. */
-static size_t choose(sf_pair *pairs, size_t count, uint8_t *taken) {
+static size_t choose(sf_merge_candidate *pairs, size_t count, uint8_t *taken) {
     size_t n = 0, chosen = 0;
     for (size_t i = 0; i < count; i++)
         if (pairs[i].rise < INFINITY) pairs[n++] = pairs[i];
@@ -223,7 +223,7 @@ static size_t choose(sf_pair *pairs, size_t count, uint8_t *taken) {
     return chosen;
 }
 
-sf_status sf_find_pairs(sf_fitter *f, double misfit, const float *effect, sf_pair **pairs, size_t *count) {
+sf_status sf_find_merge_candidates(sf_fitter *f, double misfit, const float *effect, sf_merge_candidate **pairs, size_t *count) {
     size_t all = f->model->count;
     float *points = sf_alloc(f->ctx, all, 3 * sizeof *points);
     sf_nearest *nearest = sf_alloc(f->ctx, all, CLOSE * sizeof *nearest);

@@ -1,4 +1,4 @@
-/* error.c - each Gaussian's part in the error of several training views.
+/* densify_score.c - each Gaussian's part in the error of several training views.
  *
  * Blending's way back sums over the pixels of a Gaussian w d_rgb, with w its weight in the pixel: put the
  * error in the place of d_rgb, and it is the Gaussian's share of the error; put 1, and it is its area.
@@ -90,12 +90,12 @@ static double score_of(const share *s, unsigned least) {
     return s->erring < least ? 0 : exp((double)s->logs / s->erring);
 }
 
-sf_status sf_score_errors(sf_fitter *f) {
+sf_status sf_densify_score(sf_fitter *f) {
     size_t count = f->model->count;
     share *shares = sf_calloc(f->ctx, count, sizeof *shares);
     gather_job job = {.ws = &f->workspace, .shares = shares};
     sf_status status =
-        shares ? sf_look_at_views(f, (size_t)f->options.error_views, 1, look_at, &job, NULL) : SF_ERR_MEMORY;
+        shares ? sf_sample_views(f, (size_t)f->options.error_views, 1, look_at, &job, NULL) : SF_ERR_MEMORY;
     unsigned least = job.views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
     for (size_t i = 0; i < count && !status; i++) {
         f->densify.gradient_sum[i] = score_of(&shares[i], least);

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "fit/fitter.h"
-#include "fit/grow.h"
+#include "fit/densify.h"
 
 #define SCENE "sim:studio?width=64&height=64&frames=9"
 

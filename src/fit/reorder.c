@@ -1,4 +1,4 @@
-/* arrange.c - which Gaussians there are, in which order, with which bands; and room for them. */
+/* reorder.c - which Gaussians there are, in which order, with which bands; and room for them. */
 #include "fitter.h"
 
 #include <string.h>
@@ -17,7 +17,7 @@ static sf_status set_room(sf_fitter *f, int band, size_t room) {
     size_t used = m->count;
     room = sf_blocks(room) * SF_LANES;
     if (room < m->capacity[band]) m->capacity[band] = room;
-    sf_status status = sf_moments_set_room(&f->moments, m, band, room);
+    sf_status status = sf_optimizer_set_room(&f->moments, m, band, room);
     if (!status && band == 0) {
         status = sf_resize(f->ctx, &f->densify.gradient_sum, used, room, sizeof *f->densify.gradient_sum);
         if (!status)
@@ -63,24 +63,24 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     sf_status status = SF_OK;
     for (int band = 0; band <= m->sh_degree && !status; band++)
         status = sf_model_set_room(m, band, room_of_band(f, m->banded, band, whole));
-    if (!status) status = sf_moments_create(m, (int)f->options.moments, f->options.mean_steps, &f->moments);
+    if (!status) status = sf_optimizer_create(m, (int)f->options.moments, f->options.mean_steps, &f->moments);
     if (status) return status;
     f->densify.gradient_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.gradient_sum);
     f->densify.visible_count = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.visible_count);
     return f->densify.gradient_sum && f->densify.visible_count ? SF_OK : SF_ERR_MEMORY;
 }
 
-sf_status sf_arrange(sf_fitter *f, const sf_place *places, size_t n, uint32_t *where) {
+sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *places, size_t n, uint32_t *where) {
     sf_order order;
     size_t had = f->model->count;
     sf_status status = sf_order_create(f->ctx, places, n, where, &order);
     if (!status) status = sf_fitter_room(f, order.banded);
     if (!status) status = sf_order_prepare(f->ctx, &order);
     if (!status) {
-        sf_values_arrange(f->densify.gradient_sum, sizeof *f->densify.gradient_sum, had, &order);
-        sf_values_arrange(f->densify.visible_count, sizeof *f->densify.visible_count, had, &order);
-        sf_moments_arrange(&f->moments, f->model, &order);
-        sf_model_arrange(f->model, &order);
+        sf_values_reorder(f->densify.gradient_sum, sizeof *f->densify.gradient_sum, had, &order);
+        sf_values_reorder(f->densify.visible_count, sizeof *f->densify.visible_count, had, &order);
+        sf_optimizer_reorder(&f->moments, f->model, &order);
+        sf_model_reorder(f->model, &order);
     }
     sf_order_free(f->ctx, &order);
     if (!status) trim(f);
@@ -97,10 +97,10 @@ sf_status sf_fitter_sort(sf_fitter *f) {
         for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = *sf_value(&m->params, SF_FIELD_mean, i, k);
     sf_status status = xyz ? sf_curve_order(f->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
     sf_free(f->ctx, xyz);
-    sf_place *places = status ? NULL : sf_alloc(f->ctx, n, sizeof *places);
+    sf_remap_entry *places = status ? NULL : sf_alloc(f->ctx, n, sizeof *places);
     for (size_t i = 0; places && i < n; i++)
-        places[i] = (sf_place){order[i], (uint8_t)sf_degree_of(m, order[i])};
-    status = places ? sf_arrange(f, places, n, NULL) : SF_ERR_MEMORY;
+        places[i] = (sf_remap_entry){order[i], (uint8_t)sf_degree_of(m, order[i])};
+    status = places ? sf_reorder(f, places, n, NULL) : SF_ERR_MEMORY;
     sf_free(f->ctx, places);
     sf_free(f->ctx, order);
     return status;

@@ -1,4 +1,4 @@
-/* guard.c - a fit that diverges goes back to where it did not, and on with lower rates.
+/* recovery.c - a fit that diverges goes back to where it did not, and on with lower rates.
  *
  * One bad picture raises the loss of its own steps alone: it takes the median of several. That of a fit that
  * learns falls, and rises by little where pictures get finer or Gaussians go; new pictures are no measure for
@@ -77,34 +77,34 @@ static sf_status measure_start(sf_fitter *f) {
     f->level = 0;
     f->sh_degree = sf_scheduled_degree(f, sf_fraction(f));
     for (int k = 0; k < 3; k++) f->step_background[k] = (float)f->background[k];
-    sf_status status = sf_look_at_views(f, FIRST_VIEWS, 0, look_at, &first, NULL);
+    sf_status status = sf_sample_views(f, FIRST_VIEWS, 0, look_at, &first, NULL);
     if (!status && first.count) f->recovery.initial_loss = sf_median(first.loss, first.count);
     return status;
 }
 
-void sf_guard_forget(sf_fitter *f) {
+void sf_recovery_forget(sf_fitter *f) {
     f->recovery.min_loss = f->recovery.initial_loss = 0;
     f->recovery.since = f->step;
 }
 
-sf_status sf_guard(sf_fitter *f) {
+sf_status sf_recovery_step(sf_fitter *f) {
     sf_status status = f->step ? SF_OK : measure_start(f);
     if (status) return status;
     double median = median_loss(f);
-    if (median > limit(f, 1)) return sf_diverged(f, median);
+    if (median > limit(f, 1)) return sf_recover(f, median);
     if (median > 0 && !(f->recovery.min_loss > 0 && f->recovery.min_loss <= median))
         f->recovery.min_loss = median;
     int judged = f->validation.count && !f->validation.merged && !isnan(f->validation.best_psnr);
     if (judged || (f->restore.model && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
-    (void)sf_keep_best(f); /* without memory for it there is an older one to go back to, or none */
+    (void)sf_save_restore_point(f); /* without memory for it there is an older one to go back to, or none */
     return SF_OK;
 }
 
-sf_status sf_diverged(sf_fitter *f, double loss) {
+sf_status sf_recover(sf_fitter *f, double loss) {
     f->recovery.since = f->step;
     double before = f->recovery.min_loss > 0 ? f->recovery.min_loss : f->recovery.initial_loss;
     if (!f->restore.model || !(before > 0) || f->recovery.count == MOST_RETURNS) return SF_OK;
-    sf_status status = sf_bring_back(f);
+    sf_status status = sf_go_to_restore_point(f);
     if (status) return status;
     f->recovery.lr_scale *= RATE_CUT;
     f->recovery.count++;

@@ -1,11 +1,11 @@
-/* veil.c - what stands before a lens.
+/* select_floaters.c - what stands before a lens.
  *
  * Pictures differ in how bright they came out, and a faint Gaussian around the place that one was taken from,
  * or close before it, makes that picture brighter, and hardly any other. From beside it, where nobody looked,
  * it hides the scene. So no Gaussian that is charged for may have a camera inside, or be much nearer to one
  * than where what that camera sees begins: neither things nor the air between is such.
  */
-#include "grow.h"
+#include "densify.h"
 
 #include <math.h>
 
@@ -111,7 +111,7 @@ static int is_veil(const sf_fitter *f, size_t i, const stand *stands, size_t cou
     return 0;
 }
 
-sf_status sf_mark_veils(sf_fitter *f) {
+sf_status sf_mark_floaters(sf_fitter *f) {
     double *depths = sf_alloc(f->ctx, VEIL_SAMPLES, sizeof *depths);
     stand *stands = NULL;
     size_t count = 0;

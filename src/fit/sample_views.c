@@ -1,9 +1,9 @@
-/* look.c - the training views, looked at between two steps. */
+/* sample_views.c - the training views, looked at between two steps. */
 #include "fitter.h"
 
 #include <math.h>
 
-static sf_status look_at(sf_fitter *f, uint32_t id, sf_look_fn look, void *user) {
+static sf_status look_at(sf_fitter *f, uint32_t id, sf_sample_fn look, void *user) {
     sf_view *view = sf_scene_retain_id(f->scene, id);
     if (!view) return SF_OK; /* gone since */
     sf_view_state *state = sf_view_state_of(&f->views, id);
@@ -27,14 +27,14 @@ static int shows(const sf_fitter *f, uint32_t id) {
     return !hidden;
 }
 
-sf_status sf_look_at_views(sf_fitter *f, size_t wanted, int others, sf_look_fn look, void *user,
+sf_status sf_sample_views(sf_fitter *f, size_t wanted, int others, sf_sample_fn look, void *user,
                            size_t *there) {
     uint32_t *ids;
     size_t n, kept = 0;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
     if (status) return status;
     for (size_t i = 0; i < n; i++)
-        if (!sf_validates(f, ids[i]) && shows(f, ids[i])) ids[kept++] = ids[i];
+        if (!sf_is_in_validation(f, ids[i]) && shows(f, ids[i])) ids[kept++] = ids[i];
     if (there) *there = kept;
     if (!wanted || wanted > kept) wanted = kept;
     double shift = 0;

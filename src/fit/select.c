@@ -1,11 +1,11 @@
-/* price.c - a model of no more Gaussians than the scene needs (README, Size). */
-#include "price.h"
+/* select.c - a model of no more Gaussians than the scene needs (README, Size). */
+#include "select.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#include "grow.h"
-#include "trial.h"
+#include "densify.h"
+#include "select_merge.h"
 
 /* What a Gaussian must take away of the squared error, in mean squared errors of a value, where so many
  * values err together as if they were one, or more; where fewer do, so much less. */
@@ -45,7 +45,7 @@ enum {
 #define CHARGE_FROM  0.6
 #define CHARGE_UNTIL 0.25
 
-int sf_is_priced(const sf_fitter *f) {
+int sf_selects(const sf_fitter *f) {
     return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE;
 }
 
@@ -65,23 +65,23 @@ static int taking_out(const sf_fitter *f, double fraction) {
 
 /* Whether pairs may be put on trial: nothing grows any more, and there is time for the verdict. */
 static int may_try(const sf_fitter *f, double fraction) {
-    double steps = sf_trials_promise(f) ? SF_TRIAL_STEPS : (double)f->options.grow_every;
+    double steps = sf_merges_promise(f) ? SF_MERGE_STEPS : (double)f->options.grow_every;
     double trial = steps / fmax((double)f->options.plan_steps, 1);
     return f->options.merge > 0 && (f->densify.ended || fraction > f->options.grow_end) &&
            fraction + trial <= charge_until(f);
 }
 
-int sf_charging_due(const sf_fitter *f, double fraction) {
-    if (!sf_is_priced(f)) return 0;
+int sf_selection_is_due(const sf_fitter *f, double fraction) {
+    if (!sf_selects(f)) return 0;
     if (taking_out(f, fraction)) return 1;
-    if (!sf_trials_promise(f) || f->step % SF_TRIAL_STEPS) return 0;
+    if (!sf_merges_promise(f) || f->step % SF_MERGE_STEPS) return 0;
     return f->merges.count || may_try(f, fraction);
 }
 
 /* What a value's error counts for, against what chance does. What has gone may have cost something: that does
  * not make the others worth less, so the least counts. */
 static void hear_noise(sf_fitter *f, const sf_errors *e) {
-    double noise = e->toned / e->values * fmin(sf_errs_together(e) / TOGETHER, 1);
+    double noise = e->toned / e->values * fmin(sf_correlation_area(e) / TOGETHER, 1);
     if (!(f->select.noise_variance > 0 && f->select.noise_variance < noise)) f->select.noise_variance = noise;
 }
 
@@ -97,8 +97,8 @@ static int hardly_seen(const sf_errors *e) {
 /* Where errors are hardly seen only those grow that have a part in them: elsewhere this chooses worse than
  * the gradient does. */
 static sf_status spare_the_good(sf_fitter *f) {
-    sf_worth w;
-    sf_status status = sf_weigh(f, WEIGHED, &w);
+    sf_importance w;
+    sf_status status = sf_measure_importance(f, WEIGHED, &w);
     if (!status && w.views) {
         double mean = w.errors.squares / w.errors.values;
         double price = PRICE / f->options.quality * (mean + NOTHING * NOTHING);
@@ -106,7 +106,7 @@ static sf_status spare_the_good(sf_fitter *f) {
             if (f->densify.gradient_sum[i] > 0 && GROWTH_PART * (double)w.share[i] < price)
                 f->densify.gradient_sum[i] = 0;
     }
-    sf_worth_free(f->ctx, &w);
+    sf_importance_free(f->ctx, &w);
     return status;
 }
 
@@ -125,15 +125,15 @@ static void judge_growth(sf_fitter *f, int level, double squares) {
            f->model->count, GROWTHS_IN_VAIN, 100 * GROWTH_GAIN);
 }
 
-sf_status sf_consider_growth(sf_fitter *f, double fraction) {
+sf_status sf_select_growth(sf_fitter *f, double fraction) {
     sf_errors errors;
     int level = sf_finest_level(f, fraction);
-    sf_status status = sf_look_for_errors(f, level, LOOKED, &errors);
+    sf_status status = sf_measure_errors(f, level, LOOKED, &errors);
     if (status) return status;
     if (errors.values > 0) judge_growth(f, level, errors.toned / errors.values);
-    double cheaper = TOGETHER / sf_errs_together(&errors);
+    double cheaper = TOGETHER / sf_correlation_area(&errors);
     f->select.growth_scale = fmin(fmax(cheaper * cheaper, 1), MOST_GROWTH);
-    if (level) status = sf_look_for_errors(f, 0, LOOKED, &errors);
+    if (level) status = sf_measure_errors(f, 0, LOOKED, &errors);
     if (status) return status;
     return hardly_seen(&errors) ? spare_the_good(f) : SF_OK;
 }
@@ -158,24 +158,24 @@ static sf_status try_without(sf_fitter *f, poor *list, size_t n, sf_errors *erro
         list[k].logit = logit[list[k].gaussian];
         logit[list[k].gaussian] = SF_INVISIBLE;
     }
-    sf_status status = sf_look_for_errors(f, 0, LOOKED, errors);
+    sf_status status = sf_measure_errors(f, 0, LOOKED, errors);
     for (size_t k = 0; k < n; k++) logit[list[k].gaussian] = list[k].logit;
     return status;
 }
 
 /* What is not worth its price goes, but half of all at most where that is seen, and no more than the steps to
  * come make up for: where many do the same none is worth much, and what is left of them is worth more. */
-static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_worth *w) {
+static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_importance *w) {
     sf_errors before, after;
     double rise = fraction > charge_until(f) ? LATE_RISE : hardly_seen(&w->errors) ? UNSEEN_RISE : RISE;
     poor *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0, half = w->count / 2;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->effect[i] < price && !(f->densify.gradient_sum[i] < 0) && sf_was_weighed(w, i))
+        if ((double)w->effect[i] < price && !(f->densify.gradient_sum[i] < 0) && sf_importance_is_known(w, i))
             list[n++] = (poor){.effect = w->effect[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_effect);
-    sf_status status = sf_look_for_errors(f, 0, LOOKED, &before);
+    sf_status status = sf_measure_errors(f, 0, LOOKED, &before);
     while (n && !status) {
         double unseen = NOTHING * NOTHING * before.values; /* of the same views as the rise */
         status = try_without(f, list, n, &after);
@@ -190,20 +190,20 @@ static sf_status take_out(sf_fitter *f, double fraction, double price, const sf_
 
 /* Pairs are tried where the errors are such as hardly anybody sees: elsewhere each Gaussian has work to do,
  * or nobody has looked. */
-static void leave_visible_alone(sf_worth *w) {
+static void leave_visible_alone(sf_importance *w) {
     double most = SF_CHANNELS * HARDLY_SEEN * NOTHING * NOTHING;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->share[i] > most * (double)w->mass[i] || !sf_was_weighed(w, i)) w->effect[i] = INFINITY;
+        if ((double)w->share[i] > most * (double)w->mass[i] || !sf_importance_is_known(w, i)) w->effect[i] = INFINITY;
 }
 
 /* The degree at which what the bands above it make and the price of those up to it are the least, or the one
  * below its own: what is left of the bands can make up for some of those that went. Bands are paid by the
  * float. */
-static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
+static void lower_degrees(const sf_importance *w, double price, uint8_t *degrees) {
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
         int best = degrees[i];
-        if (!sf_was_weighed(w, i)) continue;
+        if (!sf_importance_is_known(w, i)) continue;
         for (int degree = 0; degree <= degrees[i]; degree++) {
             double without = degree < degrees[i] ? (double)w->bands[i][degree] : 0;
             if (degree) floats += sf_field_components(SF_FIELD_sh0 + degree);
@@ -213,42 +213,42 @@ static void lower_degrees(const sf_worth *w, double price, uint8_t *degrees) {
     }
 }
 
-int sf_nothing_to_weigh(sf_fitter *f, double fraction) {
+int sf_skip_selection(sf_fitter *f, double fraction) {
     sf_errors errors;
     if (taking_out(f, fraction) || f->merges.count) return 0;
-    if (sf_look_for_errors(f, 0, LOOKED, &errors) || hardly_seen(&errors)) return 0;
+    if (sf_measure_errors(f, 0, LOOKED, &errors) || hardly_seen(&errors)) return 0;
     f->merges.in_vain++;
     return 1;
 }
 
-sf_status sf_charge(sf_fitter *f, double fraction, sf_worth *w, uint8_t *degrees) {
-    sf_status status = sf_weigh(f, WEIGHED, w);
+sf_status sf_select_prune(sf_fitter *f, double fraction, sf_importance *w, uint8_t *degrees) {
+    sf_status status = sf_measure_importance(f, WEIGHED, w);
     if (status) return status;
     if (w->views) hear_noise(f, &w->errors);
     double price = price_of(f);
     int taking = taking_out(f, fraction);
-    if (f->merges.count) sf_trials_judge(f, w, price, NOTHING * NOTHING);
+    if (f->merges.count) sf_merges_decide(f, w, price, NOTHING * NOTHING);
     if (!w->views) return SF_OK;
     if (taking) status = take_out(f, fraction, price, w);
     if (taking && fraction <= charge_until(f)) lower_degrees(w, price / SF_MOST_FLOATS * BAND_PRICE, degrees);
     leave_visible_alone(w);
     /* pictures that are all but right leave nothing for a veil to gain */
-    if (!status && !hardly_seen(&w->errors)) status = sf_mark_veils(f);
+    if (!status && !hardly_seen(&w->errors)) status = sf_mark_floaters(f);
     return status;
 }
 
-sf_status sf_try_pairs(sf_fitter *f, double fraction, size_t went, sf_worth *w) {
+sf_status sf_select_merge(sf_fitter *f, double fraction, size_t went, sf_importance *w) {
     sf_status status = SF_OK;
     if (!w->views || !may_try(f, fraction)) return SF_OK;
     if (!hardly_seen(&w->errors)) { /* a photograph's */
         f->merges.in_vain++;
         return SF_OK;
     }
-    if (went > f->model->count / SF_NOTABLE) { /* the errors are others now */
-        if (!sf_trials_promise(f)) return SF_OK;
-        sf_worth_free(f->ctx, w);
-        status = sf_weigh(f, WEIGHED, w);
+    if (went > f->model->count / SF_MODEL_CHANGED_PART) { /* the errors are others now */
+        if (!sf_merges_promise(f)) return SF_OK;
+        sf_importance_free(f->ctx, w);
+        status = sf_measure_importance(f, WEIGHED, w);
         if (!status) leave_visible_alone(w);
     }
-    return status ? status : sf_trials_begin(f, w);
+    return status ? status : sf_merges_begin(f, w);
 }

@@ -1,4 +1,4 @@
-/* shown.c - the model without the noise of single steps.
+/* moving_average.c - the model without the noise of single steps.
  *
  * Each step pleases one view, and who looks between two steps sees that. A fit that ends lets its rates fall;
  * one that is watched and tracked against while it goes on shows means of its last steps (mean_steps).
@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-void sf_take_means(const sf_fitter *f, sf_model *copy) {
+void sf_take_moving_average(const sf_fitter *f, sf_model *copy) {
     if (!(f->moments.mean_kept > 0)) return;
     for (int field = 0; sf_has_momentum(field); field++)
         sf_mean_take(&f->moments, field, sf_field_values(field, copy->count), f->model->params.field[field],
@@ -34,15 +34,15 @@ static sf_status make_room(sf_fitter *f) {
     return SF_OK;
 }
 
-const sf_model *sf_fitter_shown(sf_fitter *f) {
+const sf_model *sf_fitter_average_model(sf_fitter *f) {
     if (!(f->moments.mean_kept > 0) || make_room(f)) return f->model;
     sf_params own = f->shown.params;
     f->shown = *f->model;
     for (int field = 0; sf_has_momentum(field); field++) f->shown.params.field[field] = own.field[field];
-    sf_take_means(f, &f->shown);
+    sf_take_moving_average(f, &f->shown);
     return &f->shown;
 }
 
-void sf_shown_free(sf_fitter *f) {
+void sf_average_free(sf_fitter *f) {
     for (int field = 0; sf_has_momentum(field); field++) sf_free(f->ctx, f->shown.params.field[field]);
 }

@@ -1,4 +1,4 @@
-/* validate.c - the views that are kept out of the training to stop and to choose by.
+/* validation.c - the views that are kept out of the training to stop and to choose by.
  *
  * They come from the training views: those that the project holds out are for the user's figures alone, and
  * no fit looks at them.
@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "refine.h"
-#include "trial.h"
+#include "select_merge.h"
 
 /* Validations in a run, and the gain in dB that counts as one. */
 #define INTERVAL 0.04
@@ -29,17 +29,17 @@ enum {
     STEPS_OF_VIEW = 10   /* between two validations, for each view: they are to cost little */
 };
 
-int sf_validates(const sf_fitter *f, uint32_t id) {
+int sf_is_in_validation(const sf_fitter *f, uint32_t id) {
     size_t i = 0;
     while (i < f->validation.count && f->validation.ids[i] != id) i++;
     return !f->validation.merged && i < f->validation.count;
 }
 
-void sf_forget_best(sf_fitter *f) { f->validation.best_psnr = NAN; }
+void sf_forget_best_model(sf_fitter *f) { f->validation.best_psnr = NAN; }
 
 /* The first `count` of the list are kept out now; what was best on others is no measure for them. */
 static void keep_out(sf_fitter *f, size_t count) {
-    if (count != f->validation.count) sf_forget_best(f);
+    if (count != f->validation.count) sf_forget_best_model(f);
     f->validation.count = count;
 }
 
@@ -86,7 +86,7 @@ static sf_status deal(sf_fitter *f, const uint32_t *ids, size_t count) {
     return SF_OK;
 }
 
-sf_status sf_take_up(sf_fitter *f, const uint32_t *ids, size_t count) {
+sf_status sf_assign_views(sf_fitter *f, const uint32_t *ids, size_t count) {
     sf_status status = deal(f, ids, count);
     if (!status && count && ids[count - 1] > f->validation.newest_id)
         f->validation.newest_id = ids[count - 1];
@@ -123,7 +123,7 @@ sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
     return SF_OK;
 }
 
-sf_status sf_validate(sf_fitter *f, double *psnr, size_t *views) {
+sf_status sf_measure_validation(sf_fitter *f, double *psnr, size_t *views) {
     sf_status status = SF_OK;
     *psnr = 0, *views = 0;
     for (size_t i = 0; i < f->validation.count && !status; i++) {
@@ -151,7 +151,7 @@ static int suits(const sf_model *best, const sf_model *model) {
 }
 
 /* The model as it is becomes the best one. */
-sf_status sf_keep_best(sf_fitter *f) {
+sf_status sf_save_restore_point(sf_fitter *f) {
     if (!f->restore.model || !suits(f->restore.model, f->model)) {
         sf_model *best;
         sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
@@ -162,17 +162,17 @@ sf_status sf_keep_best(sf_fitter *f) {
         sf_model_assign(f->restore.model, f->model);
     }
     memcpy(f->restore.background, f->background, sizeof f->background);
-    sf_trials_undo(&f->merges, f->restore.model);
+    sf_merges_undo(&f->merges, f->restore.model);
     return SF_OK;
 }
 
 /* The best model comes back; what the optimiser and growth knew belongs to the other one. */
-sf_status sf_bring_back(sf_fitter *f) {
+sf_status sf_go_to_restore_point(sf_fitter *f) {
     sf_status status = sf_fitter_room(f, f->restore.model->banded);
     if (status) return status;
     f->merges.count = 0; /* the best one has none */
     sf_model_assign(f->model, f->restore.model);
-    sf_moments_forget_all(&f->moments, f->model);
+    sf_optimizer_reset_all(&f->moments, f->model);
     memset(f->densify.gradient_sum, 0, f->model->count * sizeof *f->densify.gradient_sum);
     memset(f->densify.visible_count, 0, f->model->count * sizeof *f->densify.visible_count);
     memcpy(f->background, f->restore.background, sizeof f->background);
@@ -215,11 +215,11 @@ static sf_status look(sf_fitter *f, double fraction) {
     f->validation.next_fraction = fraction + INTERVAL;
     drop_gone(f);
     f->validation.next_step = f->step + STEPS_OF_VIEW * (int64_t)f->validation.count;
-    sf_status status = sf_validate(f, &psnr, &views);
+    sf_status status = sf_measure_validation(f, &psnr, &views);
     if (status || !views) return status;
     f->validation.psnr = psnr;
     if (!(psnr <= f->validation.best_psnr + GAIN)) {
-        status = sf_keep_best(f);
+        status = sf_save_restore_point(f);
         if (status) return status;
         f->validation.best_psnr = psnr, f->validation.best_fraction = fraction,
         f->validation.best_step = f->step;
@@ -232,9 +232,9 @@ static sf_status look(sf_fitter *f, double fraction) {
 /* The rates fall, and the views of validation are trained on: the model is to have seen all there is. It is
  * the present one, unless that has lost more than the noise that will settle. */
 static sf_status join(sf_fitter *f) {
-    double most = sf_settles_early(f) ? 0 : FALL;
+    double most = sf_cools_down_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
-    if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most) status = sf_bring_back(f);
+    if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most) status = sf_go_to_restore_point(f);
     if (status) return status;
     sf_model_destroy(&f->restore.model);
     f->validation.merged = 1;
@@ -243,7 +243,7 @@ static sf_status join(sf_fitter *f) {
 }
 
 static int why_over(const sf_fitter *f) {
-    if (sf_settles_early(f)) return SF_FIT_VALIDATION;
+    if (sf_cools_down_early(f)) return SF_FIT_VALIDATION;
     return f->options.steps > 0 && f->step >= f->options.steps ? SF_FIT_COMPLETE : SF_FIT_TIME;
 }
 
@@ -253,7 +253,7 @@ static int is_time(const sf_fitter *f, double fraction) {
     return fraction >= f->validation.next_fraction && f->step >= f->validation.next_step;
 }
 
-sf_status sf_consider(sf_fitter *f, double fraction) {
+sf_status sf_validation_step(sf_fitter *f, double fraction) {
     int watching = f->validation.count && !f->validation.merged, over = fraction >= sf_end_of_run(f);
     sf_status status = SF_OK;
     if (f->end == SF_FIT_TARGET) return SF_ERR_END;
@@ -265,8 +265,8 @@ sf_status sf_consider(sf_fitter *f, double fraction) {
     }
     if (over && !f->end) f->end = why_over(f);
     if (f->end && watching && f->restore.model && f->validation.psnr < f->validation.best_psnr)
-        status = sf_bring_back(f);
-    if (f->end) sf_trials_end(f);
+        status = sf_go_to_restore_point(f);
+    if (f->end) sf_merges_undo_all(f);
     if (!f->end && joins && (fraction >= f->cool_down.from || is_safe(f, fraction))) status = join(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;
 }

@@ -57,7 +57,7 @@ static void test_means_are_shown(void **state) {
     assert_int_equal(values, 14 * count);
     sf_model *saved;
     assert_ok(ctx, sf_fitter_snapshot(f, &saved));
-    const sf_model *shown = sf_fitter_shown(f);
+    const sf_model *shown = sf_fitter_average_model(f);
     double moved = 0;
     for (size_t i = 0; i < count; i++) {
         int k = 0, field = 0, c = -1;
@@ -98,7 +98,7 @@ static void test_means_can_be_saved(void **state) {
     assert_ok(ctx, sf_model_save(saved, test_path("shrunk.ply")));
     assert_ok(ctx, sf_model_load(ctx, test_path("shrunk.ply"), &read));
     assert_int_equal(read->count, f->model->count);
-    assert_true(value_of(sf_fitter_shown(f), SF_FIELD_log_scale, 0, 0) == -(double)SF_LOG_SCALE_MOST);
+    assert_true(value_of(sf_fitter_average_model(f), SF_FIELD_log_scale, 0, 0) == -(double)SF_LOG_SCALE_MOST);
     sf_model_destroy(&read);
     sf_model_destroy(&saved);
     sf_fitter_destroy(&f);
@@ -120,7 +120,7 @@ static void test_means_are_drawn(void **state) {
         sf_render_options options;
         static float drawn[3 * WIDTH * HEIGHT], right[3 * WIDTH * HEIGHT];
         sf_image_out out = {.rgb = drawn};
-        assert_true((sf_fitter_shown(f) == f->model) == !n);
+        assert_true((sf_fitter_average_model(f) == f->model) == !n);
         assert_ok(ctx, sf_fitter_snapshot(f, &saved));
         assert_ok(ctx, sf_fitter_get_camera(f, 1, &camera));
         assert_ok(ctx, sf_fitter_render(f, &camera, &out));
@@ -149,14 +149,14 @@ static void test_newcomers_have_no_past(void **state) {
     f->options.max_gaussians = 3000; /* there is room for more */
     double lags = 0, lags_after = 0;
     for (size_t i = 0; i < count; i++)
-        lags += value_of(sf_fitter_shown(f), SF_FIELD_logit_opacity, i, 0) -
+        lags += value_of(sf_fitter_average_model(f), SF_FIELD_logit_opacity, i, 0) -
                 value_of(f->model, SF_FIELD_logit_opacity, i, 0);
     static const float xyz[] = {0.1f, 0.2f, 0.3f, -0.1f, 0.2f, 0.3f}, radius[] = {0.05f, 0.05f};
     static const uint8_t rgb[6] = {200, 100, 50, 50, 100, 200};
     assert_ok(ctx, sf_fitter_add_points(f, 2, xyz, rgb, radius, &added));
     assert_int_equal(added, 2);
     assert_int_equal(f->model->count, count + 2);
-    const sf_model *shown = sf_fitter_shown(f);
+    const sf_model *shown = sf_fitter_average_model(f);
     for (size_t i = 0; i < count + 2; i++) {
         int field = 0, c = -1, same = 1;
         while (next_value(&field, &c))

@@ -1,5 +1,5 @@
-/* moments.c - what the optimiser remembers of each parameter. */
-#include "moments.h"
+/* optimizer_state.c - what the optimiser remembers of each parameter. */
+#include "optimizer_state.h"
 
 #include <string.h>
 
@@ -8,16 +8,16 @@ enum { FIRST, SECOND, LAG }; /* parts; words with both moments are where the fir
 static const char *const part_names[][SF_MOMENT_PARTS] = {
     [SF_MOMENTS_FLOAT] = {"m", "v", "lag"}, [SF_MOMENTS_HALF] = {"mv", "v", "lag"}};
 
-const char *sf_moment_part(const sf_moments *moments, int part) { return part_names[moments->format][part]; }
+const char *sf_moment_part(const sf_optimizer_state *moments, int part) { return part_names[moments->format][part]; }
 
-int sf_moment_components(const sf_moments *moments, int part, int field) {
+int sf_moment_components(const sf_optimizer_state *moments, int part, int field) {
     int n = sf_field_components(field);
     if (!sf_has_momentum(field)) return part == SECOND ? n / 3 : 0; /* of three channels */
     if (part == LAG) return moments->mean_kept > 0 ? n : 0;
     return part == FIRST || moments->format == SF_MOMENTS_FLOAT ? n : 0;
 }
 
-int sf_moment_values(const sf_moments *moments, int sh_degree) {
+int sf_moment_values(const sf_optimizer_state *moments, int sh_degree) {
     int values = 0;
     for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, sh_degree); field++)
         for (int part = 0; part < SF_MOMENT_PARTS; part++)
@@ -26,32 +26,32 @@ int sf_moment_values(const sf_moments *moments, int sh_degree) {
 }
 
 /* The same of the arrays that there are for a model. */
-static int components_of(const sf_moments *moments, int part, int field, const sf_model *model) {
+static int components_of(const sf_optimizer_state *moments, int part, int field, const sf_model *model) {
     return sf_field_stored(field, model->sh_degree) ? sf_moment_components(moments, part, field) : 0;
 }
 
-sf_moments sf_moments_of(int format, int64_t mean_steps) {
-    return (sf_moments){.format = format, .mean_kept = mean_steps > 1 ? 1 - 1 / (float)mean_steps : 0};
+sf_optimizer_state sf_optimizer_moments(int format, int64_t mean_steps) {
+    return (sf_optimizer_state){.format = format, .mean_kept = mean_steps > 1 ? 1 - 1 / (float)mean_steps : 0};
 }
 
-sf_status sf_moments_create(const sf_model *model, int format, int64_t mean_steps, sf_moments *moments) {
-    *moments = sf_moments_of(format, mean_steps);
+sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps, sf_optimizer_state *moments) {
+    *moments = sf_optimizer_moments(format, mean_steps);
     for (int band = 0; band <= model->sh_degree; band++) {
-        sf_status status = sf_moments_set_room(moments, model, band, model->capacity[band]);
+        sf_status status = sf_optimizer_set_room(moments, model, band, model->capacity[band]);
         if (!status) continue;
-        sf_moments_destroy(model->ctx, moments);
+        sf_optimizer_destroy(model->ctx, moments);
         return status;
     }
     return SF_OK;
 }
 
-void sf_moments_destroy(sf_context *ctx, sf_moments *moments) {
+void sf_optimizer_destroy(sf_context *ctx, sf_optimizer_state *moments) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) sf_free(ctx, moments->part[part][field]);
     memset(moments->part, 0, sizeof moments->part);
 }
 
-sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int band, size_t room) {
+sf_status sf_optimizer_set_room(sf_optimizer_state *moments, const sf_model *model, int band, size_t room) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             void **array = &moments->part[part][field];
@@ -64,11 +64,11 @@ sf_status sf_moments_set_room(sf_moments *moments, const sf_model *model, int ba
     return SF_OK;
 }
 
-void sf_moments_arrange(const sf_moments *moments, const sf_model *model, const sf_order *order) {
+void sf_optimizer_reorder(const sf_optimizer_state *moments, const sf_model *model, const sf_order *order) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             int n = components_of(moments, part, field, model), band = sf_field_band(field);
-            if (n) sf_blocked_arrange(n, band, moments->part[part][field], model->banded[band], order);
+            if (n) sf_blocked_reorder(n, band, moments->part[part][field], model->banded[band], order);
         }
 }
 
@@ -79,7 +79,7 @@ static float part_kept(int field) {
     return field == SF_FIELD_mean || field == SF_FIELD_log_scale || field == SF_FIELD_quat ? 0.1f : 1;
 }
 
-static void restart(const sf_moments *moments, int field, size_t i) {
+static void restart(const sf_optimizer_state *moments, int field, size_t i) {
     int all = sf_field_components(field);
     for (int c = 0; c < sf_moment_components(moments, LAG, field); c++)
         ((float *)moments->part[LAG][field])[sf_at(i, all, c)] = 0;
@@ -97,12 +97,12 @@ static void restart(const sf_moments *moments, int field, size_t i) {
     for (int c = 0; c < n; c++) ((float *)moments->part[SECOND][field])[sf_at(i, n, c)] *= part_kept(field);
 }
 
-void sf_moments_restart(const sf_moments *moments, const sf_model *model, size_t i) {
+void sf_optimizer_restart(const sf_optimizer_state *moments, const sf_model *model, size_t i) {
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         if (i < model->banded[sf_field_band(field)]) restart(moments, field, i);
 }
 
-void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t i) {
+void sf_optimizer_reset(const sf_optimizer_state *moments, const sf_model *model, size_t i) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             int n = components_of(moments, part, field, model);
@@ -112,7 +112,7 @@ void sf_moments_forget(const sf_moments *moments, const sf_model *model, size_t 
         }
 }
 
-void sf_moments_forget_all(const sf_moments *moments, const sf_model *model) {
+void sf_optimizer_reset_all(const sf_optimizer_state *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             size_t n = (size_t)components_of(moments, part, field, model);
@@ -122,7 +122,7 @@ void sf_moments_forget_all(const sf_moments *moments, const sf_model *model) {
         }
 }
 
-void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
+void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
                      float *p, const float *g, const sf_adam *step, uint32_t key) {
     void *first = moments->part[FIRST][field], *second = moments->part[SECOND][field];
     if (!sf_has_momentum(field))
@@ -133,19 +133,19 @@ void sf_moments_step(const sf_moments *moments, const sf_kernels *kernels, int f
         kernels->adam(p, g, (float *)first + at, (float *)second + at, n, step);
 }
 
-void sf_mean_open(const sf_moments *moments, int field, size_t at, size_t n, const float *p) {
+void sf_mean_open(const sf_optimizer_state *moments, int field, size_t at, size_t n, const float *p) {
     if (!sf_moment_components(moments, LAG, field)) return;
     float *mean = (float *)moments->part[LAG][field] + at;
     for (size_t k = 0; k < n; k++) mean[k] += p[k];
 }
 
-void sf_mean_close(const sf_moments *moments, int field, size_t at, size_t n, const float *p) {
+void sf_mean_close(const sf_optimizer_state *moments, int field, size_t at, size_t n, const float *p) {
     if (!sf_moment_components(moments, LAG, field)) return;
     float *lag = (float *)moments->part[LAG][field] + at;
     for (size_t k = 0; k < n; k++) lag[k] = moments->mean_kept * (lag[k] - p[k]);
 }
 
-void sf_mean_take(const sf_moments *moments, int field, size_t n, const float *from, float *p) {
+void sf_mean_take(const sf_optimizer_state *moments, int field, size_t n, const float *from, float *p) {
     const float *lag = moments->part[LAG][field];
     for (size_t k = 0; k < n; k++) p[k] = from[k] + lag[k];
 }

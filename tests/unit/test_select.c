@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/grow.h"
-#include "fit/merge.h"
-#include "fit/price.h"
-#include "fit/trial.h"
+#include "fit/densify.h"
+#include "fit/select_merge_candidates.h"
+#include "fit/select.h"
+#include "fit/select_merge.h"
 
 enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -107,11 +107,11 @@ static void test_errs_together(void **state) {
             assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
         }
         sf_fitter *f = fitter_of(ctx, scene, model);
-        assert_ok(ctx, sf_look_for_errors(f, 0, 0, &errors));
+        assert_ok(ctx, sf_measure_errors(f, 0, 0, &errors));
         assert_true(errors.squares > 1.9 * expected);
         assert_true(fabs(errors.toned / expected - 1) < 1e-5);
-        double together = sf_errs_together(&errors);
-        assert_ok(ctx, sf_consider_growth(f, 1));
+        double together = sf_correlation_area(&errors);
+        assert_ok(ctx, sf_select_growth(f, 1));
         if (how == ALIKE) {
             assert_true(fabs(together / (SF_TILE * SF_TILE) - 1) < 1e-4);
             assert_true(f->select.growth_scale == 1);
@@ -142,7 +142,7 @@ static void test_growth_while_views_come(void **state) {
     sf_fitter *f = fitter_of(ctx, scene, model);
     static float rgb[3 * PIXELS];
     static uint8_t bytes[3 * PIXELS];
-    assert_ok(ctx, sf_consider_growth(f, 1));
+    assert_ok(ctx, sf_select_growth(f, 1));
     double least = f->select.min_error;
     assert_true(least > 0);
     for (int view = 0; view < VIEWS; view++) { /* each once more */
@@ -152,10 +152,10 @@ static void test_growth_while_views_come(void **state) {
         for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
         assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
     }
-    assert_ok(ctx, sf_consider_growth(f, 1)); /* the same model, the same error */
+    assert_ok(ctx, sf_select_growth(f, 1)); /* the same model, the same error */
     assert_int_equal(f->select.vain_growths, 1);
     for (int k = 0; k < 3; k++) *sf_value(&f->model->params, SF_FIELD_sh0, 0, k) = -0.35f; /* gray 0.4 */
-    assert_ok(ctx, sf_consider_growth(f, 1));
+    assert_ok(ctx, sf_select_growth(f, 1));
     assert_int_equal(f->select.vain_growths, 0);
     assert_true(f->select.min_error < 0.95 * least);
     sf_fitter_destroy(&f);
@@ -185,7 +185,7 @@ static void test_tone_is_no_error(void **state) {
         assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
     }
     sf_fitter *f = fitter_of(ctx, scene, model);
-    assert_ok(ctx, sf_look_for_errors(f, 0, 0, &errors));
+    assert_ok(ctx, sf_measure_errors(f, 0, 0, &errors));
     assert_true(errors.squares > 0.005 * errors.values);
     assert_true(errors.toned <
                 2 / 12.0 / (255 * 255) * errors.values); /* rounding: a twelfth of a level's square */
@@ -247,9 +247,9 @@ static void worth_is_what_is_lost(double gain, double bias) {
     sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, off, 3, 0);
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
-    sf_worth w;
+    sf_importance w;
     if (gain != 1) expose(ctx, f, gain, bias);
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_measure_importance(f, 0, &w));
     double before = squares_without(ctx, scene, off, 3, -1, gain, bias);
     assert_int_equal(w.views, VIEWS);
     assert_true(fabs(w.errors.values - 3.0 * VIEWS * PIXELS) < 1e-6);
@@ -262,16 +262,16 @@ static void worth_is_what_is_lost(double gain, double bias) {
         assert_true(fabs((double)w.removal[i] / added - 1) < 0.01);
         assert_true(w.effect[i] > 0 && w.share[i] >= 0);
     }
-    sf_worth some;
-    assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
+    sf_importance some;
+    assert_ok(ctx, sf_measure_importance(f, VIEWS / 2, &some));
     assert_int_equal(some.views, VIEWS / 2);
     assert_true(fabs(some.errors.values / w.errors.values - 1) < 1e-9);
     assert_true(some.errors.squares > 0.3 * w.errors.squares && some.errors.squares < 3 * w.errors.squares);
     some.mass[1] = w.mass[1] = 0; /* as if nobody had looked where it is */
-    assert_true(sf_was_weighed(&some, 0) && sf_was_weighed(&w, 0));
-    assert_true(!sf_was_weighed(&some, 1) && sf_was_weighed(&w, 1));
-    sf_worth_free(ctx, &some);
-    sf_worth_free(ctx, &w);
+    assert_true(sf_importance_is_known(&some, 0) && sf_importance_is_known(&w, 0));
+    assert_true(!sf_importance_is_known(&some, 1) && sf_importance_is_known(&w, 1));
+    sf_importance_free(ctx, &some);
+    sf_importance_free(ctx, &w);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&truth);
@@ -296,17 +296,17 @@ static void test_bands_of_exposed_views(void **state) {
     for (size_t i = 0; i < 3; i++) *sf_value(&model->params, SF_FIELD_sh0 + 1, i, 0) = 0.3f; /* red */
     sf_scene *scene = scene_of(ctx, model);
     sf_fitter *f = fitter_of(ctx, scene, model);
-    sf_worth plain, exposed;
-    assert_ok(ctx, sf_weigh(f, 0, &plain));
+    sf_importance plain, exposed;
+    assert_ok(ctx, sf_measure_importance(f, 0, &plain));
     expose(ctx, f, 0.5, 0.1);
-    assert_ok(ctx, sf_weigh(f, 0, &exposed));
+    assert_ok(ctx, sf_measure_importance(f, 0, &exposed));
     for (size_t i = 0; i < 3; i++) {
         assert_true(plain.bands[i][0] > 0);
         assert_true(fabsf(exposed.bands[i][0] / plain.bands[i][0] - 0.25f) < 1e-5f);
         assert_true(fabsf(exposed.mass[i] / plain.mass[i] - 1) < 1e-5f);
     }
-    sf_worth_free(ctx, &plain);
-    sf_worth_free(ctx, &exposed);
+    sf_importance_free(ctx, &plain);
+    sf_importance_free(ctx, &exposed);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&model);
@@ -320,19 +320,19 @@ static void test_weighed_by_some(void **state) {
     sf_model *model = model_of(ctx, three, 3, 1);
     sf_scene *scene = scene_of(ctx, model);
     sf_fitter *f = fitter_of(ctx, scene, model);
-    sf_worth all, some;
+    sf_importance all, some;
     f->sh_degree = 1;
     for (size_t i = 0; i < 3; i++) *sf_value(&f->model->params, SF_FIELD_sh0 + 1, i, 1) = 0.3f;
-    assert_ok(ctx, sf_weigh(f, 0, &all));
-    assert_ok(ctx, sf_weigh(f, VIEWS / 2, &some));
+    assert_ok(ctx, sf_measure_importance(f, 0, &all));
+    assert_ok(ctx, sf_measure_importance(f, VIEWS / 2, &some));
     assert_int_equal(some.tile_count, all.tile_count / 2);
     for (size_t i = 0; i < 3; i++) {
         assert_true(some.effect[i] > 0.5f * all.effect[i] && some.effect[i] < 2 * all.effect[i]);
         assert_true(some.bands[i][0] > 0.5f * all.bands[i][0] && some.bands[i][0] < 2 * all.bands[i][0]);
         assert_true(all.bands[i][0] > 0);
     }
-    sf_worth_free(ctx, &some);
-    sf_worth_free(ctx, &all);
+    sf_importance_free(ctx, &some);
+    sf_importance_free(ctx, &all);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&model);
@@ -348,10 +348,10 @@ static void test_masked_views_do_not_count(void **state) {
     off[1].gray = 0.6f;
     sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, off, 3, 0);
     sf_scene *scenes[] = {scene_of(ctx, truth), scene_of_many(ctx, truth, 2, 1)};
-    sf_worth w[2];
+    sf_importance w[2];
     for (int half_masked = 0; half_masked < 2; half_masked++) {
         sf_fitter *f = fitter_of(ctx, scenes[half_masked], model);
-        assert_ok(ctx, sf_weigh(f, VIEWS / 2, &w[half_masked]));
+        assert_ok(ctx, sf_measure_importance(f, VIEWS / 2, &w[half_masked]));
         sf_fitter_destroy(&f);
     }
     assert_int_equal(w[1].views, VIEWS / 2);
@@ -359,7 +359,7 @@ static void test_masked_views_do_not_count(void **state) {
     assert_true(w[1].errors.squares > 0 && w[1].errors.squares == w[0].errors.squares);
     assert_memory_equal(w[1].effect, w[0].effect, 3 * sizeof *w->effect);
     for (int k = 0; k < 2; k++) {
-        sf_worth_free(ctx, &w[k]);
+        sf_importance_free(ctx, &w[k]);
         sf_scene_destroy(&scenes[k]);
     }
     sf_model_destroy(&truth);
@@ -377,19 +377,19 @@ static void test_trial_judged_by_some(void **state) {
     twins[0].mean[0] = -0.2f, twins[1].mean[0] = 0.2f, twins[1].gray = 0.2f;
     sf_model *model = model_of(ctx, twins, 3, 0);
     sf_scene *scene = scene_of_many(ctx, model, 2, 2);
-    sf_blame blame[2];
+    sf_attributed_error blame[2];
     for (int some = 0; some < 2; some++) {
         sf_fitter *f = fitter_of(ctx, scene, model);
-        sf_worth w;
-        assert_ok(ctx, sf_weigh(f, some ? VIEWS : ALL, &w));
+        sf_importance w;
+        assert_ok(ctx, sf_measure_importance(f, some ? VIEWS : ALL, &w));
         w.effect[2] = INFINITY;
         f->options.merge = 1;
-        assert_ok(ctx, sf_trials_begin(f, &w));
-        sf_worth_free(ctx, &w);
+        assert_ok(ctx, sf_merges_begin(f, &w));
+        sf_importance_free(ctx, &w);
         assert_int_equal(f->merges.count, 1);
-        assert_ok(ctx, sf_weigh(f, some ? VIEWS : ALL, &w));
+        assert_ok(ctx, sf_measure_importance(f, some ? VIEWS : ALL, &w));
         blame[some] = w.blame[f->merges.list[0].leader];
-        sf_worth_free(ctx, &w);
+        sf_importance_free(ctx, &w);
         sf_fitter_destroy(&f);
     }
     assert_true(blame[0].now > blame[0].before);
@@ -413,10 +413,10 @@ static void test_price(void **state) {
     sf_model *truth = model_of(ctx, three, 3, 0), *model = model_of(ctx, balls, ALL, 0);
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
-    sf_worth w;
+    sf_importance w;
     uint8_t degrees[ALL] = {0};
-    assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
-    sf_worth_free(ctx, &w);
+    assert_ok(ctx, sf_select_prune(f, 0.7, &w, degrees));
+    sf_importance_free(ctx, &w);
     int going = 0;
     for (int i = 0; i < ALL; i++) {
         if (i < 3) assert_true(!(f->densify.gradient_sum[i] < 0));
@@ -446,20 +446,20 @@ static void test_what_goes_at_once(void **state) {
         sf_model *model = model_of(ctx, balls, ALL, 0);
         sf_scene *scene = scene_of_many(ctx, model, times[many], times[many]);
         sf_fitter *f = fitter_of(ctx, scene, model);
-        sf_worth w;
+        sf_importance w;
         uint8_t degrees[ALL] = {0};
         double all = 0;
-        assert_ok(ctx, sf_weigh(f, 0, &w));
+        assert_ok(ctx, sf_measure_importance(f, 0, &w));
         for (int i = 0; i < FAINT; i++) all += (double)w.effect[i];
         double part = all / w.errors.values / pow(2.25 / 255, 2); /* of what nobody sees */
         if (part < 0.8 || part > 3) print_message("all of them: %g\n", part);
         assert_true(part > 0.8 && part < 3);
-        sf_worth_free(ctx, &w);
+        sf_importance_free(ctx, &w);
         f->options.quality = 1e-5;                                         /* none is worth its price */
         for (int i = FAINT; i < ALL; i++) f->densify.gradient_sum[i] = -1; /* and those are going already */
-        assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
+        assert_ok(ctx, sf_select_prune(f, 0.7, &w, degrees));
         for (int i = 0; i < FAINT; i++) going[many] += f->densify.gradient_sum[i] < 0;
-        sf_worth_free(ctx, &w);
+        sf_importance_free(ctx, &w);
         sf_fitter_destroy(&f);
         sf_scene_destroy(&scene);
         sf_model_destroy(&model);
@@ -482,18 +482,18 @@ static void test_merge(void **state) {
     sf_scene *scene = scene_of(ctx, model);
     sf_fitter *f = fitter_of(ctx, scene, model);
     const float effect[] = {1, 1, 1}, untouched[] = {1, INFINITY, 1};
-    sf_pair *pairs;
+    sf_merge_candidate *pairs;
     size_t n;
-    assert_ok(ctx, sf_find_pairs(f, 1e-6, effect, &pairs, &n)); /* less than the two are off */
+    assert_ok(ctx, sf_find_merge_candidates(f, 1e-6, effect, &pairs, &n)); /* less than the two are off */
     assert_int_equal(n, 0);
     sf_free(ctx, pairs);
-    assert_ok(ctx, sf_find_pairs(f, 0.2, untouched, &pairs, &n));
+    assert_ok(ctx, sf_find_merge_candidates(f, 0.2, untouched, &pairs, &n));
     assert_int_equal(n, 0);
     sf_free(ctx, pairs);
-    assert_ok(ctx, sf_find_pairs(f, 0.2, effect, &pairs, &n));
+    assert_ok(ctx, sf_find_merge_candidates(f, 0.2, effect, &pairs, &n));
     assert_int_equal(n, 1);
     assert_true(pairs[0].a + pairs[0].b == 1 && pairs[0].rise > 0);
-    sf_merge_pair(f, &pairs[0]);
+    sf_apply_merge(f, &pairs[0]);
     size_t left = pairs[0].a;
     sf_free(ctx, pairs);
     float mean[3], log_scale[3], logit;
@@ -535,14 +535,14 @@ static void trial(float other_gray, int succeeds, int view_goes) {
     sf_scene *scene = scene_of(ctx, truth);
     sf_fitter *f = fitter_of(ctx, scene, model);
     float before[VALUES] = {0}, during[VALUES] = {0}, after[VALUES] = {0};
-    sf_worth w;
+    sf_importance w;
     values_of(f->model, before);
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_measure_importance(f, 0, &w));
     const float most[] = {w.effect[0], w.effect[1], INFINITY};
     memcpy(w.effect, most, sizeof most);
     f->options.merge = 1;
-    assert_ok(ctx, sf_trials_begin(f, &w));
-    sf_worth_free(ctx, &w);
+    assert_ok(ctx, sf_merges_begin(f, &w));
+    sf_importance_free(ctx, &w);
     assert_int_equal(f->merges.count, 1);
     values_of(f->model, during);
     assert_true(memcmp(before, during, sizeof before) != 0);
@@ -558,9 +558,9 @@ static void trial(float other_gray, int succeeds, int view_goes) {
         assert_ok(ctx, sf_scene_remove_view(scene, ids[n - 1]));
         sf_free(ctx, ids);
     }
-    assert_ok(ctx, sf_weigh(f, 0, &w));
+    assert_ok(ctx, sf_measure_importance(f, 0, &w));
     if (view_goes) assert_true(w.effect[0] < 1e-6f || w.effect[1] < 1e-6f); /* one was hidden */
-    sf_trials_judge(f, &w, 0.1, 0);
+    sf_merges_decide(f, &w, 0.1, 0);
     assert_int_equal(f->merges.count, 0);
     values_of(f->model, after);
     int going = 0;
@@ -569,7 +569,7 @@ static void trial(float other_gray, int succeeds, int view_goes) {
     assert_int_equal(f->merges.in_vain, !succeeds && !view_goes);
     assert_memory_equal(succeeds ? during : before, after, sizeof before);
     assert_true(succeeds || (isinf(w.effect[0]) && isinf(w.effect[1])));
-    sf_worth_free(ctx, &w);
+    sf_importance_free(ctx, &w);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
     sf_model_destroy(&truth);
@@ -602,7 +602,7 @@ static void test_a_fit_pays(void **state) {
     for (int size = SF_SIZE_AUTO; size <= SF_SIZE_CAP; size++) {
         sf_fit_options options = sf_fit_options_default();
         sf_fitter *f;
-        sf_worth w;
+        sf_importance w;
         options.steps = 600;
         options.plan_steps = 1000;
         options.grow_every = 20;
@@ -612,9 +612,9 @@ static void test_a_fit_pays(void **state) {
         options.size = size;
         assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
         assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
-        assert_ok(ctx, sf_weigh(f, 0, &w));
+        assert_ok(ctx, sf_measure_importance(f, 0, &w));
         count[size] = w.count, squares[size] = w.errors.squares / w.errors.values;
-        sf_worth_free(ctx, &w);
+        sf_importance_free(ctx, &w);
         sf_fitter_destroy(&f);
     }
     if (count[0] > count[1] / 4 || !(squares[0] < 1e-4))
@@ -675,7 +675,7 @@ static void test_charges_end_early(void **state) {
     f->options.merge = 0;
     for (f->step = 1; f->step <= STEPS; f->step++) {
         double fraction = (double)(f->step - 1) / STEPS;
-        if (!sf_charging_due(f, fraction)) continue;
+        if (!sf_selection_is_due(f, fraction)) continue;
         assert_true(f->step % f->options.grow_every == 0 && fraction > 0.55);
         due++;
         last = late, late = (int)f->step;
@@ -702,11 +702,11 @@ static void test_degrees_are_paid_for(void **state) {
     static const uint8_t left[][3] = {{2, 2, 1}, {1, 1, 0}, {0, 1, 0}, {0, 1, 0}};
     uint8_t degrees[3] = {3, 3, 2};
     for (size_t k = 0; k < sizeof left / sizeof *left; k++) {
-        sf_worth w;
-        assert_ok(ctx, sf_charge(f, 0.7, &w, degrees));
+        sf_importance w;
+        assert_ok(ctx, sf_select_prune(f, 0.7, &w, degrees));
         assert_true(w.bands[1][0] > 0 && w.bands[1][1] == 0 && w.bands[0][0] == 0 && w.bands[2][1] > 0);
         assert_memory_equal(degrees, left[k], sizeof degrees);
-        sf_worth_free(ctx, &w);
+        sf_importance_free(ctx, &w);
     }
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);

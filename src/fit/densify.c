@@ -1,10 +1,10 @@
-/* grow.c - pruning, cloning, splitting.
+/* densify.c - pruning, cloning, splitting.
  *
  * The plan says how many Gaussians there may be; those with the largest mean screen gradient grow, or the
- * largest error (error.c): a small one gets a clone beside it, a large one is split along its longest axis.
- * What is faint or not finite goes, or is moved (relocate.c).
+ * largest error (densify_score.c): a small one gets a clone beside it, a large one is split along its longest axis.
+ * What is faint or not finite goes, or is moved (densify_relocate.c).
  */
-#include "grow.h"
+#include "densify.h"
 
 #include "fitter.h"
 
@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "price.h"
+#include "select.h"
 
 /* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
  * middle. */
@@ -33,12 +33,12 @@ static int longest_axis(const sf_params *params, size_t i) {
     return longest;
 }
 
-float sf_faintest(const sf_fitter *f) {
+float sf_min_logit_opacity(const sf_fitter *f) {
     double opacity = f->options.prune_opacity;
     return opacity > 0 ? sf_logitf(fminf((float)opacity, 0.999f)) : -INFINITY;
 }
 
-int sf_worth_keeping(const sf_fitter *f, size_t i, float faintest) {
+int sf_is_kept(const sf_fitter *f, size_t i, float faintest) {
     const sf_params *p = &f->model->params;
     for (int field = 0; field < SF_FIELD_COUNT; field++)
         for (int c = 0; i < f->model->banded[sf_field_band(field)] && c < sf_field_components(field); c++)
@@ -47,35 +47,35 @@ int sf_worth_keeping(const sf_fitter *f, size_t i, float faintest) {
 }
 
 /* Gaussian i as it is. */
-static sf_place itself(const sf_fitter *f, size_t i) {
-    return (sf_place){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
+static sf_remap_entry itself(const sf_fitter *f, size_t i) {
+    return (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
 }
 
 /* degrees: NULL or [count], of those that are kept; no higher than now. */
 static sf_status keep_worthy(sf_fitter *f, float faintest, const uint8_t *degrees) {
     size_t kept = 0, count = f->model->count, lowered = 0;
-    sf_place *places = sf_alloc(f->ctx, count, sizeof *places);
+    sf_remap_entry *places = sf_alloc(f->ctx, count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
     for (size_t i = 0; i < count; i++) {
-        if (!sf_worth_keeping(f, i, faintest)) continue;
-        sf_place place = itself(f, i);
+        if (!sf_is_kept(f, i, faintest)) continue;
+        sf_remap_entry place = itself(f, i);
         if (degrees && degrees[i] < place.degree) place.degree = degrees[i], lowered++;
         places[kept++] = place;
     }
-    sf_status status = kept < count || lowered ? sf_arrange(f, places, kept, NULL) : SF_OK;
+    sf_status status = kept < count || lowered ? sf_reorder(f, places, kept, NULL) : SF_OK;
     sf_free(f->ctx, places);
     return status;
 }
 
 static sf_status prune(sf_fitter *f, const uint8_t *degrees) {
-    return keep_worthy(f, sf_faintest(f), degrees);
+    return keep_worthy(f, sf_min_logit_opacity(f), degrees);
 }
 
 sf_status sf_drop_not_finite(sf_fitter *f) {
     size_t had = f->model->count, finite = 0;
-    while (finite < had && sf_worth_keeping(f, finite, -INFINITY)) finite++;
+    while (finite < had && sf_is_kept(f, finite, -INFINITY)) finite++;
     if (finite == had) return SF_OK;
-    sf_trials_end(f); /* the others find other places */
+    sf_merges_undo_all(f); /* the others find other places */
     sf_status status = keep_worthy(f, -INFINITY, NULL);
     if (f->model->count < had)
         sf_log(f->ctx, SF_LOG_WARNING,
@@ -106,8 +106,8 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     }
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_moments_restart(&f->moments, f->model, i);
-    sf_moments_restart(&f->moments, f->model, j);
+    sf_optimizer_restart(&f->moments, f->model, i);
+    sf_optimizer_restart(&f->moments, f->model, j);
 }
 
 /* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
@@ -122,7 +122,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
     float opacity = 1.0f - sqrtf(1.0f - sf_sigmoidf(p->field[SF_FIELD_logit_opacity][i]));
     sf_set_opacity(p, i, opacity);
     sf_set_opacity(p, j, opacity);
-    sf_moments_restart(&f->moments, f->model, j);
+    sf_optimizer_restart(&f->moments, f->model, j);
 }
 
 typedef struct candidate {
@@ -162,13 +162,13 @@ static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) 
 /* A copy of each candidate joins, of its degree, and they part. */
 static sf_status add_copies(sf_fitter *f, const candidate *candidates, size_t n) {
     size_t count = f->model->count;
-    sf_place *places = sf_alloc(f->ctx, count + n, sizeof *places);
+    sf_remap_entry *places = sf_alloc(f->ctx, count + n, sizeof *places);
     uint32_t *where = sf_alloc(f->ctx, count + n, sizeof *where);
     sf_status status = places && where ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         for (size_t i = 0; i < count; i++) places[i] = itself(f, i);
         for (size_t k = 0; k < n; k++) places[count + k] = places[candidates[k].index];
-        status = sf_arrange(f, places, count + n, where);
+        status = sf_reorder(f, places, count + n, where);
     }
     float split_log_scale = (float)log(fmax(f->options.split_scale * f->extent, 1e-30));
     for (size_t k = 0; k < n && !status; k++) {
@@ -205,29 +205,29 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
 /* What is not worth its price goes, pairs are judged and put on trial. The statistics of growth are not
  * needed any more: they carry the effects through the arranging. */
 static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
-    sf_worth w = {0};
+    sf_importance w = {0};
     size_t had = f->model->count, floats = sf_model_floats(f->model);
     for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
-    sf_status status = sf_charge(f, fraction, &w, degrees);
+    sf_status status = sf_select_prune(f, fraction, &w, degrees);
     for (size_t i = 0; i < had && !status; i++)
         if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.effect[i];
     if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
-    if (floats - sf_model_floats(f->model) > floats / SF_NOTABLE) sf_forget_best(f);
+    if (floats - sf_model_floats(f->model) > floats / SF_MODEL_CHANGED_PART) sf_forget_best_model(f);
     w.count = f->model->count;
     for (size_t i = 0; i < w.count && !status; i++) w.effect[i] = (float)f->densify.gradient_sum[i];
-    if (!status) status = sf_try_pairs(f, fraction, went, &w);
-    sf_worth_free(f->ctx, &w);
+    if (!status) status = sf_select_merge(f, fraction, went, &w);
+    sf_importance_free(f->ctx, &w);
     return status;
 }
 
 static sf_status clear_veils(sf_fitter *f) {
-    sf_status status = sf_mark_veils(f);
+    sf_status status = sf_mark_floaters(f);
     return status ? status : prune(f, NULL);
 }
 
 static sf_status charge(sf_fitter *f, double fraction) {
-    int glanced = sf_nothing_to_weigh(f, fraction);
+    int glanced = sf_skip_selection(f, fraction);
     uint8_t *degrees = glanced ? NULL : sf_alloc(f->ctx, f->model->count, 1);
     sf_status status = glanced ? clear_veils(f) : degrees ? charge_with(f, fraction, degrees) : SF_ERR_MEMORY;
     sf_free(f->ctx, degrees);
@@ -238,20 +238,20 @@ static sf_status charge(sf_fitter *f, double fraction) {
 
 static sf_status grow_by_plan(sf_fitter *f, double fraction) {
     int kind = f->options.growth;
-    if (kind == SF_GROWTH_ERROR && sf_score_errors(f))
+    if (kind == SF_GROWTH_ERROR && sf_densify_score(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
     if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
-    if (sf_is_priced(f) && !f->densify.ended && !f->densify.out_of_memory && sf_consider_growth(f, fraction))
+    if (sf_selects(f) && !f->densify.ended && !f->densify.out_of_memory && sf_select_growth(f, fraction))
         end_growth(f);
     sf_status status = prune(f, NULL);
     size_t wanted = !f->densify.ended && !status ? wanted_more(f, fraction) : 0;
     return wanted ? grow(f, wanted) : status;
 }
 
-void sf_grow_and_prune(sf_fitter *f, double fraction) {
-    int charging = sf_charging_due(f, fraction);
+void sf_densify_and_prune(sf_fitter *f, double fraction) {
+    int charging = sf_selection_is_due(f, fraction);
     sf_status status = charging ? charge(f, fraction) : SF_OK;
-    int growing = !charging || (sf_growth_due(f, fraction) && !f->densify.ended);
+    int growing = !charging || (sf_densification_is_due(f, fraction) && !f->densify.ended);
     /* those on trial stay where they are */
     if (growing && !status && !f->merges.count) {
         status = grow_by_plan(f, fraction);

@@ -1,4 +1,4 @@
-/* grow.h - what growth and relocation share. */
+/* densify.h - what growth and relocation share. */
 #ifndef SF_FIT_GROW_H
 #define SF_FIT_GROW_H
 
@@ -16,12 +16,12 @@ static inline void sf_set_opacity(const sf_params *p, size_t i, float opacity) {
 void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction);
 
 /* Least logit-opacity of what is kept. */
-float sf_faintest(const sf_fitter *fitter);
+float sf_min_logit_opacity(const sf_fitter *fitter);
 /* Whether Gaussian i is finite, not fainter, and not scored to go. */
-int sf_worth_keeping(const sf_fitter *fitter, size_t i, float faintest);
+int sf_is_kept(const sf_fitter *fitter, size_t i, float faintest);
 
-/* veil.c: scores -1, to go, what a training camera is inside of, and what stands before what one sees. On
+/* select_floaters.c: scores -1, to go, what a training camera is inside of, and what stands before what one sees. On
  * failure nothing is. */
-sf_status sf_mark_veils(sf_fitter *fitter);
+sf_status sf_mark_floaters(sf_fitter *fitter);
 
 #endif

@@ -1,4 +1,4 @@
-/* plan.c - how far a run limited by time was at each of its steps: kept, so that it can be repeated. */
+/* time_trace.c - how far a run limited by time was at each of its steps: kept, so that it can be repeated. */
 #include "fitter.h"
 
 #include <string.h>
@@ -53,7 +53,7 @@ sf_status sf_fitter_get_plan(const sf_fitter *f, uint32_t *ticks, size_t capacit
     return SF_OK;
 }
 
-sf_status sf_plan_check(sf_context *ctx, const uint32_t *ticks, size_t count) {
+sf_status sf_time_trace_check(sf_context *ctx, const uint32_t *ticks, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (ticks[i] >= SF_PLAN_TICKS || (i && ticks[i] < ticks[i - 1]))
             return sf_fail(ctx, SF_ERR_ARGUMENT, "plan: step %zu: %u is not in %u..%u", i, (unsigned)ticks[i],
@@ -63,7 +63,7 @@ sf_status sf_plan_check(sf_context *ctx, const uint32_t *ticks, size_t count) {
 
 sf_status sf_fitter_follow(sf_fitter *f, const uint32_t *ticks, size_t count) {
     if (f->step) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "plan: the run has begun");
-    sf_status status = sf_plan_check(f->ctx, ticks, count);
+    sf_status status = sf_time_trace_check(f->ctx, ticks, count);
     if (!status)
         status = sf_grow(f->ctx, &f->trace.ticks, &f->trace.capacity, 0, count + 1, sizeof *f->trace.ticks);
     if (status) return status;

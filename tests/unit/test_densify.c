@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "fit/fitter.h"
-#include "fit/grow.h"
+#include "fit/densify.h"
 
 enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -108,7 +108,7 @@ static sf_fitter *grown(sf_context *ctx, sf_scene **scene, const ball *balls, do
     *scene = scene_of(ctx, balls, 3, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, *scene, balls, 3, &options);
     f->densify.gradient_sum[0] = f->densify.visible_count[0] = 1;
-    sf_grow_and_prune(f, 1);
+    sf_densify_and_prune(f, 1);
     assert_int_equal(f->model->count, 4);
     return f;
 }
@@ -183,10 +183,10 @@ static void test_error_of_several_views(void **state) {
     options.plan_steps = 1;
     options.grow_most = 1e6;
     sf_fitter *f = disagreeing(ctx, &scene, NULL, &options);
-    assert_ok(ctx, sf_score_errors(f));
+    assert_ok(ctx, sf_densify_score(f));
     assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[SPOILT]);
     assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[FINE]);
-    sf_grow_and_prune(f, 1);
+    sf_densify_and_prune(f, 1);
     assert_int_equal(f->model->count, 4);
     assert_true((double)means_of(f)[sf_at(3, 3, 2)] > 0.5); /* beside the first */
     end(ctx, scene, f);
@@ -201,7 +201,7 @@ static void test_masked_error(void **state) {
     sf_scene *scene;
     sf_fit_options options = options_of(SF_GROWTH_ERROR);
     sf_fitter *f = disagreeing(ctx, &scene, mask, &options);
-    assert_ok(ctx, sf_score_errors(f));
+    assert_ok(ctx, sf_densify_score(f));
     assert_true(f->densify.gradient_sum[WRONG] < 1e-3);
     assert_true(f->densify.gradient_sum[WRONG] >= 0); /* it is shown: it stays */
     end(ctx, scene, f);
@@ -221,7 +221,7 @@ static void test_hidden(void **state) {
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     f->densify.out_of_memory = 1;
-    sf_grow_and_prune(f, 0);
+    sf_densify_and_prune(f, 0);
     assert_int_equal(f->model->count, COUNT - 1);
     assert_true(opacity_of(f, 2) > 0.9);
     assert_true(means_of(f)[sf_at(3, 3, 2)] == 50);
@@ -241,8 +241,8 @@ static void test_validation_is_not_looked_at(void **state) {
         sf_fitter *f = fitter_of(ctx, scene, apart, APART, &options);
         sf_view_info info;
         assert_ok(ctx, sf_scene_get_view(scene, 2, &info));
-        assert_true(sf_validates(f, info.id));
-        assert_ok(ctx, sf_score_errors(f));
+        assert_true(sf_is_in_validation(f, info.id));
+        assert_ok(ctx, sf_densify_score(f));
         memcpy(scores[spoil], f->densify.gradient_sum, sizeof scores[spoil]);
         end(ctx, scene, f);
     }
@@ -268,7 +268,7 @@ static void test_formula(void **state) {
     static const uint32_t numbers[] = {1, 2, 3, 10, 51, 1000, 100000};
     for (size_t i = 0; i < sizeof opacities / sizeof *opacities; i++)
         for (size_t k = 0; k < sizeof numbers / sizeof *numbers; k++) {
-            double o = opacities[i], shrink, each = sf_relocated(o, numbers[k], &shrink);
+            double o = opacities[i], shrink, each = sf_relocated_opacity(o, numbers[k], &shrink);
             double peak = -expm1(numbers[k] * log1p(-each)), line = shrink * integral(each, numbers[k]);
             assert_true(fabs(peak - o) < 1e-9 * o);
             assert_true(fabs(line - o * sqrt(2 * pi)) < 1e-8 * o);
@@ -327,7 +327,7 @@ static void test_dead_come_alive(void **state) {
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     for (int round = 0; round < 3; round++) {
-        sf_grow_and_prune(f, 1);
+        sf_densify_and_prune(f, 1);
         assert_int_equal(f->model->count, MOST);
     }
     for (size_t i = 0; i < MOST; i++) {
@@ -363,7 +363,7 @@ static void test_noise(void **state) {
     sf_fit_options options = options_of(SF_GROWTH_RELOCATE);
     sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
-    sf_disturb(f, 1, 0, 3);
+    sf_inject_noise(f, 1, 0, 3);
     for (size_t i = 0; i < COUNT; i++)
         for (int k = 0; k < 3; k++) {
             double moved = (double)means_of(f)[sf_at(i, 3, k)];
@@ -469,7 +469,7 @@ static void test_growth_is_not_seen(void **state) {
         for (int step = 0; step < 30; step++) assert_ok(ctx, sf_fitter_step(f));
         size_t count = f->model->count;
         double before = test_held_out(ctx, scene, f).psnr;
-        sf_grow_and_prune(f, sf_fraction(f));
+        sf_densify_and_prune(f, sf_fraction(f));
         double after = test_held_out(ctx, scene, f).psnr;
         if (!(after > before - 0.1)) print_message("growth %d: %.2f to %.2f dB\n", growth, before, after);
         assert_true(after > before - 0.1);
@@ -501,7 +501,7 @@ static void test_veils_go(void **state) {
         *sf_value(&f->model->params, SF_FIELD_log_scale, 3 + k, longest[k]) = logf(0.9f);
         if (k >= 2) *sf_value(&f->model->params, SF_FIELD_quat, 3 + k, 3) = 1; /* a quarter about z */
     }
-    assert_ok(ctx, sf_mark_veils(f));
+    assert_ok(ctx, sf_mark_floaters(f));
     for (size_t i = 0; i < BALLS; i++) assert_int_equal(f->densify.gradient_sum[i] < 0, goes[i]);
 
     /* where the camera stands is what the fit has learned of it */
@@ -511,7 +511,7 @@ static void test_veils_go(void **state) {
     assert_ok(ctx, sf_view_states_sync(&f->views, scene, ids, n));
     for (int k = 0; k < 3; k++) f->views.states[0].t_cw[k] *= 4;
     memset(f->densify.gradient_sum, 0, BALLS * sizeof *f->densify.gradient_sum);
-    assert_ok(ctx, sf_mark_veils(f));
+    assert_ok(ctx, sf_mark_floaters(f));
     for (size_t i = 0; i < BALLS; i++) assert_false(f->densify.gradient_sum[i] < 0);
     sf_free(ctx, ids);
     sf_fitter_destroy(&f);
@@ -544,7 +544,7 @@ static void test_what_stands_before_a_lens_goes(void **state) {
         options.max_gaussians = (uint32_t)(PLACES + crowd);
         sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
         sf_fitter *f = fitter_of(ctx, scene, balls, PLACES + crowd, &options);
-        assert_ok(ctx, sf_mark_veils(f));
+        assert_ok(ctx, sf_mark_floaters(f));
         for (size_t i = 0; i < PLACES + crowd; i++)
             assert_int_equal(f->densify.gradient_sum[i] < 0, crowd == MOST && i < PLACES && places[i].goes);
         sf_fitter_destroy(&f);
@@ -588,7 +588,7 @@ static void check_newcomers(int format) {
     for (size_t i = 0; i < count; i++)
         for (int field = 0; field <= SF_FIELD_sh0; field++)
             for (int c = 0; c < sf_field_components(field); c++) was[i][field][c] = moment_of(f, field, i, c);
-    sf_grow_and_prune(f, sf_fraction(f));
+    sf_densify_and_prune(f, sf_fraction(f));
     size_t grown = f->model->count - count;
     assert_true(grown > 100 && f->model->count <= MOST);
     for (size_t i = 0; i < count; i++) {

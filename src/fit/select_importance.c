@@ -1,9 +1,9 @@
-/* worth.c - what each Gaussian is worth to the training views.
+/* select_importance.c - what each Gaussian is worth to the training views.
  *
  * A pixel is linear in the opacity that each Gaussian has there: what taking one out does to the squared
  * error is known without drawing it again (README, Size).
  */
-#include "worth.h"
+#include "select_importance.h"
 
 #include <math.h>
 #include <string.h>
@@ -11,11 +11,11 @@
 #include "../base/pool.h"
 #include "../base/statistics.h"
 #include "../kernels/sh.h"
-#include "grow.h"
+#include "densify.h"
 
 enum {
     GATHER = 1024,        /* Gaussians a task */
-    BLAME = SF_WORTH_SUMS /* a slot's sums from here on: its sf_blame */
+    BLAME = SF_IMPORTANCE_SUMS /* a slot's sums from here on: its sf_attributed_error */
 };
 
 /* Variance below which what is drawn tells nothing of a gain; part of the squared errors that is rounding. */
@@ -36,7 +36,7 @@ typedef struct band_sums {
 
 typedef struct weigh_job {
     sf_workspace *ws;
-    sf_worth *worth;
+    sf_importance *worth;
     band_sums *bands;
     tone tones[SF_CHANNELS]; /* of the picture */
     float gain[SF_CHANNELS]; /* what the exposure makes of a Gaussian's part */
@@ -115,7 +115,7 @@ static void add_errors(sf_errors *to, const sf_errors *more, double factor) {
     to->values += factor * more->values;
 }
 
-double sf_errs_together(const sf_errors *errors) {
+double sf_correlation_area(const sf_errors *errors) {
     double most = SF_TILE * SF_TILE; /* also where nothing is left */
     return errors->toned > LEAST_SPREAD * errors->squares
                ? fmin(fmax(errors->clumps / errors->toned, 1), most)
@@ -179,7 +179,7 @@ static void tile_task(void *job_pointer, size_t tile, int thread) {
 
 /* The squared error of each tile. */
 static sf_status weigh_tiles(weigh_job *job) {
-    sf_worth *w = job->worth;
+    sf_importance *w = job->worth;
     const sf_workspace *ws = job->ws;
     size_t tiles = ws->stride / SF_TILE * (ws->plane_rows / SF_TILE);
     if (sf_grow(ws->ctx, &w->tiles, &w->tile_capacity, w->tile_count, w->tile_count + tiles,
@@ -219,11 +219,11 @@ static void weigh_bands(const weigh_job *job, size_t i, double squares) {
 
 static void weigh_in(const weigh_job *job, size_t i) {
     const sf_workspace *ws = job->ws;
-    sf_worth *w = job->worth;
-    double sums[SF_WORTH_SUMS] = {0};
+    sf_importance *w = job->worth;
+    double sums[SF_IMPORTANCE_SUMS] = {0};
     if (ws->state[i] != SF_SEEN || ws->slot[i] == ws->slot[i + 1]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++)
-        for (int k = 0; k < SF_WORTH_SUMS; k++)
+        for (int k = 0; k < SF_IMPORTANCE_SUMS; k++)
             sums[k] += (double)ws->sums[(size_t)slot * SF_SUMS + (size_t)k];
     w->removal[i] += (float)(job->pixels * (sums[4] - 2 * sums[3]));
     w->effect[i] += (float)(job->pixels * sums[4]);
@@ -283,7 +283,7 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, doub
     weigh_job *job = job_pointer;
     sf_status status = residual(job, pixels);
     if (!status) take_exposure(f, state, job);
-    if (!status) status = sf_stage_blend_worth(job->ws);
+    if (!status) status = sf_stage_blend_importance(job->ws);
     if (!status) status = weigh_tiles(job);
     if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
     return status;
@@ -295,26 +295,26 @@ static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, do
     return residual(job_pointer, pixels);
 }
 
-static sf_status look_at_level(sf_fitter *f, int level, size_t views, sf_look_fn look, weigh_job *job,
+static sf_status look_at_level(sf_fitter *f, int level, size_t views, sf_sample_fn look, weigh_job *job,
                                size_t *there) {
     int before = f->level;
     f->level = level;
-    sf_status status = sf_look_at_views(f, views, 0, look, job, there);
+    sf_status status = sf_sample_views(f, views, 0, look, job, there);
     f->level = before;
     return status;
 }
 
-sf_status sf_look_for_errors(sf_fitter *f, int level, size_t views, sf_errors *errors) {
-    sf_worth w = {0};
+sf_status sf_measure_errors(sf_fitter *f, int level, size_t views, sf_errors *errors) {
+    sf_importance w = {0};
     weigh_job job = {.ws = &f->workspace, .worth = &w};
     sf_status status = look_at_level(f, level, views, glance_at, &job, NULL);
     *errors = w.errors;
     return status;
 }
 
-static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
+static sf_status make_arrays(sf_fitter *f, sf_importance *w) {
     size_t n = f->model->count;
-    *w = (sf_worth){.count = n,
+    *w = (sf_importance){.count = n,
                     .removal = sf_calloc(f->ctx, n, sizeof *w->removal),
                     .effect = sf_calloc(f->ctx, n, sizeof *w->effect),
                     .share = sf_calloc(f->ctx, n, sizeof *w->share),
@@ -324,7 +324,7 @@ static sf_status make_arrays(sf_fitter *f, sf_worth *w) {
 }
 
 /* To as many views as are trained on. */
-static void scale_up(sf_worth *w, double factor) {
+static void scale_up(sf_importance *w, double factor) {
     add_errors(&w->errors, &w->errors, factor - 1);
     for (size_t i = 0; i < w->count; i++) {
         w->removal[i] *= (float)factor;
@@ -341,7 +341,7 @@ static void scale_up(sf_worth *w, double factor) {
 
 /* Marks those that stand for pairs on trial. */
 static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
-    const sf_trials *t = &f->merges;
+    const sf_merges *t = &f->merges;
     job->tried = sf_calloc(f->ctx, job->worth->count, 1);
     job->worth->blame = sf_calloc(f->ctx, job->worth->count, sizeof *job->worth->blame);
     if (!job->tried || !job->worth->blame) return SF_ERR_MEMORY;
@@ -350,7 +350,7 @@ static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
     return SF_OK;
 }
 
-sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
+sf_status sf_measure_importance(sf_fitter *f, size_t views, sf_importance *w) {
     weigh_job job = {.ws = &f->workspace, .worth = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
@@ -363,9 +363,9 @@ sf_status sf_weigh(sf_fitter *f, size_t views, sf_worth *w) {
     return status;
 }
 
-int sf_was_weighed(const sf_worth *w, size_t i) { return w->mass[i] > 0 || w->whole; }
+int sf_importance_is_known(const sf_importance *w, size_t i) { return w->mass[i] > 0 || w->whole; }
 
-void sf_worth_free(sf_context *ctx, sf_worth *w) {
+void sf_importance_free(sf_context *ctx, sf_importance *w) {
     sf_free(ctx, w->removal);
     sf_free(ctx, w->effect);
     sf_free(ctx, w->share);
