@@ -671,7 +671,7 @@ static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
     if (status) return status;
     f->trace.capacity = f->trace.count;
     return sf_time_trace_check(f->ctx, f->trace.ticks, f->trace.count) ? bad(in, "plan", "times do not rise")
-                                                                 : SF_OK;
+                                                                       : SF_OK;
 }
 
 /* How many Gaussians have each band, at most max_gaussians. The numbers are believed only where the file is

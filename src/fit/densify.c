@@ -1,8 +1,8 @@
 /* densify.c - pruning, cloning, splitting.
  *
  * The plan says how many Gaussians there may be; those with the largest mean screen gradient grow, or the
- * largest error (densify_score.c): a small one gets a clone beside it, a large one is split along its longest axis.
- * What is faint or not finite goes, or is moved (densify_relocate.c).
+ * largest error (densify_score.c): a small one gets a clone beside it, a large one is split along its longest
+ * axis. What is faint or not finite goes, or is moved (densify_relocate.c).
  */
 #include "densify.h"
 
@@ -210,12 +210,12 @@ static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
     for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
     sf_status status = sf_select_prune(f, fraction, &w, degrees);
     for (size_t i = 0; i < had && !status; i++)
-        if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.effect[i];
+        if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.score[i];
     if (!status) status = prune(f, degrees);
     size_t went = had - f->model->count;
     if (floats - sf_model_floats(f->model) > floats / SF_MODEL_CHANGED_PART) sf_forget_best_model(f);
     w.count = f->model->count;
-    for (size_t i = 0; i < w.count && !status; i++) w.effect[i] = (float)f->densify.gradient_sum[i];
+    for (size_t i = 0; i < w.count && !status; i++) w.score[i] = (float)f->densify.gradient_sum[i];
     if (!status) status = sf_select_merge(f, fraction, went, &w);
     sf_importance_free(f->ctx, &w);
     return status;

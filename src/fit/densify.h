@@ -1,6 +1,6 @@
 /* densify.h - what growth and relocation share. */
-#ifndef SF_FIT_GROW_H
-#define SF_FIT_GROW_H
+#ifndef SF_FIT_DENSIFY_H
+#define SF_FIT_DENSIFY_H
 
 #include <math.h>
 
@@ -20,8 +20,8 @@ float sf_min_logit_opacity(const sf_fitter *fitter);
 /* Whether Gaussian i is finite, not fainter, and not scored to go. */
 int sf_is_kept(const sf_fitter *fitter, size_t i, float faintest);
 
-/* select_floaters.c: scores -1, to go, what a training camera is inside of, and what stands before what one sees. On
- * failure nothing is. */
+/* select_floaters.c: scores -1, to go, what a training camera is inside of, and what stands before what one
+ * sees. On failure nothing is. */
 sf_status sf_mark_floaters(sf_fitter *fitter);
 
 #endif

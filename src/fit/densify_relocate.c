@@ -1,5 +1,5 @@
-/* densify_relocate.c - Gaussians as samples (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte
- * Carlo"): faint ones move to live ones, and noise lets them look around.
+/* densify_relocate.c - Gaussians as samples (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain
+ * Monte Carlo"): faint ones move to live ones, and noise lets them look around.
  */
 #include "densify.h"
 
@@ -43,10 +43,10 @@ static void correct(sf_fitter *f, size_t i, uint32_t n) {
 typedef struct relocation {
     size_t count, places; /* Gaussians before and afterwards */
     size_t moving;
-    double *until;    /* [count] sum of the opacities of live ones up to here */
-    uint32_t *copies; /* [count] how many come to this one */
-    sf_remap_entry *place;  /* [places] */
-    uint32_t *where;  /* [places] */
+    double *until;         /* [count] sum of the opacities of live ones up to here */
+    uint32_t *copies;      /* [count] how many come to this one */
+    sf_remap_entry *place; /* [places] */
+    uint32_t *where;       /* [places] */
 } relocation;
 
 static void free_relocation(sf_context *ctx, relocation *r) {

@@ -129,9 +129,9 @@ struct sf_fitter {
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_optimizer_state moments;        /* of Adam; arrays have the model's capacities */
-    int64_t optimizer_restart; /* step at which the moments were last cleared */
-    sf_model shown;            /* ema.c: the moving average of the model, where one is kept */
+    sf_optimizer_state moments; /* of Adam; arrays have the model's capacities */
+    int64_t optimizer_restart;  /* step at which the moments were last cleared */
+    sf_model shown;             /* ema.c: the moving average of the model, where one is kept */
     double background[3], background_m[3], background_v[3];
     float step_background[3]; /* of the step in progress */
 
@@ -175,8 +175,9 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
 sf_status sf_draw_view(sf_fitter *fitter, const sf_view *view, const sf_view_state *state,
                        double *weight_sum);
 
-/* moving_average.c: the model as it is to be seen and tracked against, with means in the place of parameters where
- * they are kept; until the next step, and read alone. Without the memory for it: as the last step left it. */
+/* moving_average.c: the model as it is to be seen and tracked against, with means in the place of parameters
+ * where they are kept; until the next step, and read alone. Without the memory for it: as the last step left
+ * it. */
 const sf_model *sf_fitter_average_model(sf_fitter *fitter);
 /* The same done to a copy of the model; and the end of what sf_fitter_average_model made. */
 void sf_take_moving_average(const sf_fitter *fitter, sf_model *copy);
@@ -299,18 +300,19 @@ void sf_densify_and_prune(sf_fitter *fitter, double fraction);
 /* Removes what is not finite, and says so. */
 sf_status sf_drop_not_finite(sf_fitter *fitter);
 
-/* sample_views.c: draws `wanted` of the views that are trained on and not masked altogether, spread over all of them,
- * the same each time or, with `others`, others each time; 0: all. At the level, degree and background of the
- * moment, with the cameras and exposures learned. `look` is called after each, as sf_draw_view leaves it,
- * with the sum of the weights of its pixels; a failure of it ends the looking. pixels: of the full resolution
- * in one of the picture; *there (may be NULL): how many such views there are. */
+/* sample_views.c: draws `wanted` of the views that are trained on and not masked altogether, spread over all
+ * of them, the same each time or, with `others`, others each time; 0: all. At the level, degree and
+ * background of the moment, with the cameras and exposures learned. `look` is called after each, as
+ * sf_draw_view leaves it, with the sum of the weights of its pixels; a failure of it ends the looking.
+ * pixels: of the full resolution in one of the picture; *there (may be NULL): how many such views there are.
+ */
 typedef sf_status (*sf_sample_fn)(sf_fitter *fitter, sf_view_state *state, double pixels, double weight_sum,
-                                void *user);
+                                  void *user);
 sf_status sf_sample_views(sf_fitter *fitter, size_t wanted, int others, sf_sample_fn look, void *user,
-                           size_t *there);
+                          size_t *there);
 
-/* densify_score.c: puts in the place of the statistics each Gaussian's part in the error of several training views,
- * and below 0 what none of them shows. On failure they stay as they are. */
+/* densify_score.c: puts in the place of the statistics each Gaussian's part in the error of several training
+ * views, and below 0 what none of them shows. On failure they stay as they are. */
 sf_status sf_densify_score(sf_fitter *fitter);
 
 /* densify_relocate.c */

@@ -14,7 +14,8 @@ static sf_status make_places(sf_fitter *f, size_t count, uint32_t *where) {
     size_t had = f->model->count;
     sf_remap_entry *places = sf_alloc(f->ctx, had + count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < had; i++) places[i] = (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
+    for (size_t i = 0; i < had; i++)
+        places[i] = (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
     for (size_t i = 0; i < count; i++) places[had + i] = (sf_remap_entry){0, (uint8_t)f->model->sh_degree};
     sf_status status = sf_reorder(f, places, had + count, where);
     sf_free(f->ctx, places);

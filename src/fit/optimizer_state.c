@@ -8,7 +8,9 @@ enum { FIRST, SECOND, LAG }; /* parts; words with both moments are where the fir
 static const char *const part_names[][SF_MOMENT_PARTS] = {
     [SF_MOMENTS_FLOAT] = {"m", "v", "lag"}, [SF_MOMENTS_HALF] = {"mv", "v", "lag"}};
 
-const char *sf_moment_part(const sf_optimizer_state *moments, int part) { return part_names[moments->format][part]; }
+const char *sf_moment_part(const sf_optimizer_state *moments, int part) {
+    return part_names[moments->format][part];
+}
 
 int sf_moment_components(const sf_optimizer_state *moments, int part, int field) {
     int n = sf_field_components(field);
@@ -31,10 +33,12 @@ static int components_of(const sf_optimizer_state *moments, int part, int field,
 }
 
 sf_optimizer_state sf_optimizer_moments(int format, int64_t mean_steps) {
-    return (sf_optimizer_state){.format = format, .mean_kept = mean_steps > 1 ? 1 - 1 / (float)mean_steps : 0};
+    return (sf_optimizer_state){.format = format,
+                                .mean_kept = mean_steps > 1 ? 1 - 1 / (float)mean_steps : 0};
 }
 
-sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps, sf_optimizer_state *moments) {
+sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps,
+                              sf_optimizer_state *moments) {
     *moments = sf_optimizer_moments(format, mean_steps);
     for (int band = 0; band <= model->sh_degree; band++) {
         sf_status status = sf_optimizer_set_room(moments, model, band, model->capacity[band]);
@@ -122,8 +126,8 @@ void sf_optimizer_reset_all(const sf_optimizer_state *moments, const sf_model *m
         }
 }
 
-void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
-                     float *p, const float *g, const sf_adam *step, uint32_t key) {
+void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at,
+                       size_t n, float *p, const float *g, const sf_adam *step, uint32_t key) {
     void *first = moments->part[FIRST][field], *second = moments->part[SECOND][field];
     if (!sf_has_momentum(field))
         kernels->rmsprop(p, g, (float *)second + at / 3, n / 3, step);

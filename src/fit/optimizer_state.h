@@ -1,11 +1,12 @@
-/* optimizer_state.h - what the optimiser remembers of each parameter, and how far a running mean of it is off.
+/* optimizer_state.h - what the optimiser remembers of each parameter, and how far a running mean of it is
+ * off.
  *
  * Adam's two moments, as floats or in 16 bits each. SH from degree 1 on have no first one, and one second one
  * for the three channels of a coefficient: three quarters of the parameters are there, and their momentum,
  * and a scale of its own for each channel, were measured to be worth nothing (MEASURED.md).
  */
-#ifndef SF_FIT_MOMENTS_H
-#define SF_FIT_MOMENTS_H
+#ifndef SF_FIT_OPTIMIZER_STATE_H
+#define SF_FIT_OPTIMIZER_STATE_H
 
 #include "../scene/gaussians.h"
 
@@ -34,7 +35,8 @@ static inline int sf_has_momentum(int field) { return field <= SF_FIELD_sh0; }
 /* Without arrays: what there would be. A mean is kept of `mean_steps` steps, if that is above 1. */
 sf_optimizer_state sf_optimizer_moments(int format, int64_t mean_steps);
 /* Zeros, with room for as many as the model has room for. On failure none is left. */
-sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps, sf_optimizer_state *moments);
+sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps,
+                              sf_optimizer_state *moments);
 void sf_optimizer_destroy(sf_context *ctx, sf_optimizer_state *moments);
 
 /* What sf_model_set_room and sf_model_reorder do to the model, before they do it. */
@@ -50,8 +52,8 @@ void sf_optimizer_reset_all(const sf_optimizer_state *moments, const sf_model *m
 
 /* One step for parameters at .. at+n-1 of an array of a field, p and g their first, of whole blocks of the
  * field. key: of the random rounding, another one each step and field. */
-void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at, size_t n,
-                     float *p, const float *g, const sf_adam *step, uint32_t key);
+void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at,
+                       size_t n, float *p, const float *g, const sf_adam *step, uint32_t key);
 
 /* Around what moves parameters at .. at+n-1 of an array of a field, p their first: before, the third part
  * becomes the mean; afterwards the mean takes its step, and what is left is how far it is off. */

@@ -1,9 +1,9 @@
 /* prune.c - a model taken down to what its scene needs.
  *
- * What taking a Gaussian out costs is known exactly for one alone (select_importance.h), not for many that go together:
- * each alone may make up for the error of others. Their effects on the pictures, in which no residual is
- * counted upon, put them in order, and how many may go is found by bisection on true renders. In rounds, each
- * with a part of the loss, for what is left is worth more when neighbours have gone.
+ * What taking a Gaussian out costs is known exactly for one alone (select_importance.h), not for many that go
+ * together: each alone may make up for the error of others. Their effects on the pictures, in which no
+ * residual is counted upon, put them in order, and how many may go is found by bisection on true renders. In
+ * rounds, each with a part of the loss, for what is left is worth more when neighbours have gone.
  */
 #include <splatfit/prune.h>
 
@@ -155,8 +155,8 @@ static void list_bands(pruner *p, const sf_importance *worth) {
             double of_band = energy(p->kept, i, band);
             if (of_band == 0 && cost == 0) continue; /* it went already */
             double floats = 3.0 * (2 * band + 1);
-            cost =
-                fmax(cost, of_band * (double)worth->share[i] / floats); /* no band goes before a higher one */
+            cost = fmax(cost, of_band * (double)worth->error_share[i] /
+                                  floats); /* no band goes before a higher one */
             p->items[p->item_count++] = (item){(float)cost, (uint32_t)i, band - 1};
         }
     }
@@ -169,7 +169,7 @@ static sf_status list_items(pruner *p, int bands) {
     sf_status status = sf_measure_importance(p->fitter, 0, &worth);
     if (!status && bands) list_bands(p, &worth);
     for (size_t i = 0; i < p->kept->count && !status && !bands; i++)
-        p->items[p->item_count++] = (item){worth.effect[i], (uint32_t)i, -1};
+        p->items[p->item_count++] = (item){worth.score[i], (uint32_t)i, -1};
     sf_importance_free(p->ctx, &worth);
     if (!status) qsort(p->items, p->item_count, sizeof *p->items, compare);
     return status;

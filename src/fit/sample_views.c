@@ -28,7 +28,7 @@ static int shows(const sf_fitter *f, uint32_t id) {
 }
 
 sf_status sf_sample_views(sf_fitter *f, size_t wanted, int others, sf_sample_fn look, void *user,
-                           size_t *there) {
+                          size_t *there) {
     uint32_t *ids;
     size_t n, kept = 0;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &n);

@@ -1,36 +1,37 @@
-/* select.h - a model of no more Gaussians than the scene needs. */
-#ifndef SF_FIT_PRICE_H
-#define SF_FIT_PRICE_H
+/* select.h - model selection: which Gaussians and SH bands lower the error by enough to be kept. */
+#ifndef SF_FIT_SELECT_H
+#define SF_FIT_SELECT_H
 
 #include "fitter.h"
 #include "select_importance.h"
 
-enum { SF_MODEL_CHANGED_PART = 50 /* what takes less of the model away than this part hardly changes its errors */ };
+enum { SF_MODEL_CHANGED_PART = 50 /* removing less than this part of the model hardly changes its errors */ };
 
-/* Whether Gaussians have to pay for themselves: `size` is auto, none is relocated, and the run is not short.
- */
+/* Whether Gaussians are pruned by importance: `size` is auto, and growth is not by relocation. (The plan of a
+ * short run sets `size` to cap.) */
 int sf_selects(const sf_fitter *fitter);
 
-/* Looks, before a growth, whether those before it have taken away from the error: where several have not,
- * growth ends (grown_out); and how much of it pays here (growth_pays). SF_ERR_MEMORY: nothing has changed. */
+/* Before a densification: ends densification where several in a row did not lower the error (densify.ended),
+ * and sets the factor of the number to add (select.growth_scale). SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_select_growth(sf_fitter *fitter, double fraction);
 
-/* Whether this step ends with charging: with those that are not worth their price, while what goes is made up
- * for and once before the end, or, when nothing grows any more, with pairs on trial (select_merge.h). */
+/* Whether this step ends with selection: pruning, or, when densification is over, a round of tentative merges
+ * (select_merge.h). */
 int sf_selection_is_due(const sf_fitter *fitter, double fraction);
 
-/* Whether it was due for pairs alone, and a glance shows that none is worth a trial, which this keeps count
- * of: then no more than veils goes. */
+/* Whether selection was due for merges alone and a few views show that no merge would hold; the vain round is
+ * counted. Then only floaters are removed. */
 int sf_skip_selection(sf_fitter *fitter, double fraction);
 
-/* Marks in screen_sum what is worth less than its price, as worth has it, and veils, and lowers degrees[i],
- * its own, by one where Gaussian i does not pay for that. Then those marked and those bands can go, and
- * sf_select_merge follow: the effects of those that it must leave alone are INFINITY. SF_ERR_MEMORY: what is
- * marked is marked rightly. */
-sf_status sf_select_prune(sf_fitter *fitter, double fraction, sf_importance *worth, uint8_t *degrees);
+/* Marks Gaussians for removal in densify.gradient_sum (below 0): floaters, and those whose score in
+ * *importance is below the threshold; lowers degrees[i], the SH degree of Gaussian i, by one where its
+ * highest band is below the threshold of bands. After the caller has removed them sf_select_merge follows:
+ * the scores of Gaussians that it must not merge are INFINITY. SF_ERR_MEMORY: what is marked so far is right.
+ */
+sf_status sf_select_prune(sf_fitter *fitter, double fraction, sf_importance *importance, uint8_t *degrees);
 
-/* Puts pairs on trial where that pays. worth: of before, for the Gaussians that are left; `went`: so many are
- * not. SF_ERR_MEMORY. */
-sf_status sf_select_merge(sf_fitter *fitter, double fraction, size_t went, sf_importance *worth);
+/* Begins a round of tentative merges where that may pay. importance: as measured before the removal, for the
+ * Gaussians that are left; went: how many were removed. SF_ERR_MEMORY. */
+sf_status sf_select_merge(sf_fitter *fitter, double fraction, size_t went, sf_importance *importance);
 
 #endif

@@ -14,7 +14,7 @@
 #include "densify.h"
 
 enum {
-    GATHER = 1024,        /* Gaussians a task */
+    GATHER = 1024,             /* Gaussians a task */
     BLAME = SF_IMPORTANCE_SUMS /* a slot's sums from here on: its sf_attributed_error */
 };
 
@@ -95,9 +95,9 @@ static void add_toned(const weigh_job *job, int channel, size_t from, sf_errors 
             double r =
                 weight * (t->gain * (double)ws->rgb[channel][at] + t->bias) - (double)ws->target[channel][at];
             sum += r;
-            errors->toned += r * r;
+            errors->corrected += r * r;
         }
-    errors->clumps += sum * sum;
+    errors->tile_energy += sum * sum;
 }
 
 static void toned_task(void *job_pointer, size_t band, int thread) {
@@ -110,15 +110,15 @@ static void toned_task(void *job_pointer, size_t band, int thread) {
 
 static void add_errors(sf_errors *to, const sf_errors *more, double factor) {
     to->squares += factor * more->squares;
-    to->toned += factor * more->toned;
-    to->clumps += factor * more->clumps;
+    to->corrected += factor * more->corrected;
+    to->tile_energy += factor * more->tile_energy;
     to->values += factor * more->values;
 }
 
 double sf_correlation_area(const sf_errors *errors) {
     double most = SF_TILE * SF_TILE; /* also where nothing is left */
-    return errors->toned > LEAST_SPREAD * errors->squares
-               ? fmin(fmax(errors->clumps / errors->toned, 1), most)
+    return errors->corrected > LEAST_SPREAD * errors->squares
+               ? fmin(fmax(errors->tile_energy / errors->corrected, 1), most)
                : most;
 }
 
@@ -225,17 +225,17 @@ static void weigh_in(const weigh_job *job, size_t i) {
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++)
         for (int k = 0; k < SF_IMPORTANCE_SUMS; k++)
             sums[k] += (double)ws->sums[(size_t)slot * SF_SUMS + (size_t)k];
-    w->removal[i] += (float)(job->pixels * (sums[4] - 2 * sums[3]));
-    w->effect[i] += (float)(job->pixels * sums[4]);
-    w->share[i] += (float)(job->pixels * sums[6]);
-    w->mass[i] += (float)(job->pixels * sums[7]);
+    w->sse_change[i] += (float)(job->pixels * (sums[4] - 2 * sums[3]));
+    w->score[i] += (float)(job->pixels * sums[4]);
+    w->error_share[i] += (float)(job->pixels * sums[6]);
+    w->blend_weight[i] += (float)(job->pixels * sums[7]);
     if (ws->sh_degree > 0) weigh_bands(job, i, job->pixels * sums[5]);
     if (!job->tried || !job->tried[i]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++) {
         const float *blame = ws->sums + (size_t)slot * SF_SUMS + BLAME;
-        w->blame[i].now += blame[0];
-        w->blame[i].before += blame[1];
-        w->blame[i].values += blame[2];
+        w->attributed[i].now += blame[0];
+        w->attributed[i].before += blame[1];
+        w->attributed[i].values += blame[2];
     }
 }
 
@@ -315,27 +315,27 @@ sf_status sf_measure_errors(sf_fitter *f, int level, size_t views, sf_errors *er
 static sf_status make_arrays(sf_fitter *f, sf_importance *w) {
     size_t n = f->model->count;
     *w = (sf_importance){.count = n,
-                    .removal = sf_calloc(f->ctx, n, sizeof *w->removal),
-                    .effect = sf_calloc(f->ctx, n, sizeof *w->effect),
-                    .share = sf_calloc(f->ctx, n, sizeof *w->share),
-                    .mass = sf_calloc(f->ctx, n, sizeof *w->mass),
-                    .bands = sf_calloc(f->ctx, n, sizeof *w->bands)};
-    return w->removal && w->effect && w->share && w->mass && w->bands ? SF_OK : SF_ERR_MEMORY;
+                         .sse_change = sf_calloc(f->ctx, n, sizeof *w->sse_change),
+                         .score = sf_calloc(f->ctx, n, sizeof *w->score),
+                         .error_share = sf_calloc(f->ctx, n, sizeof *w->error_share),
+                         .blend_weight = sf_calloc(f->ctx, n, sizeof *w->blend_weight),
+                         .bands = sf_calloc(f->ctx, n, sizeof *w->bands)};
+    return w->sse_change && w->score && w->error_share && w->blend_weight && w->bands ? SF_OK : SF_ERR_MEMORY;
 }
 
 /* To as many views as are trained on. */
 static void scale_up(sf_importance *w, double factor) {
     add_errors(&w->errors, &w->errors, factor - 1);
     for (size_t i = 0; i < w->count; i++) {
-        w->removal[i] *= (float)factor;
-        w->effect[i] *= (float)factor;
-        w->share[i] *= (float)factor;
-        w->mass[i] *= (float)factor;
+        w->sse_change[i] *= (float)factor;
+        w->score[i] *= (float)factor;
+        w->error_share[i] *= (float)factor;
+        w->blend_weight[i] *= (float)factor;
         for (int band = 0; band < SF_MAX_SH_DEGREE; band++) w->bands[i][band] *= (float)factor;
-        if (!w->blame) continue;
-        w->blame[i].now *= (float)factor;
-        w->blame[i].before *= (float)factor;
-        w->blame[i].values *= (float)factor;
+        if (!w->attributed) continue;
+        w->attributed[i].now *= (float)factor;
+        w->attributed[i].before *= (float)factor;
+        w->attributed[i].values *= (float)factor;
     }
 }
 
@@ -343,8 +343,8 @@ static void scale_up(sf_importance *w, double factor) {
 static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
     const sf_merges *t = &f->merges;
     job->tried = sf_calloc(f->ctx, job->worth->count, 1);
-    job->worth->blame = sf_calloc(f->ctx, job->worth->count, sizeof *job->worth->blame);
-    if (!job->tried || !job->worth->blame) return SF_ERR_MEMORY;
+    job->worth->attributed = sf_calloc(f->ctx, job->worth->count, sizeof *job->worth->attributed);
+    if (!job->tried || !job->worth->attributed) return SF_ERR_MEMORY;
     for (size_t k = 0; k < t->count; k++) job->tried[t->list[k].leader] = 1;
     job->before = t->tiles, job->before_count = t->tile_count;
     return SF_OK;
@@ -363,15 +363,15 @@ sf_status sf_measure_importance(sf_fitter *f, size_t views, sf_importance *w) {
     return status;
 }
 
-int sf_importance_is_known(const sf_importance *w, size_t i) { return w->mass[i] > 0 || w->whole; }
+int sf_importance_is_known(const sf_importance *w, size_t i) { return w->blend_weight[i] > 0 || w->whole; }
 
 void sf_importance_free(sf_context *ctx, sf_importance *w) {
-    sf_free(ctx, w->removal);
-    sf_free(ctx, w->effect);
-    sf_free(ctx, w->share);
-    sf_free(ctx, w->mass);
+    sf_free(ctx, w->sse_change);
+    sf_free(ctx, w->score);
+    sf_free(ctx, w->error_share);
+    sf_free(ctx, w->blend_weight);
     sf_free(ctx, w->bands);
-    sf_free(ctx, w->blame);
+    sf_free(ctx, w->attributed);
     sf_free(ctx, w->tiles);
     memset(w, 0, sizeof *w);
 }

@@ -1,57 +1,54 @@
-/* select_importance.h - what each Gaussian is worth to the training views. */
-#ifndef SF_FIT_WORTH_H
-#define SF_FIT_WORTH_H
+/* select_importance.h - importance: how much each Gaussian lowers the squared error of the training views. */
+#ifndef SF_FIT_SELECT_IMPORTANCE_H
+#define SF_FIT_SELECT_IMPORTANCE_H
 
 #include "fitter.h"
 
-/* What happened in the tiles where one that stands for others on trial is seen, shared out among all such
- * there by their parts of the pixels. */
+/* Squared error of the tiles in which a tentatively merged Gaussian is visible, attributed by blend weight to
+ * the merged Gaussians there. */
 typedef struct sf_attributed_error {
-    float now, before; /* squared error */
-    float values;      /* weights of pixels, times the channels */
+    float now, before; /* squared error after and before the merges */
+    float values;      /* pixel weights, times the channels */
 } sf_attributed_error;
 
-/* Sums over views, their pixels (by weight) and channels, values 0..1. */
+/* Sums over views, pixels (by weight) and channels; values in 0..1. */
 typedef struct sf_errors {
-    double squares; /* squared errors */
-    double toned; /* what is left of them where each view has the gain and bias, a channel, that suit it best:
-                     no Gaussian has a part in the rest */
-    double clumps; /* of those left: squares of the errors' sums over tiles of 16 by 16 pixels */
-    double values; /* weights of the pixels, times the channels */
+    double squares;     /* squared error */
+    double corrected;   /* squared error after the least-squares gain and bias of each view and channel, which
+                           no   Gaussian could correct */
+    double tile_energy; /* of the corrected errors: squares of their sums over tiles of 16 by 16 pixels */
+    double values;      /* pixel weights, times the channels */
 } sf_errors;
 
-/* So many neighbouring values err together as if they were one, each view's gain and bias apart: 1 where each
- * errs by itself, SF_TILE^2 at most. */
+/* Correlation area of the corrected residuals, in values: 1 where they are independent, SF_TILE^2 at most. */
 double sf_correlation_area(const sf_errors *errors);
 
-/* Squared errors are sums over the views, their pixels (by weight) and channels, values 0..1. Where only some
- * views are looked at, all sums but those of tiles are for as many as there are. */
+/* Sums as in sf_errors. Where only some of the views are measured, all sums but those of tiles are scaled up
+ * to all views. Arrays are [count], of each Gaussian. */
 typedef struct sf_importance {
     size_t count;
-    size_t views; /* looked at */
-    int whole;    /* all that are trained on were */
+    size_t views; /* measured */
+    int whole;    /* every view that is trained on was measured */
     sf_errors errors;
-    float *removal; /* [count] what taking the Gaussian out adds to the squared error, all else as it is; may
-                       be below 0 */
-    float *effect;  /* [count] what that does to the pictures, squared: the removal where the residual is
-                       noise */
-    float *share;   /* [count] its part of the squared error: sum of w r^2 */
-    float *mass;    /* [count] its part of the pixels: sum of w */
-    float (*bands)[SF_MAX_SH_DEGREE]; /* [count] effect of leaving out the bands above 0, 1, 2 */
-    sf_attributed_error *blame;                  /* [count] while pairs are on trial, else NULL */
-    float *tiles;                     /* squared error of each tile of each view, as drawn */
+    float *sse_change;   /* change of the squared error if the Gaussian alone is removed; may be below 0 */
+    float *score;        /* squared change of the pictures: sse_change where the residual is noise */
+    float *error_share;  /* sum of w r^2, w: blend weight, r: residual */
+    float *blend_weight; /* sum of w */
+    float (*bands)[SF_MAX_SH_DEGREE]; /* score of the bands above 0, 1, 2 */
+    sf_attributed_error *attributed;  /* during tentative merges, else NULL */
+    float *tiles;                     /* squared error of each tile of each view, as rendered */
     size_t tile_count, tile_capacity;
 } sf_importance;
 
-/* Weighs all Gaussians by `views` of the views that are trained on (0: all), evenly spread and the same each
- * time, at full resolution, with the degree and the background of the moment. The arrays are the caller's to
- * free with sf_importance_free, also on failure. SF_ERR_MEMORY. */
-sf_status sf_measure_importance(sf_fitter *fitter, size_t views, sf_importance *worth);
-/* Whether Gaussian i may be judged: what only views see that were not looked at may not. */
-int sf_importance_is_known(const sf_importance *worth, size_t i);
-void sf_importance_free(sf_context *ctx, sf_importance *worth);
+/* Measures the importance of all Gaussians in `views` of the views that are trained on (0: all), evenly
+ * spread and the same each time, at full resolution, with the present degree and background. The arrays are
+ * the caller's to free with sf_importance_free, also on failure. SF_ERR_MEMORY. */
+sf_status sf_measure_importance(sf_fitter *fitter, size_t views, sf_importance *importance);
+/* Whether the importance of Gaussian i is known: not if only views that were not measured see it. */
+int sf_importance_is_known(const sf_importance *importance, size_t i);
+void sf_importance_free(sf_context *ctx, sf_importance *importance);
 
-/* The errors alone of `views` of them (0: all), after `level` halvings but counted as at full resolution.
+/* The errors alone of `views` views (0: all), after `level` halvings but counted as at full resolution.
  * SF_ERR_MEMORY. */
 sf_status sf_measure_errors(sf_fitter *fitter, int level, size_t views, sf_errors *errors);
 

@@ -69,26 +69,26 @@ void sf_merges_free(sf_fitter *f) {
 }
 
 /* One that stands for two costs what both would. */
-static void merge(sf_fitter *f, const sf_merge_candidate *pair, float *effect) {
+static void merge(sf_fitter *f, const sf_merge_candidate *pair, float *score) {
     sf_merge *one = &f->merges.list[f->merges.count++];
     float *logit = &f->model->params.field[SF_FIELD_logit_opacity][pair->b];
     *one = (sf_merge){.a = pair->a, .b = pair->b, .leader = pair->a, .logit_of_b = *logit};
     keep_values(f->model, one->a, one->of_a);
     sf_apply_merge(f, pair);
     *logit = SF_INVISIBLE;
-    effect[one->a] += effect[one->b];
+    score[one->a] += score[one->b];
 }
 
 /* At most so many of the cheapest pairs; *merged: how many. */
-static sf_status merge_some(sf_fitter *f, size_t most, float *effect, size_t *merged) {
+static sf_status merge_some(sf_fitter *f, size_t most, float *score, size_t *merged) {
     sf_merges *t = &f->merges;
     sf_merge_candidate *pairs;
     size_t n = 0;
-    sf_status status = sf_find_merge_candidates(f, f->options.merge, effect, &pairs, &n);
+    sf_status status = sf_find_merge_candidates(f, f->options.merge, score, &pairs, &n);
     if (n > most) n = most;
     if (!status) status = sf_grow(f->ctx, &t->list, &t->capacity, t->count, t->count + n, sizeof *t->list);
     *merged = status ? 0 : n;
-    for (size_t k = 0; k < *merged; k++) merge(f, &pairs[k], effect);
+    for (size_t k = 0; k < *merged; k++) merge(f, &pairs[k], score);
     sf_free(f->ctx, pairs);
     return status;
 }
@@ -110,7 +110,7 @@ sf_status sf_merges_begin(sf_fitter *f, sf_importance *w) {
     if (!(t->part > 0)) t->part = FIRST_PART;
     size_t most = (size_t)ceil(t->part * (double)f->model->count), merged = 1;
     for (int pass = 0; pass < PASSES && merged && t->count < most && !status; pass++)
-        status = merge_some(f, most - t->count, w->effect, &merged);
+        status = merge_some(f, most - t->count, w->score, &merged);
     if (!status) status = name_leaders(f);
     if (status) sf_merges_undo_all(f);
     if (status || !t->count) return status;
@@ -146,7 +146,7 @@ static uint32_t *count_members(const sf_fitter *f) {
 }
 
 /* What was weighed while one of them was hidden says nothing of either. */
-static void leave(const sf_merge *t, sf_importance *w) { w->effect[t->a] = w->effect[t->b] = INFINITY; }
+static void leave(const sf_merge *t, sf_importance *w) { w->score[t->a] = w->score[t->b] = INFINITY; }
 
 void sf_merges_decide(sf_fitter *f, sf_importance *w, double price, double nothing) {
     sf_merges *t = &f->merges;
@@ -160,12 +160,12 @@ void sf_merges_decide(sf_fitter *f, sf_importance *w, double price, double nothi
         return;
     }
     for (size_t i = 0; i < w->count; i++)
-        if (members[i]) all += rise_of(&w->blame[i], fell, nothing);
+        if (members[i]) all += rise_of(&w->attributed[i], fell, nothing);
     int failed = all > price * (double)n;
     for (size_t k = n; k-- > 0;) {
         const sf_merge *one = &t->list[k];
         double most = price * (double)members[one->leader];
-        if (!failed && rise_of(&w->blame[one->leader], fell, nothing) <= most) {
+        if (!failed && rise_of(&w->attributed[one->leader], fell, nothing) <= most) {
             f->densify.gradient_sum[one->b] = -1;
             good++;
         } else {

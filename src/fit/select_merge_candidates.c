@@ -1,7 +1,8 @@
 /* select_merge_candidates.c - two Gaussians that do the work of one become one.
  *
  * Each of two that lie on each other is needed as long as the other is as it is: what taking one out would
- * cost says nothing. What one in the place of both leaves out does, in the end (select_merge.c; README, Size).
+ * cost says nothing. What one in the place of both leaves out does, in the end (select_merge.c; README,
+ * Size).
  */
 #include "select_merge_candidates.h"
 
@@ -34,7 +35,7 @@ typedef struct merge_job {
     const uint32_t *left; /* [count] those that are there */
     size_t count;
     const sf_nearest *nearest; /* [count][CLOSE], by place in `left` */
-    const float *effect;
+    const float *score;
     double misfit;
     sf_merge_candidate *best; /* [count] the cheapest of each Gaussian; of a rise of INFINITY: none */
 } merge_job;
@@ -110,10 +111,10 @@ static double misfit_of(const blob *a, const blob *b) {
 }
 
 /* Those that may be in a pair, and where they are. */
-static size_t list_left(const sf_fitter *f, const float *effect, uint32_t *left, float *points) {
+static size_t list_left(const sf_fitter *f, const float *score, uint32_t *left, float *points) {
     size_t n = 0;
     for (size_t i = 0; i < f->model->count; i++) {
-        int finite = isfinite(effect[i]) && f->model->params.field[SF_FIELD_logit_opacity][i] > SF_INVISIBLE;
+        int finite = isfinite(score[i]) && f->model->params.field[SF_FIELD_logit_opacity][i] > SF_INVISIBLE;
         for (int k = 0; k < 3; k++) {
             points[3 * n + (size_t)k] = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
             finite &= isfinite(points[3 * n + (size_t)k]) != 0;
@@ -134,7 +135,7 @@ static sf_merge_candidate best_of(const merge_job *job, size_t k) {
         uint32_t other = job->left[n->point];
         blob b = blob_of(p, other);
         double misfit = misfit_of(&a, &b),
-               rise = misfit * ((double)job->effect[i] + (double)job->effect[other]);
+               rise = misfit * ((double)job->score[i] + (double)job->score[other]);
         if (misfit < job->misfit && rise < best.rise) best = (sf_merge_candidate){rise, i, other};
     }
     return best;
@@ -223,7 +224,8 @@ static size_t choose(sf_merge_candidate *pairs, size_t count, uint8_t *taken) {
     return chosen;
 }
 
-sf_status sf_find_merge_candidates(sf_fitter *f, double misfit, const float *effect, sf_merge_candidate **pairs, size_t *count) {
+sf_status sf_find_merge_candidates(sf_fitter *f, double misfit, const float *score,
+                                   sf_merge_candidate **pairs, size_t *count) {
     size_t all = f->model->count;
     float *points = sf_alloc(f->ctx, all, 3 * sizeof *points);
     sf_nearest *nearest = sf_alloc(f->ctx, all, CLOSE * sizeof *nearest);
@@ -231,10 +233,10 @@ sf_status sf_find_merge_candidates(sf_fitter *f, double misfit, const float *eff
     uint32_t *left = sf_alloc(f->ctx, all, sizeof *left);
     *pairs = sf_alloc(f->ctx, all, sizeof **pairs);
     sf_status status = points && nearest && *pairs && taken && left ? SF_OK : SF_ERR_MEMORY;
-    size_t n = status ? 0 : list_left(f, effect, left, points);
+    size_t n = status ? 0 : list_left(f, score, left, points);
     if (!status) status = sf_find_nearest(f->ctx, points, n, CLOSE, nearest);
     if (!status) {
-        merge_job job = {f, left, n, nearest, effect, misfit, *pairs};
+        merge_job job = {f, left, n, nearest, score, misfit, *pairs};
         sf_pool_run(f->ctx->pool, (n + CHUNK - 1) / CHUNK, find_task, &job);
         *count = choose(*pairs, n, taken);
     } else {

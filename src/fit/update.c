@@ -78,8 +78,8 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         if (!seen && !sf_has_momentum(field)) continue; /* nothing would change */
         sf_optimizer_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
-                        f->model->params.field[field] + at, grads->field[field], &job->step[field],
-                        job->key[field]);
+                          f->model->params.field[field] + at, grads->field[field], &job->step[field],
+                          job->key[field]);
     }
     if (job->fade > 0 || job->shrink > 0) regularise(job, first * SF_LANES, last);
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];

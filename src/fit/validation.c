@@ -234,7 +234,8 @@ static sf_status look(sf_fitter *f, double fraction) {
 static sf_status join(sf_fitter *f) {
     double most = sf_cools_down_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
-    if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most) status = sf_go_to_restore_point(f);
+    if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most)
+        status = sf_go_to_restore_point(f);
     if (status) return status;
     sf_model_destroy(&f->restore.model);
     f->validation.merged = 1;

@@ -109,7 +109,7 @@ static void test_errs_together(void **state) {
         sf_fitter *f = fitter_of(ctx, scene, model);
         assert_ok(ctx, sf_measure_errors(f, 0, 0, &errors));
         assert_true(errors.squares > 1.9 * expected);
-        assert_true(fabs(errors.toned / expected - 1) < 1e-5);
+        assert_true(fabs(errors.corrected / expected - 1) < 1e-5);
         double together = sf_correlation_area(&errors);
         assert_ok(ctx, sf_select_growth(f, 1));
         if (how == ALIKE) {
@@ -187,7 +187,7 @@ static void test_tone_is_no_error(void **state) {
     sf_fitter *f = fitter_of(ctx, scene, model);
     assert_ok(ctx, sf_measure_errors(f, 0, 0, &errors));
     assert_true(errors.squares > 0.005 * errors.values);
-    assert_true(errors.toned <
+    assert_true(errors.corrected <
                 2 / 12.0 / (255 * 255) * errors.values); /* rounding: a twelfth of a level's square */
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
@@ -257,17 +257,17 @@ static void worth_is_what_is_lost(double gain, double bias) {
     for (int i = 0; i < 3; i++) {
         double added = squares_without(ctx, scene, off, 3, i, gain, bias) - before;
         /* faint pairs that come or go at alpha 1/255, and pixels that were finished, are all that differs */
-        if (fabs((double)w.removal[i] / added - 1) > 0.01)
-            print_message("%d: %g, not %g\n", i, (double)w.removal[i], added);
-        assert_true(fabs((double)w.removal[i] / added - 1) < 0.01);
-        assert_true(w.effect[i] > 0 && w.share[i] >= 0);
+        if (fabs((double)w.sse_change[i] / added - 1) > 0.01)
+            print_message("%d: %g, not %g\n", i, (double)w.sse_change[i], added);
+        assert_true(fabs((double)w.sse_change[i] / added - 1) < 0.01);
+        assert_true(w.score[i] > 0 && w.error_share[i] >= 0);
     }
     sf_importance some;
     assert_ok(ctx, sf_measure_importance(f, VIEWS / 2, &some));
     assert_int_equal(some.views, VIEWS / 2);
     assert_true(fabs(some.errors.values / w.errors.values - 1) < 1e-9);
     assert_true(some.errors.squares > 0.3 * w.errors.squares && some.errors.squares < 3 * w.errors.squares);
-    some.mass[1] = w.mass[1] = 0; /* as if nobody had looked where it is */
+    some.blend_weight[1] = w.blend_weight[1] = 0; /* as if nobody had looked where it is */
     assert_true(sf_importance_is_known(&some, 0) && sf_importance_is_known(&w, 0));
     assert_true(!sf_importance_is_known(&some, 1) && sf_importance_is_known(&w, 1));
     sf_importance_free(ctx, &some);
@@ -303,7 +303,7 @@ static void test_bands_of_exposed_views(void **state) {
     for (size_t i = 0; i < 3; i++) {
         assert_true(plain.bands[i][0] > 0);
         assert_true(fabsf(exposed.bands[i][0] / plain.bands[i][0] - 0.25f) < 1e-5f);
-        assert_true(fabsf(exposed.mass[i] / plain.mass[i] - 1) < 1e-5f);
+        assert_true(fabsf(exposed.blend_weight[i] / plain.blend_weight[i] - 1) < 1e-5f);
     }
     sf_importance_free(ctx, &plain);
     sf_importance_free(ctx, &exposed);
@@ -327,7 +327,7 @@ static void test_weighed_by_some(void **state) {
     assert_ok(ctx, sf_measure_importance(f, VIEWS / 2, &some));
     assert_int_equal(some.tile_count, all.tile_count / 2);
     for (size_t i = 0; i < 3; i++) {
-        assert_true(some.effect[i] > 0.5f * all.effect[i] && some.effect[i] < 2 * all.effect[i]);
+        assert_true(some.score[i] > 0.5f * all.score[i] && some.score[i] < 2 * all.score[i]);
         assert_true(some.bands[i][0] > 0.5f * all.bands[i][0] && some.bands[i][0] < 2 * all.bands[i][0]);
         assert_true(all.bands[i][0] > 0);
     }
@@ -357,7 +357,7 @@ static void test_masked_views_do_not_count(void **state) {
     assert_int_equal(w[1].views, VIEWS / 2);
     assert_true(fabs(w[1].errors.values - 3.0 * VIEWS * PIXELS) < 1e-6);
     assert_true(w[1].errors.squares > 0 && w[1].errors.squares == w[0].errors.squares);
-    assert_memory_equal(w[1].effect, w[0].effect, 3 * sizeof *w->effect);
+    assert_memory_equal(w[1].score, w[0].score, 3 * sizeof *w->score);
     for (int k = 0; k < 2; k++) {
         sf_importance_free(ctx, &w[k]);
         sf_scene_destroy(&scenes[k]);
@@ -382,13 +382,13 @@ static void test_trial_judged_by_some(void **state) {
         sf_fitter *f = fitter_of(ctx, scene, model);
         sf_importance w;
         assert_ok(ctx, sf_measure_importance(f, some ? VIEWS : ALL, &w));
-        w.effect[2] = INFINITY;
+        w.score[2] = INFINITY;
         f->options.merge = 1;
         assert_ok(ctx, sf_merges_begin(f, &w));
         sf_importance_free(ctx, &w);
         assert_int_equal(f->merges.count, 1);
         assert_ok(ctx, sf_measure_importance(f, some ? VIEWS : ALL, &w));
-        blame[some] = w.blame[f->merges.list[0].leader];
+        blame[some] = w.attributed[f->merges.list[0].leader];
         sf_importance_free(ctx, &w);
         sf_fitter_destroy(&f);
     }
@@ -450,7 +450,7 @@ static void test_what_goes_at_once(void **state) {
         uint8_t degrees[ALL] = {0};
         double all = 0;
         assert_ok(ctx, sf_measure_importance(f, 0, &w));
-        for (int i = 0; i < FAINT; i++) all += (double)w.effect[i];
+        for (int i = 0; i < FAINT; i++) all += (double)w.score[i];
         double part = all / w.errors.values / pow(2.25 / 255, 2); /* of what nobody sees */
         if (part < 0.8 || part > 3) print_message("all of them: %g\n", part);
         assert_true(part > 0.8 && part < 3);
@@ -538,8 +538,8 @@ static void trial(float other_gray, int succeeds, int view_goes) {
     sf_importance w;
     values_of(f->model, before);
     assert_ok(ctx, sf_measure_importance(f, 0, &w));
-    const float most[] = {w.effect[0], w.effect[1], INFINITY};
-    memcpy(w.effect, most, sizeof most);
+    const float most[] = {w.score[0], w.score[1], INFINITY};
+    memcpy(w.score, most, sizeof most);
     f->options.merge = 1;
     assert_ok(ctx, sf_merges_begin(f, &w));
     sf_importance_free(ctx, &w);
@@ -559,7 +559,7 @@ static void trial(float other_gray, int succeeds, int view_goes) {
         sf_free(ctx, ids);
     }
     assert_ok(ctx, sf_measure_importance(f, 0, &w));
-    if (view_goes) assert_true(w.effect[0] < 1e-6f || w.effect[1] < 1e-6f); /* one was hidden */
+    if (view_goes) assert_true(w.score[0] < 1e-6f || w.score[1] < 1e-6f); /* one was hidden */
     sf_merges_decide(f, &w, 0.1, 0);
     assert_int_equal(f->merges.count, 0);
     values_of(f->model, after);
@@ -568,7 +568,7 @@ static void trial(float other_gray, int succeeds, int view_goes) {
     assert_int_equal(going, succeeds);
     assert_int_equal(f->merges.in_vain, !succeeds && !view_goes);
     assert_memory_equal(succeeds ? during : before, after, sizeof before);
-    assert_true(succeeds || (isinf(w.effect[0]) && isinf(w.effect[1])));
+    assert_true(succeeds || (isinf(w.score[0]) && isinf(w.score[1])));
     sf_importance_free(ctx, &w);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);
