@@ -169,8 +169,14 @@ struct sf_fitter {
 sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_options *options,
                                  sf_fitter **fitter);
 
-/* fit.c: draws a training view at the level, degree and background of the moment, with the camera and the
- * exposure learned of it (state; NULL: nothing is), beside what it is compared with, ready for the loss.
+/* sampler.c: the next training view, the caller's to release. Views that came since the pass began are next;
+ * views that went are passed over. SF_ERR_EMPTY: there is no training view. */
+sf_status sf_next_view(sf_fitter *fitter, sf_view **view);
+/* sampler.c: whether exposure, poses or focal lengths of views are learned. */
+int sf_learns_views(const sf_fitter *fitter);
+
+/* draw_view.c: draws a training view at the level, degree and background of the moment, with the camera and
+ * the exposure learned of it (state; NULL: nothing is), beside what it is compared with, ready for the loss.
  * *weight_sum: of its pixels. SF_ERR_EMPTY: it is masked altogether. */
 sf_status sf_draw_view(sf_fitter *fitter, const sf_view *view, const sf_view_state *state,
                        double *weight_sum);
