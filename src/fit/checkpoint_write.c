@@ -1,0 +1,101 @@
+/* checkpoint_write.c - everything that a fit is between two steps, to a file. */
+#include "checkpoint.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "../base/clock.h"
+
+static void put_params(sf_sections_out *out, const char *prefix, const sf_model *model) {
+    for (int i = 0; i < SF_FIELD_COUNT; i++)
+        if (model->params.field[i])
+            sf_sections_put(out, sf_checkpoint_name(prefix, i).text, model->params.field[i],
+                            sf_checkpoint_values(model, i), sizeof(float));
+}
+
+static void put_moments(sf_sections_out *out, const sf_optimizer_state *moments, const sf_model *model) {
+    for (int part = 0; part < SF_MOMENT_PARTS; part++)
+        for (int i = 0; i < SF_FIELD_COUNT; i++)
+            if (moments->part[part][i])
+                sf_sections_put(out, sf_checkpoint_name(sf_moment_part(moments, part), i).text,
+                                moments->part[part][i], sf_checkpoint_moments(moments, part, model, i),
+                                SF_MOMENT_VALUE);
+}
+
+/* Options, a line each. */
+
+static sf_status put_options(sf_sections_out *out, const sf_fitter *f) {
+    char *text = sf_alloc(f->ctx, MOST_TEXT, 1), value[OPTION_TEXT];
+    if (!text) return SF_ERR_MEMORY;
+    size_t used = 0;
+    sf_option_info info;
+    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
+        sf_fit_options_get(&f->options, info.name, value, sizeof value);
+        used += (size_t)snprintf(text + used, MOST_TEXT - used, "%s %s\n", info.name, value);
+    }
+    sf_sections_put(out, "options", text, used, 1);
+    sf_free(f->ctx, text);
+    return SF_OK;
+}
+
+/* The state. */
+
+static void put_text(sf_sections_out *out, const char *name, const char *text) {
+    sf_sections_put(out, name, text, strlen(text), 1);
+}
+
+static void put_state(sf_sections_out *out, const sf_fitter *f) {
+    const sf_model *m = f->model;
+#define VALUE(name) (int64_t) f->name,
+    const int64_t integers[] = {STATE_INTEGERS(VALUE)};
+#undef VALUE
+#define VALUE(name) (double)f->name,
+    const double reals[] = {STATE_REALS(VALUE)};
+#undef VALUE
+    const int64_t model[] = {m->sh_degree, m->antialiased};
+    int64_t banded[SF_BANDS], best[SF_BANDS];
+    for (int band = 0; band < SF_BANDS; band++) {
+        banded[band] = (int64_t)m->banded[band];
+        best[band] = f->restore.model ? (int64_t)f->restore.model->banded[band] : -1;
+    }
+    const double seconds = sf_clock() - f->start;
+    sf_sections_put(out, "integers", integers, INTEGERS, sizeof *integers);
+    sf_sections_put(out, "reals", reals, REALS, sizeof *reals);
+    sf_sections_put(out, "seconds", &seconds, 1, sizeof seconds);
+    sf_sections_put(out, "rng", f->rng.s, 4, sizeof *f->rng.s);
+    sf_sections_put(out, "background", f->background, 3, sizeof *f->background);
+    sf_sections_put(out, "background.m", f->background_m, 3, sizeof *f->background_m);
+    sf_sections_put(out, "background.v", f->background_v, 3, sizeof *f->background_v);
+    sf_sections_put(out, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
+    sf_sections_put(out, "plan", f->trace.ticks, f->trace.count, sizeof *f->trace.ticks);
+    sf_sections_put(out, "model", model, 2, sizeof *model);
+    sf_sections_put(out, "model.banded", banded, SF_BANDS, sizeof *banded);
+    put_params(out, "model", m);
+    put_moments(out, &f->moments, m);
+    sf_sections_put(out, "screen.sum", f->densify.gradient_sum, m->count, sizeof *f->densify.gradient_sum);
+    sf_sections_put(out, "screen.seen", f->densify.visible_count, m->count, sizeof *f->densify.visible_count);
+    sf_sections_put(out, "trials", f->merges.list, f->merges.count * TRIAL_WORDS, sizeof(uint32_t));
+    sf_sections_put(out, "trials.tiles", f->merges.tiles, f->merges.tile_count, sizeof *f->merges.tiles);
+    const double psnr[] = {f->validation.psnr, f->validation.best_psnr}; /* NAN before the first validation */
+    sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
+    sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
+    sf_sections_put(out, "best.background", f->restore.background, 3, sizeof *f->restore.background);
+    if (f->restore.model) put_params(out, "best", f->restore.model);
+}
+
+sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
+    sf_sections_out out;
+    sf_status status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
+    if (status) return status;
+    put_text(&out, "program", sf_version());
+    put_text(&out, "isa", sf_context_isa(f->ctx));
+    status = put_options(&out, f);
+    if (!status) status = sf_checkpoint_put_scene(&out, f);
+    if (!status) status = sf_checkpoint_put_learned(&out, f);
+    if (status) {
+        sf_writer_abandon(&out.writer);
+        return status;
+    }
+    put_state(&out, f);
+    return sf_sections_commit(&out);
+}
