@@ -310,8 +310,8 @@ VEC void blend_bwd_pair(const chunk *c, int i, const pairs *r, int k, int opaque
     sums[8] = vf_fma(qs, r->s[k], sums[8]);
 }
 
-/* What blend_importance keeps of a block's pixels beside those: what lies behind the entries so far, C - S_i, the
- * weight, and the weighted square error. */
+/* What blend_importance keeps of a block's pixels beside those: what lies behind the entries so far, C - S_i,
+ * the weight, and the weighted square error. */
 typedef struct worth_pixels {
     vf behind[3], weight, error;
 } worth_pixels;
@@ -330,7 +330,7 @@ static void load_worth(const sf_blend_args *a, const pixels p[BLOCKS], worth_pix
 
 /* Pair k of Gaussian i: its part of the sums of blend_importance. */
 VEC void blend_importance_pair(const chunk *c, int i, const pairs *r, int k, pixels *p, worth_pixels *q,
-                          vf sums[SF_IMPORTANCE_SUMS]) {
+                               vf sums[SF_IMPORTANCE_SUMS]) {
     p += r->block[k], q += r->block[k];
     /* 2. opacity at this pixel */
     vf alpha = vf_min(r->og[k], vf_set(SF_ALPHA_MAX)), T = p->T, next = vf_fnma(T, alpha, T);

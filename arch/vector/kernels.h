@@ -16,7 +16,7 @@
                            float *dst, int width);                                                           \
     void sf_loss_##level(const sf_loss_args *args);                                                          \
     void sf_blend_bwd_##level(const sf_blend_args *args);                                                    \
-    void sf_blend_importance_##level(const sf_blend_args *args);                                                  \
+    void sf_blend_importance_##level(const sf_blend_args *args);                                             \
     void sf_project_bwd_##level(const sf_project_bwd_args *args, size_t first, size_t end);                  \
     void sf_adam_##level(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);       \
     void sf_adam_half_##level(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,    \

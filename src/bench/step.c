@@ -53,7 +53,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
         if (!grads->field[field]) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         sf_optimizer_step(job->moments, job->ws->ctx->kernels, field, at, (end - first) * block,
-                        job->model->params.field[field] + at, grads->field[field], &step, 0);
+                          job->model->params.field[field] + at, grads->field[field], &step, 0);
     }
 }
 

@@ -246,7 +246,7 @@ typedef struct sf_convert_args {
     X(unpack)                                                                                                \
     X(loss)                                                                                                  \
     X(blend_bwd)                                                                                             \
-    X(blend_importance)                                                                                           \
+    X(blend_importance)                                                                                      \
     X(project_bwd)                                                                                           \
     X(adam)                                                                                                  \
     X(adam_half)                                                                                             \

@@ -105,7 +105,8 @@ sf_status sf_model_pack(sf_model *model) {
     sf_order order = {0};
     sf_remap_entry *places = sf_alloc(model->ctx, model->count, sizeof *places);
     if (!places) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < model->count; i++) places[i] = (sf_remap_entry){(uint32_t)i, used_degree(model, i)};
+    for (size_t i = 0; i < model->count; i++)
+        places[i] = (sf_remap_entry){(uint32_t)i, used_degree(model, i)};
     sf_status status = sf_order_create(model->ctx, places, model->count, NULL, &order);
     sf_free(model->ctx, places);
     if (!status) status = sf_order_prepare(model->ctx, &order);

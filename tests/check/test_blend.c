@@ -164,8 +164,8 @@ static void compare_picture(check *c, const tile *t) {
 
 static const char *const gradient_names[] = {"sum w dr", "sum w dg",  "sum w db",  "sum p",    "sum p t",
                                              "sum p s",  "sum p t^2", "sum p t s", "sum p s^2"};
-static const char *const worth_names[SF_IMPORTANCE_SUMS] = {"sum w dr",    "sum w dg",  "sum w db",    "sum D . d",
-                                                       "sum m |D|^2", "sum m w^2", "sum w |d|^2", "sum m w"};
+static const char *const worth_names[SF_IMPORTANCE_SUMS] = {
+    "sum w dr", "sum w dg", "sum w db", "sum D . d", "sum m |D|^2", "sum m w^2", "sum w |d|^2", "sum m w"};
 
 /* The first `count` sums of each slot. */
 static void compare_sums(check *c, const tile *t, const float *got, bounded (*want)[9],

@@ -454,7 +454,7 @@ static void check_arranged(sf_context *ctx, sf_fitter *f, size_t n, sf_rng *rng,
     assert_true(places && where && taken);
     for (size_t k = 0; k < n; k++) {
         places[k] = (sf_remap_entry){(uint32_t)sf_rng_below(rng, f->model->count),
-                               (uint8_t)sf_rng_below(rng, (uint64_t)most + 1)};
+                                     (uint8_t)sf_rng_below(rng, (uint64_t)most + 1)};
         for (int band = 0; band <= places[k].degree; band++) expected[band]++;
     }
     assert_ok(ctx, sf_reorder(f, places, n, where));

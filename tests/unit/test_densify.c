@@ -1,4 +1,4 @@
-/* test_growth.c - growth by error in several views, and relocation. */
+/* test_densify.c - growth by error in several views, and relocation. */
 #include "testing.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* test_shown.c - means of the last steps in the place of the last one. */
+/* test_moving_average.c - means of the last steps in the place of the last one. */
 #include "testing.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* test_guard.c - a fit that diverges goes back and on; no value that is poisoned in its course reaches the
+/* test_recovery.c - a fit that diverges goes back and on; no value that is poisoned in its course reaches the
  * result. */
 #include "testing.h"
 

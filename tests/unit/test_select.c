@@ -1,4 +1,4 @@
-/* test_price.c - what Gaussians are worth, and models of no more of them than a scene needs. */
+/* test_select.c - what Gaussians are worth, and models of no more of them than a scene needs. */
 #include "testing.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* test_validate.c - the views that are kept out of the training: which they are, that they say when to stop,
+/* test_validation.c - the views that are kept out of the training: which they are, that they say when to stop,
  * and that the end learns from them too. */
 #include "testing.h"
 
