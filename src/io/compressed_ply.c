@@ -175,11 +175,5 @@ sf_status sf_compressed_ply_load(sf_context *ctx, const char *path, sf_ply *ply,
     sf_status status = load(&c, ply, options, &in);
     sf_free(ctx, c.chunks);
     sf_free(ctx, c.words);
-    if (status) {
-        sf_intake_abandon(&in);
-        return status;
-    }
-    status = sf_intake_end(&in, sf_ply_antialiased(ply), model);
-    if (!status) sf_ply_report_rest(ply);
-    return status;
+    return sf_ply_end_intake(ply, &in, status, model);
 }

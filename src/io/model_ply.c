@@ -45,6 +45,16 @@ static sf_status check_kind(sf_context *ctx, const char *path, const sf_ply *ply
                    path);
 }
 
+sf_status sf_ply_end_intake(sf_ply *ply, sf_intake *in, sf_status status, sf_model **model) {
+    if (status) {
+        sf_intake_abandon(in);
+        return status;
+    }
+    status = sf_intake_end(in, sf_ply_antialiased(ply), model);
+    if (!status) sf_ply_report_rest(ply);
+    return status;
+}
+
 static sf_status load_all(sf_intake *in, sf_ply *ply) {
     sf_gaussian g;
     sf_status status = SF_OK;
@@ -66,13 +76,7 @@ static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
     if (!status) status = sf_ply_bind_values(ply, "", file_degree, degree);
     if (!status) status = sf_intake_begin(&in, ctx, path, sf_ply_rows(ply), degree);
     if (!status) status = load_all(&in, ply);
-    if (status) {
-        sf_intake_abandon(&in);
-        return status;
-    }
-    status = sf_intake_end(&in, sf_ply_antialiased(ply), model);
-    if (!status) sf_ply_report_rest(ply);
-    return status;
+    return sf_ply_end_intake(ply, &in, status, model);
 }
 
 sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_options *options,
