@@ -55,8 +55,7 @@ emulated() { # NAME TOOLCHAIN TESTS
     step "$1-cpus" "${run[@]}" check-cpus
 }
 
-# All tests as clang builds them run with sanitizers. Refused blocks, and the moments of one fit after another, have nothing of
-# threads.
+# clang builds all tests with sanitizers for memory and undefined behaviour; that for threads runs those whose code has threads.
 group_threads() {
     step thread "${quick[@]}" TIMEOUT=900 SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="pool context scene render fit cancel pipe capture preview live" test
 }
@@ -69,7 +68,7 @@ group_armhf() {
     step static-armhf "${make[@]}" TOOLCHAIN=arm-linux-gnueabihf STATIC=1 test-static
     step deb-armhf "${make[@]}" TOOLCHAIN=arm-linux-gnueabihf test-deb
 }
-# The emulated board's programs are built there too, and its sources are slow on purpose. The boards differ from it in a flag.
+# test-vm builds into the same folder, so it is in this group. The boards' toolchains differ in one flag: one file is enough.
 # shellcheck disable=SC2086
 group_aarch64() {
     local board
@@ -80,7 +79,7 @@ group_aarch64() {
         step board-$board "${make[@]}" TOOLCHAIN=$board build/$board/src/base/create_context.o
     done
 }
-# The README's commands where nothing is, with the oldest and the newest compilers.
+# The README's commands on two bare systems, with the compilers of Debian 12 and 13.
 group_fresh() {
     step fresh env SPLATFIT_QUICK=1 MAKEFLAGS_IN_ROOT="-j$(nproc)" COMPILERS=1 "${make[@]}" test-fresh TESTS="bookworm/bare trixie/desktop"
 }
@@ -91,7 +90,7 @@ group_debug() {
     step commands "${make[@]}" compile_commands.json
 }
 group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
-# What follows takes what the first step has built.
+# These, crash and scenes use build/native, which the step gcc builds.
 group_native() {
     step lint "${make[@]}" lint
     step levels "${make[@]}" check
@@ -105,11 +104,10 @@ group_native() {
     step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 }
 group_crash() { step crash "${make[@]}" crash KILLS=50 EVERY=15; }
-# The blobs are some of them.
 group_scenes() { step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes; }
 
-# Much of this keeps little more than one CPU busy: two workers take the groups, the longest first, and what a group says is
-# printed at its end. No two share a folder that either builds in, but for the native one, of which all is built by then.
+# Most steps keep little more than one CPU busy, so two workers take the groups in turn, the longest first. A group's output is
+# printed at its end. No two groups build in the same folder, except build/native, which is complete before its groups begin.
 groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static debug crash)
 next() {
     flock $logs/taken.lock sh -c "echo >>$logs/taken; wc -l <$logs/taken"

@@ -275,13 +275,16 @@ VEC void project_colour_of(const sf_project_args *a, size_t first, int degree, b
 VEC void project_colour(const sf_project_args *a, size_t first, block *b) {
     switch (a->sh_degree) {
     case 0:
-        return project_colour_of(a, first, 0, b);
+        project_colour_of(a, first, 0, b);
+        break;
     case 1:
-        return project_colour_of(a, first, 1, b);
+        project_colour_of(a, first, 1, b);
+        break;
     case 2:
-        return project_colour_of(a, first, 2, b);
+        project_colour_of(a, first, 2, b);
+        break;
     default:
-        return project_colour_of(a, first, 3, b);
+        project_colour_of(a, first, 3, b);
     }
 }
 
@@ -569,13 +572,16 @@ static void clear_all(const sf_project_bwd_args *b, size_t at, size_t to) {
 VEC void colour_bwd(const sf_project_bwd_args *b, size_t first, size_t to, arrival *r) {
     switch (b->forward.sh_degree) {
     case 0:
-        return colour_bwd_of(b, first, to, 0, r);
+        colour_bwd_of(b, first, to, 0, r);
+        break;
     case 1:
-        return colour_bwd_of(b, first, to, 1, r);
+        colour_bwd_of(b, first, to, 1, r);
+        break;
     case 2:
-        return colour_bwd_of(b, first, to, 2, r);
+        colour_bwd_of(b, first, to, 2, r);
+        break;
     default:
-        return colour_bwd_of(b, first, to, 3, r);
+        colour_bwd_of(b, first, to, 3, r);
     }
 }
 

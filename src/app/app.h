@@ -13,8 +13,10 @@ extern const command command_fit, command_render, command_eval, command_info, co
     command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert,
     command_prune, command_live, command_view;
 
-/* Tables of options that several commands take. */
-extern const arg_option common_options[], from_options[], load_options[], model_options[], render_options[];
+/* Tables of options that several commands take. Every command that reads a model takes
+ * model_options, and all but fit, where --antialiased is a hyperparameter, compensation_options. */
+extern const arg_option common_options[], compensation_options[], load_options[], model_options[],
+    render_options[];
 
 /* parts.c: which libraries are built in, on standard output. */
 void app_parts(void);
@@ -26,10 +28,10 @@ void app_licences(void);
 int app_fail(const args *a, const sf_context *ctx);
 int app_say(const args *a, const char *subject, const char *what);
 
-/* As model_options or from_options say: --spz-frame, and whether --antialiased is yes or no. 0 or an exit
- * code. */
+/* --spz-frame; and fails unless --antialiased, where the command takes it, is yes or no. 0 or an exit code.
+ */
 int app_model_options(const args *a, sf_model_file_options *options);
-/* A model as model_options say. 0 or an exit code. */
+/* A model, read as these two tables say. 0 or an exit code. */
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model);
 
 /* A context as --threads, --isa and --quiet say. 0 or an exit code. */

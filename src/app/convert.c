@@ -118,7 +118,8 @@ static int run(const args *a) {
 }
 
 static const arg_option *const tables[] = {
-    own_options, model_options, motion_options, compare_options, load_options, common_options, NULL};
+    own_options,     model_options, compensation_options, motion_options,
+    compare_options, load_options,  common_options,       NULL};
 
 const command command_convert = {
     .name = "convert",

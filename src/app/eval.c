@@ -64,8 +64,8 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,  model_options,  render_options,
-                                           load_options, common_options, NULL};
+static const arg_option *const tables[] = {
+    own_options, model_options, compensation_options, render_options, load_options, common_options, NULL};
 
 const command command_eval = {
     .name = "eval",

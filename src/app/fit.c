@@ -397,7 +397,7 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,  watch_options,  from_options,
+static const arg_option *const tables[] = {own_options,  watch_options,  model_options,
                                            load_options, common_options, NULL};
 
 const command command_fit = {

@@ -36,19 +36,14 @@ const arg_option render_options[] = {
     {0},
 };
 
-#define SPZ_FRAME                                                                                            \
-    {                                                                                                        \
-        "spz-frame", 0, "own|rub",                                                                           \
-            "axes in a .spz: own, as the file says or else as in a .ply, or rub (right, up, back): y and z " \
-            "are "                                                                                           \
-            "negated on the way (own)"                                                                       \
-    }
-
-/* A fit has a hyperparameter --antialiased. */
-const arg_option from_options[] = {SPZ_FRAME, {0}};
-
 const arg_option model_options[] = {
-    SPZ_FRAME,
+    {"spz-frame", 0, "own|rub",
+     "axes in a .spz: own, as the file says or else as in a .ply, or rub (right, up, back): y and z are "
+     "negated on the way (own)"},
+    {0},
+};
+
+const arg_option compensation_options[] = {
     {"antialiased", 0, "yes|no",
      "whether the model was fitted with opacity compensation, whatever its file says (as it says)"},
     {0},
@@ -71,14 +66,15 @@ static int has_table(const args *a, const arg_option *wanted) {
 
 int app_model_options(const args *a, sf_model_file_options *options) {
     int is_rub, is_no, error = read_word(a, "spz-frame", "own", "rub", &is_rub);
-    if (!error && has_table(a, model_options)) error = read_word(a, "antialiased", "yes", "no", &is_no);
+    if (!error && has_table(a, compensation_options))
+        error = read_word(a, "antialiased", "yes", "no", &is_no);
     if (!error) options->spz_frame = is_rub ? SF_SPZ_FRAME_RUB : SF_SPZ_FRAME_OWN;
     return error;
 }
 
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model) {
     sf_model_file_options options = sf_model_file_options_default();
-    const char *antialiased = has_table(a, model_options) ? args_value(a, "antialiased") : NULL;
+    const char *antialiased = has_table(a, compensation_options) ? args_value(a, "antialiased") : NULL;
     int error = app_model_options(a, &options);
     if (!error && sf_model_load_as(ctx, path, &options, model)) error = app_fail(a, ctx);
     if (!error && antialiased) sf_model_set_antialiased(*model, !strcmp(antialiased, "yes"));

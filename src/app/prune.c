@@ -212,7 +212,8 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, model_options, load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options,  model_options,  compensation_options,
+                                           load_options, common_options, NULL};
 
 const command command_prune = {
     .name = "prune",

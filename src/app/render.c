@@ -108,8 +108,9 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {picture_options, shot_options,   model_options, render_options,
-                                           load_options,    common_options, NULL};
+static const arg_option *const tables[] = {
+    picture_options, shot_options, model_options,  compensation_options,
+    render_options,  load_options, common_options, NULL};
 
 const command command_render = {
     .name = "render",

@@ -1,7 +1,8 @@
 /* compressed_ply.c - Gaussians in, from the compressed .ply of PlayCanvas and SuperSplat.
  *
- * Each 256 vertices share a row of the element "chunk": the ends of what their 32-bit words count between.
- * The bands of the SH are bytes of the element "sh". As splat-transform 3.2 reads them.
+ * Each 256 vertices share a row of the element "chunk": the minimum and maximum of their means, log-scales
+ * and colours, between which the bits of a vertex's 32-bit words interpolate. The SH bands above 0 are bytes
+ * of the element "sh". Follows splat-transform 3.2.
  */
 #include <math.h>
 #include <stdio.h>
@@ -11,13 +12,13 @@
 #include "model_ply.h"
 #include "quantise.h"
 
-enum { CHUNK = 256, ENDS = 3, WORDS = 4 };
+enum { CHUNK = 256, AXES = 3, WORDS = 4 };
 
-/* What a chunk's rows give the ends of. */
+/* What a chunk has a minimum and a maximum of. */
 enum { MEAN, LOG_SCALE, COLOR, KINDS };
 
 typedef struct chunk {
-    float low[KINDS][ENDS], high[KINDS][ENDS];
+    float min[KINDS][AXES], max[KINDS][AXES];
 } chunk;
 
 typedef struct packed {
@@ -33,21 +34,21 @@ typedef struct compressed {
 } compressed;
 
 static sf_status bind_chunk(sf_ply *ply) {
-    static const char *const names[KINDS][ENDS] = {
+    static const char *const names[KINDS][AXES] = {
         {"x", "y", "z"}, {"scale_x", "scale_y", "scale_z"}, {"r", "g", "b"}};
     int kinds = sf_ply_properties(ply, "min_r") ? KINDS : COLOR;
     sf_status status = SF_OK;
-    for (int i = 0; i < kinds * ENDS && !status; i++) {
+    for (int i = 0; i < kinds * AXES && !status; i++) {
         char name[16];
-        snprintf(name, sizeof name, "min_%s", names[i / ENDS][i % ENDS]);
+        snprintf(name, sizeof name, "min_%s", names[i / AXES][i % AXES]);
         status = sf_ply_bind(ply, name, i);
-        snprintf(name, sizeof name, "max_%s", names[i / ENDS][i % ENDS]);
-        if (!status) status = sf_ply_bind(ply, name, KINDS * ENDS + i);
+        snprintf(name, sizeof name, "max_%s", names[i / AXES][i % AXES]);
+        if (!status) status = sf_ply_bind(ply, name, KINDS * AXES + i);
     }
     return status;
 }
 
-/* Older files give no ends of colours: they are 0 and 1. */
+/* In older files, whose chunks have no colours, these are between 0 and 1. */
 static sf_status read_chunks(compressed *c, sf_ply *ply) {
     size_t needed = c->count / CHUNK + (c->count % CHUNK != 0);
     sf_status status = sf_ply_enter(ply, "chunk");
@@ -59,11 +60,11 @@ static sf_status read_chunks(compressed *c, sf_ply *ply) {
     if (!c->chunks) return SF_ERR_MEMORY;
     status = bind_chunk(ply);
     for (size_t i = 0; i < needed && !status; i++) {
-        float ends[2 * KINDS * ENDS] = {0};
-        for (int k = 0; k < ENDS; k++) ends[KINDS * ENDS + COLOR * ENDS + k] = 1;
-        status = sf_ply_next(ply, ends);
-        memcpy(c->chunks[i].low, ends, sizeof c->chunks[i].low);
-        memcpy(c->chunks[i].high, ends + KINDS * ENDS, sizeof c->chunks[i].high);
+        float limits[2 * KINDS * AXES] = {0};
+        for (int k = 0; k < AXES; k++) limits[KINDS * AXES + COLOR * AXES + k] = 1;
+        status = sf_ply_next(ply, limits);
+        memcpy(c->chunks[i].min, limits, sizeof c->chunks[i].min);
+        memcpy(c->chunks[i].max, limits + KINDS * AXES, sizeof c->chunks[i].max);
     }
     return status;
 }
@@ -85,14 +86,14 @@ static sf_status read_words(compressed *c, sf_ply *ply) {
     return status;
 }
 
-/* The part that some bits of a word are of what they can count to. */
+/* The unsigned number in some bits of a word, divided by the largest that they hold. */
 static double part(uint32_t word, int from, int bits) {
     uint32_t most = (1u << bits) - 1;
     return (double)(word >> from & most) / most;
 }
 
 static float between(const chunk *c, int kind, int axis, double t) {
-    return (float)((double)c->low[kind][axis] * (1 - t) + (double)c->high[kind][axis] * t);
+    return (float)((double)c->min[kind][axis] * (1 - t) + (double)c->max[kind][axis] * t);
 }
 
 static void unpack_vector(const chunk *c, int kind, uint32_t word, float to[3]) {
@@ -101,7 +102,8 @@ static void unpack_vector(const chunk *c, int kind, uint32_t word, float to[3]) 
     to[2] = between(c, kind, 2, part(word, 0, 11));
 }
 
-/* The largest of w, x, y, z follows from the three others, which are none beyond 1 / sqrt(2). */
+/* The two highest bits say which of w, x, y, z is the largest; it follows from the three others, which lie
+ * within 1 / sqrt(2) of 0. */
 static void unpack_rotation(uint32_t word, float quat[4]) {
     unsigned largest = word >> 30;
     double sum = 0;
@@ -123,7 +125,7 @@ static void unpack_color(const chunk *c, uint32_t word, const sf_gaussians *to) 
     to->logit_opacities[0] = sf_logit_of_byte((uint8_t)word);
 }
 
-/* The ends of a byte are the ends themselves, what is between the middles of 256 parts of -4..4. */
+/* A byte counts 256 equal parts of -4..4 and stands for the middle of its part; 0 and 255 are -4 and 4. */
 static float unpack_sh(float byte) {
     float part = byte <= 0 ? 0 : byte >= 255 ? 1 : (byte + 0.5f) / 256;
     return 8 * (part - 0.5f);
@@ -147,13 +149,13 @@ static sf_status put_all(const compressed *c, sf_ply *ply, int degree, sf_intake
     sf_gaussians fields = sf_gaussian_fields(&g);
     sf_status status = SF_OK;
     for (size_t i = 0; i < c->count && !status; i++) {
-        const chunk *ends = &c->chunks[i / CHUNK];
+        const chunk *limits = &c->chunks[i / CHUNK];
         if (degree) status = sf_ply_next(ply, g.values);
         for (int k = 3; k < 3 * sf_coefficients(degree); k++) fields.sh[k] = unpack_sh(fields.sh[k]);
-        unpack_vector(ends, MEAN, c->words[i].position, fields.means);
-        unpack_vector(ends, LOG_SCALE, c->words[i].scale, fields.log_scales);
+        unpack_vector(limits, MEAN, c->words[i].position, fields.means);
+        unpack_vector(limits, LOG_SCALE, c->words[i].scale, fields.log_scales);
         unpack_rotation(c->words[i].rotation, fields.quats);
-        unpack_color(ends, c->words[i].color, &fields);
+        unpack_color(limits, c->words[i].color, &fields);
         if (!status) status = sf_intake_put(in, &g);
     }
     return status;

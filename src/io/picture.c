@@ -162,14 +162,15 @@ int sf_jpeg_can_hold(const uint8_t *data, size_t size, int width, int height) {
 }
 
 static sf_status jpeg_header(tjhandle jpeg, const uint8_t *data, size_t size, sf_picture *p) {
-    /* What holds tables alone has a header without these, and no error. */
+    /* A file of tables alone, or cut before its size, is an error to newer libjpeg-turbos alone. */
     int width = 0, height = 0, sampling = -1, space = -1;
     if (tjDecompressHeader3(jpeg, data, (unsigned long)size, &width, &height, &sampling, &space))
         return fault(p, SF_ERR_FORMAT, "JPEG: %s", tjGetErrorStr2(jpeg));
+    if (width < 1 || height < 1) return fault(p, SF_ERR_FORMAT, "JPEG: holds no picture");
     if (space == TJCS_CMYK || space == TJCS_YCCK)
         return fault(p, SF_ERR_UNSUPPORTED, "JPEG: colours: %s is not supported",
                      space == TJCS_CMYK ? "CMYK" : "YCCK (CMYK)");
-    sf_status status = set_size(p, width > 0 ? (uint32_t)width : 0, height > 0 ? (uint32_t)height : 0);
+    sf_status status = set_size(p, (uint32_t)width, (uint32_t)height);
     if (status || sf_jpeg_can_hold(data, size, width, height)) return status;
     return fault(p, SF_ERR_FORMAT, "JPEG: size: %d x %d is more than its %zu bytes can hold", width, height,
                  size);

@@ -400,7 +400,8 @@ static void test_other_content(void **state) {
                    "ftypheic",
                    12, SF_ERR_UNSUPPORTED, "is HEIC or AVIF");
     assert_refused(ctx, "MM\0*\0\0", 6, SF_ERR_UNSUPPORTED, "is TIFF");
-    assert_refused(ctx, "\xff\xd8\xff", 3, SF_ERR_FORMAT, "0 x 0");
+    /* libjpeg-turbo 2.1 reads this without an error. */
+    assert_refused(ctx, "\xff\xd8\xff", 3, SF_ERR_FORMAT, "JPEG: ");
     assert_refused(ctx, "\x89PNG\r\n\x1a\n", 8, SF_ERR_FORMAT, "PNG");
     assert_status(ctx, sf_picture_load(ctx, test_path("absent"), &p), SF_ERR_IO);
     test_assert_contains(p.fault, "No such file", __FILE__, __LINE__);

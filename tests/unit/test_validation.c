@@ -1,5 +1,5 @@
-/* test_validation.c - the views that are kept out of the training: which they are, that they say when to stop,
- * and that the end learns from them too. */
+/* test_validation.c - the views that are kept out of the training: which they are, that they say when to
+ * stop, and that the end learns from them too. */
 #include "testing.h"
 
 #include <math.h>
