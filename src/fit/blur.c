@@ -5,7 +5,7 @@
  * of both is much the same for all views, and far lower for a blurred one, in the direction of its blur at
  * least.
  */
-#include "fitter.h"
+#include "blur.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -13,7 +13,7 @@
 
 #include "../base/pool.h"
 #include "../base/statistics.h"
-#include "refine.h"
+#include "draw_view.h"
 
 /* Views are judged once, here in the run: the model knows by now what is there, and most is still to come. */
 #define JUDGE_AT (1 / 3.0)
@@ -166,18 +166,11 @@ static sf_status judge_views(sf_fitter *f, judgement *j) {
 static double median(const sf_fitter *f, const judgement *j, int direction, size_t *n) {
     *n = 0;
     for (size_t i = 0; i < j->count; i++)
-        if (!sf_is_in_validation(f, j->ids[i])) j->sorted[(*n)++] = j->sharper[direction][i];
+        if (!sf_is_in_validation(&f->validation, j->ids[i])) j->sorted[(*n)++] = j->sharper[direction][i];
     return *n ? sf_median(j->sorted, *n) : 0;
 }
 
-int sf_is_blurred(const sf_fitter *f, uint32_t id) {
-    size_t i = 0;
-    while (i < f->blur.count && f->blur.ids[i] != id) i++;
-    return i < f->blur.count;
-}
-
-/* The ids of those far below the others become the fitter's. A pass without those that were trained on
- * begins; what was best by those of validation is so no longer. */
+/* The ids of those far below the others become the fitter's. */
 static void find_blurred(sf_fitter *f, const judgement *j) {
     double usual[DIRECTIONS], limit = log(f->options.blur);
     size_t trained;
@@ -185,12 +178,7 @@ static void find_blurred(sf_fitter *f, const judgement *j) {
     if (trained < FEWEST || fmax(usual[ACROSS], usual[DOWN]) > -log(LEAST_DETAIL)) return;
     for (size_t i = 0; i < j->count; i++) {
         double least = fmin(j->sharper[ACROSS][i] - usual[ACROSS], j->sharper[DOWN][i] - usual[DOWN]);
-        if (!(least < limit)) continue;
-        f->blur.ids[f->blur.count++] = j->ids[i];
-        if (sf_is_in_validation(f, j->ids[i]))
-            sf_forget_best_model(f);
-        else
-            f->sampler.at = f->sampler.count;
+        if (least < limit) f->blur.ids[f->blur.count++] = j->ids[i];
     }
 }
 
@@ -242,10 +230,10 @@ sf_status sf_measure_blur(sf_fitter *f, double fraction) {
 
 void sf_skip_blurred_views(sf_fitter *f) {
     size_t kept = 0, sharp = 0;
-    for (size_t i = 0; i < f->sampler.count; i++) sharp += !sf_is_blurred(f, f->sampler.ids[i]);
+    for (size_t i = 0; i < f->sampler.count; i++) sharp += !sf_is_blurred(&f->blur, f->sampler.ids[i]);
     if (!sharp) return;
     for (size_t i = 0; i < f->sampler.count; i++)
-        if (!sf_is_blurred(f, f->sampler.ids[i]) || !sf_rng_below(&f->rng, PASSES_OF_ONE))
+        if (!sf_is_blurred(&f->blur, f->sampler.ids[i]) || !sf_rng_below(&f->rng, PASSES_OF_ONE))
             f->sampler.ids[kept++] = f->sampler.ids[i];
     f->sampler.count = kept;
 }

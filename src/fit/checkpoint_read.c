@@ -7,6 +7,11 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "fit.h"
+#include "memory.h"
+#include "reorder.h"
+#include "schedule.h"
+#include "time_trace.h"
 
 /* The options that a run may be gone on with differently. */
 static const char *const free_options[] = {"steps", "time_limit", "memory"};

@@ -1,17 +1,21 @@
-/* densify.c - pruning, cloning, splitting.
+/* densify.c - splits and clones.
  *
- * The plan says how many Gaussians there may be; those with the largest mean screen gradient grow, or the
- * largest error (densify_score.c): a small one gets a clone beside it, a large one is split along its longest
- * axis. What is faint or not finite goes, or is moved (densify_relocate.c).
+ * The schedule plans the number of Gaussians. Those with the largest mean screen gradient, or the largest
+ * share of the error (densify_score.c), are densified: a small one is cloned, a large one is split along its
+ * longest axis. Gaussians that are too faint or not finite are removed, or relocated (densify_relocate.c).
  */
 #include "densify.h"
-
-#include "fitter.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "opacity.h"
+#include "densify_relocate.h"
+#include "densify_score.h"
+#include "remove.h"
+#include "reorder.h"
+#include "schedule.h"
 #include "select.h"
 
 /* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
@@ -33,61 +37,9 @@ static int longest_axis(const sf_params *params, size_t i) {
     return longest;
 }
 
-float sf_min_logit_opacity(const sf_fitter *f) {
-    double opacity = f->options.prune_opacity;
-    return opacity > 0 ? sf_logitf(fminf((float)opacity, 0.999f)) : -INFINITY;
-}
-
-int sf_is_kept(const sf_fitter *f, size_t i, float faintest) {
-    const sf_params *p = &f->model->params;
-    for (int field = 0; field < SF_FIELD_COUNT; field++)
-        for (int c = 0; i < f->model->banded[sf_field_band(field)] && c < sf_field_components(field); c++)
-            if (!isfinite(*sf_value(p, field, i, c))) return 0;
-    return p->field[SF_FIELD_logit_opacity][i] >= faintest && !(f->densify.gradient_sum[i] < 0);
-}
-
 /* Gaussian i as it is. */
 static sf_remap_entry itself(const sf_fitter *f, size_t i) {
     return (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
-}
-
-/* degrees: NULL or [count], of those that are kept; no higher than now. */
-static sf_status keep_worthy(sf_fitter *f, float faintest, const uint8_t *degrees) {
-    size_t kept = 0, count = f->model->count, lowered = 0;
-    sf_remap_entry *places = sf_alloc(f->ctx, count, sizeof *places);
-    if (!places) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < count; i++) {
-        if (!sf_is_kept(f, i, faintest)) continue;
-        sf_remap_entry place = itself(f, i);
-        if (degrees && degrees[i] < place.degree) place.degree = degrees[i], lowered++;
-        places[kept++] = place;
-    }
-    sf_status status = kept < count || lowered ? sf_reorder(f, places, kept, NULL) : SF_OK;
-    sf_free(f->ctx, places);
-    return status;
-}
-
-static sf_status prune(sf_fitter *f, const uint8_t *degrees) {
-    return keep_worthy(f, sf_min_logit_opacity(f), degrees);
-}
-
-sf_status sf_drop_not_finite(sf_fitter *f) {
-    size_t had = f->model->count, finite = 0;
-    while (finite < had && sf_is_kept(f, finite, -INFINITY)) finite++;
-    if (finite == had) return SF_OK;
-    sf_merges_undo_all(f); /* the others find other places */
-    sf_status status = keep_worthy(f, -INFINITY, NULL);
-    if (f->model->count < had)
-        sf_log(f->ctx, SF_LOG_WARNING,
-               "step %lld: removed %zu of %zu Gaussians with values that are not finite", (long long)f->step,
-               had - f->model->count, had);
-    return status;
-}
-
-void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction) {
-    float q[4];
-    for (int k = 0; k < 4; k++) q[k] = *sf_value(params, SF_FIELD_quat, i, k);
-    sf_quat_axis(q, axis, direction);
 }
 
 /* Gaussian j, a copy of i, and i become the halves of what i was. */
@@ -137,8 +89,8 @@ static int by_score(const void *a, const void *b) {
     return (x->index > y->index) - (x->index < y->index);
 }
 
-/* Said once: the fit goes on with the Gaussians that it has. */
-static void end_growth(sf_fitter *f) {
+void sf_densify_end(sf_fitter *f) {
+    if (f->densify.out_of_memory) return;
     f->densify.out_of_memory = 1;
     sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", f->model->count);
 }
@@ -202,62 +154,19 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
     return f->densify.out_of_memory ? 0 : wanted;
 }
 
-/* What is not worth its price goes, pairs are judged and put on trial. The statistics of growth are not
- * needed any more: they carry the effects through the arranging. */
-static sf_status charge_with(sf_fitter *f, double fraction, uint8_t *degrees) {
-    sf_importance w = {0};
-    size_t had = f->model->count, floats = sf_model_floats(f->model);
-    for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
-    sf_status status = sf_select_prune(f, fraction, &w, degrees);
-    for (size_t i = 0; i < had && !status; i++)
-        if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.score[i];
-    if (!status) status = prune(f, degrees);
-    size_t went = had - f->model->count;
-    if (floats - sf_model_floats(f->model) > floats / SF_MODEL_CHANGED_PART) sf_forget_best_model(f);
-    w.count = f->model->count;
-    for (size_t i = 0; i < w.count && !status; i++) w.score[i] = (float)f->densify.gradient_sum[i];
-    if (!status) status = sf_select_merge(f, fraction, went, &w);
-    sf_importance_free(f->ctx, &w);
-    return status;
-}
-
-static sf_status clear_veils(sf_fitter *f) {
-    sf_status status = sf_mark_floaters(f);
-    return status ? status : prune(f, NULL);
-}
-
-static sf_status charge(sf_fitter *f, double fraction) {
-    int glanced = sf_skip_selection(f, fraction);
-    uint8_t *degrees = glanced ? NULL : sf_alloc(f->ctx, f->model->count, 1);
-    sf_status status = glanced ? clear_veils(f) : degrees ? charge_with(f, fraction, degrees) : SF_ERR_MEMORY;
-    sf_free(f->ctx, degrees);
-    if (status != SF_ERR_MEMORY) return status;
-    sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
-    return SF_OK;
-}
-
-static sf_status grow_by_plan(sf_fitter *f, double fraction) {
+sf_status sf_densify_step(sf_fitter *f, double fraction) {
     int kind = f->options.growth;
     if (kind == SF_GROWTH_ERROR && sf_densify_score(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
     if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (sf_selects(f) && !f->densify.ended && !f->densify.out_of_memory && sf_select_growth(f, fraction))
-        end_growth(f);
-    sf_status status = prune(f, NULL);
+        sf_densify_end(f);
+    sf_status status = sf_remove_marked(f, NULL);
     size_t wanted = !f->densify.ended && !status ? wanted_more(f, fraction) : 0;
     return wanted ? grow(f, wanted) : status;
 }
 
-void sf_densify_and_prune(sf_fitter *f, double fraction) {
-    int charging = sf_selection_is_due(f, fraction);
-    sf_status status = charging ? charge(f, fraction) : SF_OK;
-    int growing = !charging || (sf_densification_is_due(f, fraction) && !f->densify.ended);
-    /* those on trial stay where they are */
-    if (growing && !status && !f->merges.count) {
-        status = grow_by_plan(f, fraction);
-        if (!status) (void)sf_fitter_sort(f); /* without the memory for it steps are slower */
-    }
-    if (status && !f->densify.out_of_memory) end_growth(f);
-    memset(f->densify.gradient_sum, 0, f->model->count * sizeof *f->densify.gradient_sum);
-    memset(f->densify.visible_count, 0, f->model->count * sizeof *f->densify.visible_count);
+void sf_densify_clear(sf_densify *densify, size_t count) {
+    memset(densify->gradient_sum, 0, count * sizeof *densify->gradient_sum);
+    memset(densify->visible_count, 0, count * sizeof *densify->visible_count);
 }

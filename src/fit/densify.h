@@ -1,27 +1,15 @@
-/* densify.h - what growth and relocation share. */
+/* densify.h - adds Gaussians: splits and clones, or relocates. */
 #ifndef SF_FIT_DENSIFY_H
 #define SF_FIT_DENSIFY_H
 
-#include <math.h>
-
-#include "../scene/gaussian_math.h"
 #include "fitter.h"
 
-/* Of what was made by growth: neither faint enough to go at once nor too opaque to learn. */
-static inline void sf_set_opacity(const sf_params *p, size_t i, float opacity) {
-    p->field[SF_FIELD_logit_opacity][i] = sf_logitf(fminf(fmaxf(opacity, 0.006f), 0.995f));
-}
-
-/* Column `axis` of the rotation of Gaussian i (M.1), [3]. */
-void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction);
-
-/* Least logit-opacity of what is kept. */
-float sf_min_logit_opacity(const sf_fitter *fitter);
-/* Whether Gaussian i is finite, not fainter, and not scored to go. */
-int sf_is_kept(const sf_fitter *fitter, size_t i, float faintest);
-
-/* select_floaters.c: scores -1, to go, what a training camera is inside of, and what stands before what one
- * sees. On failure nothing is. */
-sf_status sf_mark_floaters(sf_fitter *fitter);
+/* Removes Gaussians that are too faint or not finite, then splits and clones up to the planned number; or
+ * relocates, as option growth says. SF_ERR_MEMORY. */
+sf_status sf_densify_step(sf_fitter *fitter, double fraction);
+/* Ends densification for want of memory, and logs that once. */
+void sf_densify_end(sf_fitter *fitter);
+/* Clears the statistics that the next densification goes by. */
+void sf_densify_clear(sf_densify *densify, size_t count);
 
 #endif

@@ -1,12 +1,15 @@
 /* densify_relocate.c - Gaussians as samples (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain
  * Monte Carlo"): faint ones move to live ones, and noise lets them look around.
  */
-#include "densify.h"
+#include "densify_relocate.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "../base/hash.h"
+#include "opacity.h"
+#include "remove.h"
+#include "reorder.h"
 
 /* The noise of a Gaussian of opacity o is 1 / (1 + exp(GATE_SLOPE (o - GATE_OPACITY))) of the full one, and
  * none where that is below GATE_LEAST. */

@@ -3,12 +3,13 @@
  * Blending's way back sums over the pixels of a Gaussian w d_rgb, with w its weight in the pixel: put the
  * error in the place of d_rgb, and it is the Gaussian's share of the error; put 1, and it is its area.
  */
-#include "fitter.h"
+#include "densify_score.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "../base/pool.h"
+#include "sample_views.h"
 
 enum {
     GATHER = 1024,  /* Gaussians a task */

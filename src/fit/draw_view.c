@@ -1,5 +1,5 @@
 /* draw_view.c - a training view as the model renders it, and the picture that it is compared with. */
-#include "fitter.h"
+#include "draw_view.h"
 
 #include "../base/pool.h"
 #include "refine.h"

@@ -1,14 +1,28 @@
 /* fit.c - the loop: a view, a picture of it, the loss, the gradients, an update; now and then growth. */
-#include "fitter.h"
+#include "fit.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "../base/clock.h"
 #include "../scene/first.h"
-#include "select.h"
+#include "blur.h"
+#include "densify.h"
+#include "draw_view.h"
+#include "memory.h"
+#include "moving_average.h"
+#include "options.h"
+#include "recovery.h"
 #include "refine.h"
+#include "remove.h"
+#include "reorder.h"
+#include "sampler.h"
+#include "schedule.h"
+#include "select.h"
 #include "select_merge.h"
+#include "time_trace.h"
+#include "update.h"
+#include "validation.h"
 
 enum {
     ROUNDS = 3,            /* to time a step */
@@ -239,13 +253,49 @@ static void note_progress(sf_fitter *f, double loss) {
     }
 }
 
+/* Validation; the views of validation may be merged back into the training, which begins a pass over all. */
+static sf_status validate(sf_fitter *f, double fraction) {
+    int merged = f->validation.merged;
+    sf_status status = sf_validation_step(f, fraction);
+    if (f->end) sf_merges_undo_all(f);
+    if (f->validation.merged && !merged) sf_sampler_restart(&f->sampler);
+    return status;
+}
+
+/* A pass without the blurred views begins; a model that was the best by some of them is so no longer. */
+static sf_status find_blurred_views(sf_fitter *f, double fraction) {
+    size_t k = f->blur.count;
+    sf_status status = sf_measure_blur(f, fraction);
+    for (; k < f->blur.count; k++) {
+        if (sf_is_in_validation(&f->validation, f->blur.ids[k]))
+            sf_forget_best_model(&f->validation);
+        else
+            sf_sampler_restart(&f->sampler);
+    }
+    return status;
+}
+
+void sf_select_and_densify(sf_fitter *f, double fraction) {
+    int selecting = sf_selection_is_due(f, fraction), changed = 0;
+    sf_status status = selecting ? sf_select_step(f, fraction, &changed) : SF_OK;
+    if (changed) sf_forget_best_model(&f->validation);
+    int densifying = !selecting || (sf_densification_is_due(f, fraction) && !f->densify.ended);
+    /* during tentative merges the Gaussians keep their places */
+    if (densifying && !status && !f->merges.count) {
+        status = sf_densify_step(f, fraction);
+        if (!status) (void)sf_fitter_sort(f); /* without the memory for it steps are slower */
+    }
+    if (status) sf_densify_end(f);
+    sf_densify_clear(&f->densify, f->model->count);
+}
+
 sf_status sf_fitter_step(sf_fitter *f) {
     if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
-    double fraction = sf_next_fraction(f);
-    sf_status status = sf_validation_step(f, fraction);
-    if (status == SF_ERR_END && sf_drop_not_finite(f)) status = SF_ERR_MEMORY;
-    if (!status) status = sf_recovery_step(f);
-    if (!status) status = sf_measure_blur(f, fraction);
+    double fraction = sf_fraction_at(f, sf_next_time_fraction(f));
+    sf_status status = validate(f, fraction);
+    if (status == SF_ERR_END && sf_remove_not_finite(f)) status = SF_ERR_MEMORY;
+    if (!status) status = sf_recovery_step(f, sf_validation_chooses(&f->validation));
+    if (!status) status = find_blurred_views(f, fraction);
     if (status) return status;
     sf_view *view;
     status = sf_next_view(f, &view);
@@ -270,10 +320,11 @@ sf_status sf_fitter_step(sf_fitter *f) {
         f->skipped_values += f->workspace.not_finite;
     }
     note_progress(f, loss.loss);
-    if (f->workspace.not_finite) (void)sf_drop_not_finite(f); /* left out, where there is no memory for it */
+    if (f->workspace.not_finite)
+        (void)sf_remove_not_finite(f); /* left out, where there is no memory for it */
     if (sf_densification_is_due(f, fraction) || sf_selection_is_due(f, fraction)) {
         sf_fitter_watch_memory(f);
-        sf_densify_and_prune(f, fraction);
+        sf_select_and_densify(f, fraction);
     }
     return SF_OK;
 }

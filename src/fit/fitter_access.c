@@ -6,7 +6,9 @@
 
 #include "../base/clock.h"
 #include "../io/cameras_json.h"
+#include "moving_average.h"
 #include "refine.h"
+#include "schedule.h"
 #include "select_merge.h"
 
 /* Of the last steps, as far as it is known; 0: of none. */

@@ -3,6 +3,7 @@
 
 #include "../scene/first.h"
 #include "fitter.h"
+#include "reorder.h"
 #include "select_merge.h"
 
 static int is_point(const float *xyz, float radius) {

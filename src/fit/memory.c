@@ -4,7 +4,7 @@
  * what fits reach that have grown to their cap, and TILE_LAYERS what a picture's tiles hold even of few and
  * large Gaussians; both on the side of more.
  */
-#include "fitter.h"
+#include "memory.h"
 
 #include <math.h>
 #include <string.h>

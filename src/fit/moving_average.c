@@ -3,7 +3,7 @@
  * Each step pleases one view, and who looks between two steps sees that. A fit that ends lets its rates fall;
  * one that is watched and tracked against while it goes on shows means of its last steps (mean_steps).
  */
-#include "fitter.h"
+#include "moving_average.h"
 
 #include <math.h>
 

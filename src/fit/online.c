@@ -2,6 +2,9 @@
 #include "online.h"
 
 #include "fitter.h"
+#include "moving_average.h"
+#include "options.h"
+#include "select_merge.h"
 
 sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options) {
     return sf_fit_options_check(ctx, options);

@@ -1,5 +1,7 @@
 /* options.c - the list of hyperparameters: defaults, ranges, text. */
-#include "fitter.h"
+#include "options.h"
+
+#include "../base/context.h"
 
 #include <errno.h>
 #include <inttypes.h>

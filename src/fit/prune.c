@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fitter.h"
-#include "densify.h"
+#include "fit.h"
 #include "select_importance.h"
+#include "validation.h"
 
 enum {
     ROUNDS = 4,       /* in which the loss is spent */

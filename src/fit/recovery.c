@@ -7,11 +7,14 @@
  * Rates that are too high spoil the first median, too: it is compared with what the model that the fit begins
  * with loses at full resolution, where the loss is largest.
  */
-#include "fitter.h"
+#include "recovery.h"
 
 #include <math.h>
 
 #include "../base/statistics.h"
+#include "restore_point.h"
+#include "sample_views.h"
+#include "schedule.h"
 
 enum {
     MEDIAN_OF = 9,    /* losses */
@@ -82,20 +85,19 @@ static sf_status measure_start(sf_fitter *f) {
     return status;
 }
 
-void sf_recovery_forget(sf_fitter *f) {
-    f->recovery.min_loss = f->recovery.initial_loss = 0;
-    f->recovery.since = f->step;
+void sf_recovery_forget(sf_recovery *recovery, int64_t step) {
+    recovery->min_loss = recovery->initial_loss = 0;
+    recovery->since = step;
 }
 
-sf_status sf_recovery_step(sf_fitter *f) {
+sf_status sf_recovery_step(sf_fitter *f, int chosen) {
     sf_status status = f->step ? SF_OK : measure_start(f);
     if (status) return status;
     double median = median_loss(f);
     if (median > limit(f, 1)) return sf_recover(f, median);
     if (median > 0 && !(f->recovery.min_loss > 0 && f->recovery.min_loss <= median))
         f->recovery.min_loss = median;
-    int judged = f->validation.count && !f->validation.merged && !isnan(f->validation.best_psnr);
-    if (judged || (f->restore.model && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
+    if (chosen || (f->restore.model && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
     (void)sf_save_restore_point(f); /* without memory for it there is an older one to go back to, or none */
     return SF_OK;
 }

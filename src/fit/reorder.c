@@ -1,5 +1,5 @@
 /* reorder.c - which Gaussians there are, in which order, with which bands; and room for them. */
-#include "fitter.h"
+#include "reorder.h"
 
 #include <string.h>
 

@@ -1,7 +1,10 @@
 /* sample_views.c - the training views, looked at between two steps. */
-#include "fitter.h"
+#include "sample_views.h"
 
 #include <math.h>
+
+#include "draw_view.h"
+#include "schedule.h"
 
 static sf_status look_at(sf_fitter *f, uint32_t id, sf_sample_fn look, void *user) {
     sf_view *view = sf_scene_retain_id(f->scene, id);
@@ -34,7 +37,7 @@ sf_status sf_sample_views(sf_fitter *f, size_t wanted, int others, sf_sample_fn 
     sf_status status = sf_scene_training_ids(f->scene, &ids, &n);
     if (status) return status;
     for (size_t i = 0; i < n; i++)
-        if (!sf_is_in_validation(f, ids[i]) && shows(f, ids[i])) ids[kept++] = ids[i];
+        if (!sf_is_in_validation(&f->validation, ids[i]) && shows(f, ids[i])) ids[kept++] = ids[i];
     if (there) *there = kept;
     if (!wanted || wanted > kept) wanted = kept;
     double shift = 0;

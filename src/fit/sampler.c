@@ -1,28 +1,29 @@
 /* sampler.c - which training view a step draws: each once a pass, views that are far apart one after another.
  */
-#include "fitter.h"
+#include "sampler.h"
 
 #include <math.h>
 #include <string.h>
 
+#include "blur.h"
+#include "recovery.h"
 #include "refine.h"
+#include "validation.h"
 
-/* Whether something is learned of each view. */
-int sf_learns_views(const sf_fitter *f) {
-    return f->options.exposure || f->options.refine_poses || f->options.refine_intrinsics;
-}
+void sf_sampler_restart(sf_view_sampler *sampler) { sampler->at = sampler->count; }
 
 /* How many of them are trained on; they come first. */
 static size_t without_validation(const sf_fitter *f, uint32_t *ids, size_t count) {
     size_t kept = 0;
     for (size_t i = 0; i < count; i++)
-        if (!sf_is_in_validation(f, ids[i])) ids[kept++] = ids[i];
+        if (!sf_is_in_validation(&f->validation, ids[i])) ids[kept++] = ids[i];
     return kept;
 }
 
 /* Views that came or went are no measure for those before. */
 static void note_views(sf_fitter *f, size_t count) {
-    if (f->sampler.views_before && count != f->sampler.views_before) sf_recovery_forget(f);
+    if (f->sampler.views_before && count != f->sampler.views_before)
+        sf_recovery_forget(&f->recovery, f->step);
     f->sampler.views_before = count;
 }
 

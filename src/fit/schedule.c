@@ -1,8 +1,10 @@
 /* schedule.c - what holds at a fraction of the run. */
-#include "fitter.h"
+#include "schedule.h"
 
 #include <limits.h>
 #include <math.h>
+
+#include "time_trace.h"
 
 enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 
@@ -110,6 +112,11 @@ double sf_fraction_at(const sf_fitter *f, double time) {
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
 int sf_cools_down_early(const sf_fitter *f) { return f->cool_down.from < f->options.lr_settle; }
+
+void sf_cool_down_early(sf_fitter *f, double fraction, double length) {
+    f->cool_down.from = fraction;
+    f->cool_down.length = fmin(f->cool_down.length, length);
+}
 
 double sf_end_of_run(const sf_fitter *f) { return f->cool_down.from + f->cool_down.length; }
 

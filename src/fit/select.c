@@ -5,7 +5,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "densify.h"
+#include "remove.h"
+#include "schedule.h"
+#include "select_floaters.h"
+#include "select_importance.h"
 #include "select_merge.h"
 
 /* Prune threshold: the least reduction of the squared error that keeps a Gaussian, in noise variances of a
@@ -38,6 +41,7 @@ enum { VAIN_GROWTHS = 3 };
 #define GROWTH_PART 0.25
 
 enum {
+    CHANGED_PART = 50,    /* removing less than this part of the model hardly changes its errors */
     ERROR_VIEWS = 16,     /* views by which densification and pruning are judged */
     IMPORTANCE_VIEWS = 64 /* views over which importance is measured */
 };
@@ -67,7 +71,7 @@ static int prune_is_due(const sf_fitter *f, double fraction) {
 
 /* Whether tentative merges may begin: densification is over, and there is time left to judge them. */
 static int may_merge(const sf_fitter *f, double fraction) {
-    double steps = sf_merges_promise(f) ? SF_MERGE_STEPS : (double)f->options.grow_every;
+    double steps = sf_merges_promise(&f->merges) ? SF_MERGE_STEPS : (double)f->options.grow_every;
     double trial = steps / fmax((double)f->options.plan_steps, 1);
     return f->options.merge > 0 && (f->densify.ended || fraction > f->options.grow_end) &&
            fraction + trial <= prune_until(f);
@@ -76,7 +80,7 @@ static int may_merge(const sf_fitter *f, double fraction) {
 int sf_selection_is_due(const sf_fitter *f, double fraction) {
     if (!sf_selects(f)) return 0;
     if (prune_is_due(f, fraction)) return 1;
-    if (!sf_merges_promise(f) || f->step % SF_MERGE_STEPS) return 0;
+    if (!sf_merges_promise(&f->merges) || f->step % SF_MERGE_STEPS) return 0;
     return f->merges.count || may_merge(f, fraction);
 }
 
@@ -217,7 +221,9 @@ static void lower_degrees(const sf_importance *w, double price, uint8_t *degrees
     }
 }
 
-int sf_skip_selection(sf_fitter *f, double fraction) {
+/* Whether selection is due for merges alone and a few views show that no merge would hold; the vain round is
+ * counted. Then only floaters are removed. */
+static int skip(sf_fitter *f, double fraction) {
     sf_errors errors;
     if (prune_is_due(f, fraction) || f->merges.count) return 0;
     if (sf_measure_errors(f, 0, ERROR_VIEWS, &errors) || is_invisible(&errors)) return 0;
@@ -225,7 +231,7 @@ int sf_skip_selection(sf_fitter *f, double fraction) {
     return 1;
 }
 
-sf_status sf_select_prune(sf_fitter *f, double fraction, sf_importance *w, uint8_t *degrees) {
+sf_status sf_select_mark(sf_fitter *f, double fraction, sf_importance *w, uint8_t *degrees) {
     sf_status status = sf_measure_importance(f, IMPORTANCE_VIEWS, w);
     if (status) return status;
     if (w->views) update_noise_variance(f, &w->errors);
@@ -241,18 +247,58 @@ sf_status sf_select_prune(sf_fitter *f, double fraction, sf_importance *w, uint8
     return status;
 }
 
-sf_status sf_select_merge(sf_fitter *f, double fraction, size_t went, sf_importance *w) {
+/* Begins a round of tentative merges where that may pay. importance: as measured before the removal, for the
+ * Gaussians that are left; went: how many were removed. SF_ERR_MEMORY. */
+static sf_status merge(sf_fitter *f, double fraction, size_t went, sf_importance *w) {
     sf_status status = SF_OK;
     if (!w->views || !may_merge(f, fraction)) return SF_OK;
     if (!is_invisible(&w->errors)) { /* a photograph's */
         f->merges.in_vain++;
         return SF_OK;
     }
-    if (went > f->model->count / SF_MODEL_CHANGED_PART) { /* the errors are others now */
-        if (!sf_merges_promise(f)) return SF_OK;
+    if (went > f->model->count / CHANGED_PART) { /* the errors are others now */
+        if (!sf_merges_promise(&f->merges)) return SF_OK;
         sf_importance_free(f->ctx, w);
         status = sf_measure_importance(f, IMPORTANCE_VIEWS, w);
         if (!status) exclude_visible_errors(w);
     }
     return status ? status : sf_merges_begin(f, w);
+}
+
+/* The statistics of densification are not needed any more: gradient_sum carries the scores through the
+ * removal.
+ */
+static sf_status prune_and_merge(sf_fitter *f, double fraction, uint8_t *degrees, int *changed) {
+    sf_importance w = {0};
+    size_t had = f->model->count, floats = sf_model_floats(f->model);
+    for (size_t i = 0; i < had; i++) degrees[i] = (uint8_t)sf_degree_of(f->model, i);
+    sf_status status = sf_select_mark(f, fraction, &w, degrees);
+    for (size_t i = 0; i < had && !status; i++)
+        if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.score[i];
+    if (!status) status = sf_remove_marked(f, degrees);
+    size_t went = had - f->model->count;
+    *changed = floats - sf_model_floats(f->model) > floats / CHANGED_PART;
+    w.count = f->model->count;
+    for (size_t i = 0; i < w.count && !status; i++) w.score[i] = (float)f->densify.gradient_sum[i];
+    if (!status) status = merge(f, fraction, went, &w);
+    sf_importance_free(f->ctx, &w);
+    return status;
+}
+
+static sf_status remove_floaters(sf_fitter *f) {
+    sf_status status = sf_mark_floaters(f);
+    return status ? status : sf_remove_marked(f, NULL);
+}
+
+sf_status sf_select_step(sf_fitter *f, double fraction, int *changed) {
+    *changed = 0;
+    int skipped = skip(f, fraction);
+    uint8_t *degrees = skipped ? NULL : sf_alloc(f->ctx, f->model->count, 1);
+    sf_status status = skipped   ? remove_floaters(f)
+                       : degrees ? prune_and_merge(f, fraction, degrees, changed)
+                                 : SF_ERR_MEMORY;
+    sf_free(f->ctx, degrees);
+    if (status != SF_ERR_MEMORY) return status;
+    sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
+    return SF_OK;
 }

@@ -5,7 +5,7 @@
  * it hides the scene. So no Gaussian that is charged for may have a camera inside, or be much nearer to one
  * than where what that camera sees begins: neither things nor the air between is such.
  */
-#include "densify.h"
+#include "select_floaters.h"
 
 #include <math.h>
 

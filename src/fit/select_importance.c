@@ -11,7 +11,7 @@
 #include "../base/pool.h"
 #include "../base/statistics.h"
 #include "../kernels/sh.h"
-#include "densify.h"
+#include "sample_views.h"
 
 enum {
     GATHER = 1024,             /* Gaussians a task */

@@ -7,7 +7,6 @@
 
 #include <math.h>
 
-#include "densify.h"
 #include "select_merge_candidates.h"
 
 /* Part of the Gaussians that a first trial takes away, and any; by what it changes after a trial. */
@@ -28,7 +27,7 @@ enum {
     MOST_IN_VAIN = 3 /* one after another */
 };
 
-int sf_merges_promise(const sf_fitter *f) { return f->merges.in_vain < MOST_IN_VAIN; }
+int sf_merges_promise(const sf_merges *merges) { return merges->in_vain < MOST_IN_VAIN; }
 
 /* All values of Gaussian i, to or from a row. */
 static void keep_values(const sf_model *m, size_t i, float *row) {

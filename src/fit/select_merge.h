@@ -9,7 +9,7 @@ enum { SF_MERGE_STEPS = 100 /* in which the neighbours adapt before merges are j
 
 /* Whether merges are worth measuring importance for; if not, they are tried only when it is measured anyway.
  */
-int sf_merges_promise(const sf_fitter *fitter);
+int sf_merges_promise(const sf_merges *merges);
 
 /* Begins a round: merges the candidates with the least expected rise of the error. importance: of the model
  * as it is; its tiles, which the round takes over, are the error before the merges. SF_ERR_MEMORY: nothing is
@@ -21,6 +21,10 @@ sf_status sf_merges_begin(sf_fitter *fitter, sf_importance *importance);
  * are marked for removal in densify.gradient_sum. The other merges are undone, and the scores of their
  * Gaussians become INFINITY. */
 void sf_merges_decide(sf_fitter *fitter, sf_importance *importance, double threshold, double invisible);
+
+/* Undoes all merges of the round, which is over then. */
+void sf_merges_undo_all(sf_fitter *fitter);
+void sf_merges_free(sf_fitter *fitter);
 
 /* Undoes all merges in `model`: the fitter's, or a copy made since the round began. */
 void sf_merges_undo(const sf_merges *merges, sf_model *model);

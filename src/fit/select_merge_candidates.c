@@ -13,7 +13,7 @@
 #include "../base/pool.h"
 #include "../kernels/sh.h"
 #include "../scene/nearest.h"
-#include "densify.h"
+#include "opacity.h"
 
 enum {
     CLOSE = 8,  /* neighbours that each is compared with */

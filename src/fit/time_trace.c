@@ -1,5 +1,5 @@
 /* time_trace.c - how far a run limited by time was at each of its steps: kept, so that it can be repeated. */
-#include "fitter.h"
+#include "time_trace.h"
 
 #include <string.h>
 
@@ -33,7 +33,7 @@ static void keep(sf_fitter *f, double fraction) {
     f->trace.count = step + 1;
 }
 
-double sf_next_fraction(sf_fitter *f) {
+double sf_next_time_fraction(sf_fitter *f) {
     double time = sf_time_fraction(f);
     if (f->options.time_limit > 0 && !f->trace.replayed && !f->trace.lost && time < 1) {
         if (f->trace.count < (size_t)f->step) /* the limit came after the first steps */
@@ -41,7 +41,7 @@ double sf_next_fraction(sf_fitter *f) {
         else
             keep(f, time);
     }
-    return sf_fraction_at(f, time);
+    return time;
 }
 
 sf_status sf_fitter_get_plan(const sf_fitter *f, uint32_t *ticks, size_t capacity, size_t *count) {

@@ -1,11 +1,13 @@
 /* update.c - one step of the optimiser. */
-#include "fitter.h"
+#include "update.h"
 
 #include <math.h>
 #include <string.h>
 
+#include "../scene/gaussian_math.h"
 #include "adam.h"
-#include "densify.h"
+#include "densify_relocate.h"
+#include "schedule.h"
 
 typedef struct update_job {
     sf_fitter *fitter;

@@ -3,13 +3,13 @@
  * They come from the training views: those that the project holds out are for the user's figures alone, and
  * no fit looks at them.
  */
-#include "fitter.h"
+#include "validation.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "refine.h"
-#include "select_merge.h"
+#include "restore_point.h"
+#include "schedule.h"
 
 /* Validations in a run, and the gain in dB that counts as one. */
 #define INTERVAL 0.04
@@ -18,10 +18,11 @@
 /* What is lost on the way to the last validation, in dB, without which the rates fall on the model as it is:
  * less is the noise of single views, which settles. */
 #define FALL 0.3
-/* What a run that settles early settles for: such a part of what it took to its best model, and at least
- * that part of the run. */
-#define SETTLE_PART  0.25
-#define SETTLE_LEAST 0.05
+/* Length of an early cool-down: COOL_DOWN_PART of the time to the best model, at least COOL_DOWN_LEAST of the
+ * run.
+ */
+#define COOL_DOWN_PART  0.25
+#define COOL_DOWN_LEAST 0.05
 
 enum {
     FEWEST = 3,          /* training views of which a target may have one */
@@ -29,17 +30,11 @@ enum {
     STEPS_OF_VIEW = 10   /* between two validations, for each view: they are to cost little */
 };
 
-int sf_is_in_validation(const sf_fitter *f, uint32_t id) {
-    size_t i = 0;
-    while (i < f->validation.count && f->validation.ids[i] != id) i++;
-    return !f->validation.merged && i < f->validation.count;
-}
-
-void sf_forget_best_model(sf_fitter *f) { f->validation.best_psnr = NAN; }
+void sf_forget_best_model(sf_validation *v) { v->best_psnr = NAN; }
 
 /* The first `count` of the list are kept out now; what was best on others is no measure for them. */
 static void keep_out(sf_fitter *f, size_t count) {
-    if (count != f->validation.count) sf_forget_best_model(f);
+    if (count != f->validation.count) sf_forget_best_model(&f->validation);
     f->validation.count = count;
 }
 
@@ -127,7 +122,7 @@ sf_status sf_measure_validation(sf_fitter *f, double *psnr, size_t *views) {
     sf_status status = SF_OK;
     *psnr = 0, *views = 0;
     for (size_t i = 0; i < f->validation.count && !status; i++) {
-        sf_view *view = sf_is_blurred(f, f->validation.ids[i])
+        sf_view *view = sf_is_blurred(&f->blur, f->validation.ids[i])
                             ? NULL
                             : sf_scene_retain_id(f->scene, f->validation.ids[i]);
         double of_view;
@@ -140,45 +135,6 @@ sf_status sf_measure_validation(sf_fitter *f, double *psnr, size_t *views) {
     }
     if (*views) *psnr /= (double)*views;
     return status;
-}
-
-/* Whether there is room, and no more than the model itself has. */
-static int suits(const sf_model *best, const sf_model *model) {
-    for (int band = 0; band <= model->sh_degree; band++)
-        if (best->capacity[band] < model->banded[band] || best->capacity[band] > model->capacity[band])
-            return 0;
-    return 1;
-}
-
-/* The model as it is becomes the best one. */
-sf_status sf_save_restore_point(sf_fitter *f) {
-    if (!f->restore.model || !suits(f->restore.model, f->model)) {
-        sf_model *best;
-        sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
-        if (status) return status;
-        sf_model_destroy(&f->restore.model);
-        f->restore.model = best;
-    } else {
-        sf_model_assign(f->restore.model, f->model);
-    }
-    memcpy(f->restore.background, f->background, sizeof f->background);
-    sf_merges_undo(&f->merges, f->restore.model);
-    return SF_OK;
-}
-
-/* The best model comes back; what the optimiser and growth knew belongs to the other one. */
-sf_status sf_go_to_restore_point(sf_fitter *f) {
-    sf_status status = sf_fitter_room(f, f->restore.model->banded);
-    if (status) return status;
-    f->merges.count = 0; /* the best one has none */
-    sf_model_assign(f->model, f->restore.model);
-    sf_optimizer_reset_all(&f->moments, f->model);
-    memset(f->densify.gradient_sum, 0, f->model->count * sizeof *f->densify.gradient_sum);
-    memset(f->densify.visible_count, 0, f->model->count * sizeof *f->densify.visible_count);
-    memcpy(f->background, f->restore.background, sizeof f->background);
-    f->validation.psnr = f->validation.best_psnr;
-    f->optimizer_restart = f->step;
-    return SF_OK;
 }
 
 /* When growth and coarse pictures are over. */
@@ -203,12 +159,6 @@ static int is_safe(const sf_fitter *f, double fraction) {
            fraction + f->options.patience >= f->cool_down.from;
 }
 
-static void settle_early(sf_fitter *f, double fraction) {
-    f->cool_down.from = fraction;
-    f->cool_down.length =
-        fmin(f->cool_down.length, fmax(SETTLE_PART * f->validation.best_fraction, SETTLE_LEAST));
-}
-
 static sf_status look(sf_fitter *f, double fraction) {
     double psnr, target = f->options.target_psnr;
     size_t views;
@@ -224,14 +174,15 @@ static sf_status look(sf_fitter *f, double fraction) {
         f->validation.best_psnr = psnr, f->validation.best_fraction = fraction,
         f->validation.best_step = f->step;
     }
-    if (is_hopeless(f, fraction)) settle_early(f, fraction);
+    if (is_hopeless(f, fraction))
+        sf_cool_down_early(f, fraction, fmax(COOL_DOWN_PART * f->validation.best_fraction, COOL_DOWN_LEAST));
     if (target > 0 && psnr >= target) f->end = SF_FIT_TARGET;
     return SF_OK;
 }
 
 /* The rates fall, and the views of validation are trained on: the model is to have seen all there is. It is
  * the present one, unless that has lost more than the noise that will settle. */
-static sf_status join(sf_fitter *f) {
+static sf_status merge_back(sf_fitter *f) {
     double most = sf_cools_down_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
     if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most)
@@ -239,7 +190,6 @@ static sf_status join(sf_fitter *f) {
     if (status) return status;
     sf_model_destroy(&f->restore.model);
     f->validation.merged = 1;
-    f->sampler.at = f->sampler.count; /* a pass over all of them begins */
     return SF_OK;
 }
 
@@ -254,6 +204,8 @@ static int is_time(const sf_fitter *f, double fraction) {
     return fraction >= f->validation.next_fraction && f->step >= f->validation.next_step;
 }
 
+int sf_validation_chooses(const sf_validation *v) { return v->count && !v->merged && !isnan(v->best_psnr); }
+
 sf_status sf_validation_step(sf_fitter *f, double fraction) {
     int watching = f->validation.count && !f->validation.merged, over = fraction >= sf_end_of_run(f);
     sf_status status = SF_OK;
@@ -267,7 +219,6 @@ sf_status sf_validation_step(sf_fitter *f, double fraction) {
     if (over && !f->end) f->end = why_over(f);
     if (f->end && watching && f->restore.model && f->validation.psnr < f->validation.best_psnr)
         status = sf_go_to_restore_point(f);
-    if (f->end) sf_merges_undo_all(f);
-    if (!f->end && joins && (fraction >= f->cool_down.from || is_safe(f, fraction))) status = join(f);
+    if (!f->end && joins && (fraction >= f->cool_down.from || is_safe(f, fraction))) status = merge_back(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;
 }

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "gaussian_math.h"
+
 #define COMPONENTS(name, components) components,
 static const int field_components[] = {SF_FIELDS(COMPONENTS)};
 #undef COMPONENTS
@@ -245,4 +247,10 @@ void sf_params_get(const sf_params *params, const size_t banded[SF_BANDS], int s
                    size_t count, const sf_gaussians *to) {
     walk w = {params, banded, sh_degree, first, count, to, give};
     move_all(&w);
+}
+
+void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction) {
+    float q[4];
+    for (int k = 0; k < 4; k++) q[k] = *sf_value(params, SF_FIELD_quat, i, k);
+    sf_quat_axis(q, axis, direction);
 }

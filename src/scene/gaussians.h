@@ -120,4 +120,7 @@ void sf_blocked_reorder(int components, int band, void *array, size_t had, const
 void sf_model_reorder(sf_model *model, const sf_order *order);
 void sf_values_reorder(void *values, size_t size, size_t count, const sf_order *order);
 
+/* Column `axis` of the rotation of Gaussian i (M.1), [3]. */
+void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction);
+
 #endif

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "fit/fitter.h"
+#include "fit/options.h"
 #include "fuzz.h"
 
 /* The scene is kept from input to input: its context must be known to fuzz_begin first. */

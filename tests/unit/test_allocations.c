@@ -16,7 +16,6 @@
 #endif
 
 #include "base/hash.h"
-#include "fit/fitter.h"
 
 enum { SIDE = 64, PICTURES = 3, WIDTH = 24, HEIGHT = 16, TEXT = 8192 };
 #define SCENE "sim:studio?width=64&height=64&frames=9"

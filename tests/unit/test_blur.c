@@ -8,6 +8,7 @@
 
 #include "disturb.h"
 #include "fit/fitter.h"
+#include "fit/validation.h"
 
 #define STUDIO "sim:studio?width=64&height=48&frames=24"
 
@@ -39,7 +40,7 @@ static int is_found(const sf_fitter *fitter, size_t number) {
     size_t count;
     assert_ok(fitter->ctx, sf_scene_training_ids(fitter->scene, &ids, &count));
     assert_true(number < count);
-    int found = sf_is_blurred(fitter, ids[number]);
+    int found = sf_is_blurred(&fitter->blur, ids[number]);
     sf_free(fitter->ctx, ids);
     return found;
 }
@@ -157,7 +158,7 @@ static void test_trained_on_less(void **state) {
         if (fitter->sampler.at != 1) continue; /* one begins */
         size_t now = 0;
         for (size_t i = 0; i < fitter->sampler.count; i++)
-            now += sf_is_blurred(fitter, fitter->sampler.ids[i]);
+            now += sf_is_blurred(&fitter->blur, fitter->sampler.ids[i]);
         assert_int_equal(fitter->sampler.count - now, VIEWS - BLURRED);
         blurred += now, passes++;
     }

@@ -15,6 +15,7 @@
 
 #include "base/hash.h"
 #include "fit/fitter.h"
+#include "fit/reorder.h"
 
 #define SCENE "sim:studio?width=64&height=48&frames=9"
 

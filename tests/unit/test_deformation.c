@@ -4,6 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "fit/fitter.h"
+#include "fit/restore_point.h"
+#include "fit/select_importance.h"
 #include "fit/select_merge.h"
 #include "live/deformation.h"
 #include "pose/track.h"

@@ -8,6 +8,8 @@
 #include <string.h>
 
 #include "fit/fitter.h"
+#include "fit/optimizer_state.h"
+#include "fit/reorder.h"
 #include "reference/random.h"
 
 /* Values of the bands up to a degree, and of a whole Gaussian. */

@@ -5,8 +5,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/densify_relocate.h"
+#include "fit/densify_score.h"
+#include "fit/fit.h"
 #include "fit/fitter.h"
-#include "fit/densify.h"
+#include "fit/schedule.h"
+#include "fit/select_floaters.h"
+#include "fit/views.h"
 
 enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -108,7 +113,7 @@ static sf_fitter *grown(sf_context *ctx, sf_scene **scene, const ball *balls, do
     *scene = scene_of(ctx, balls, 3, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, *scene, balls, 3, &options);
     f->densify.gradient_sum[0] = f->densify.visible_count[0] = 1;
-    sf_densify_and_prune(f, 1);
+    sf_select_and_densify(f, 1);
     assert_int_equal(f->model->count, 4);
     return f;
 }
@@ -186,7 +191,7 @@ static void test_error_of_several_views(void **state) {
     assert_ok(ctx, sf_densify_score(f));
     assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[SPOILT]);
     assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[FINE]);
-    sf_densify_and_prune(f, 1);
+    sf_select_and_densify(f, 1);
     assert_int_equal(f->model->count, 4);
     assert_true((double)means_of(f)[sf_at(3, 3, 2)] > 0.5); /* beside the first */
     end(ctx, scene, f);
@@ -221,7 +226,7 @@ static void test_hidden(void **state) {
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     f->densify.out_of_memory = 1;
-    sf_densify_and_prune(f, 0);
+    sf_select_and_densify(f, 0);
     assert_int_equal(f->model->count, COUNT - 1);
     assert_true(opacity_of(f, 2) > 0.9);
     assert_true(means_of(f)[sf_at(3, 3, 2)] == 50);
@@ -241,7 +246,7 @@ static void test_validation_is_not_looked_at(void **state) {
         sf_fitter *f = fitter_of(ctx, scene, apart, APART, &options);
         sf_view_info info;
         assert_ok(ctx, sf_scene_get_view(scene, 2, &info));
-        assert_true(sf_is_in_validation(f, info.id));
+        assert_true(sf_is_in_validation(&f->validation, info.id));
         assert_ok(ctx, sf_densify_score(f));
         memcpy(scores[spoil], f->densify.gradient_sum, sizeof scores[spoil]);
         end(ctx, scene, f);
@@ -327,7 +332,7 @@ static void test_dead_come_alive(void **state) {
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     for (int round = 0; round < 3; round++) {
-        sf_densify_and_prune(f, 1);
+        sf_select_and_densify(f, 1);
         assert_int_equal(f->model->count, MOST);
     }
     for (size_t i = 0; i < MOST; i++) {
@@ -469,7 +474,7 @@ static void test_growth_is_not_seen(void **state) {
         for (int step = 0; step < 30; step++) assert_ok(ctx, sf_fitter_step(f));
         size_t count = f->model->count;
         double before = test_held_out(ctx, scene, f).psnr;
-        sf_densify_and_prune(f, sf_fraction(f));
+        sf_select_and_densify(f, sf_fraction(f));
         double after = test_held_out(ctx, scene, f).psnr;
         if (!(after > before - 0.1)) print_message("growth %d: %.2f to %.2f dB\n", growth, before, after);
         assert_true(after > before - 0.1);
@@ -588,7 +593,7 @@ static void check_newcomers(int format) {
     for (size_t i = 0; i < count; i++)
         for (int field = 0; field <= SF_FIELD_sh0; field++)
             for (int c = 0; c < sf_field_components(field); c++) was[i][field][c] = moment_of(f, field, i, c);
-    sf_densify_and_prune(f, sf_fraction(f));
+    sf_select_and_densify(f, sf_fraction(f));
     size_t grown = f->model->count - count;
     assert_true(grown > 100 && f->model->count <= MOST);
     for (size_t i = 0; i < count; i++) {

@@ -5,6 +5,7 @@
 
 #include "base/linear.h"
 #include "scene/gaussian_math.h"
+#include "fit/opacity.h"
 
 #include <splatfit/camera.h>
 

@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "fit/fitter.h"
+#include "fit/schedule.h"
+#include "fit/views.h"
 
 enum { SIDE = 48, VIEWS = 6, POINTS = 60 };
 

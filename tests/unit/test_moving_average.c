@@ -5,6 +5,8 @@
 #include <string.h>
 
 #include "fit/fitter.h"
+#include "fit/moving_average.h"
+#include "fit/optimizer_state.h"
 
 enum { WIDTH = 64, HEIGHT = 48, STEPS = 20, MEAN = 5 };
 

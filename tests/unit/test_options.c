@@ -1,7 +1,7 @@
 /* test_options.c - hyperparameters by name: defaults, ranges, text in and out. */
 #include "testing.h"
 
-#include "fit/fitter.h"
+#include "fit/options.h"
 
 #include <inttypes.h>
 #include <math.h>

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "fit/fitter.h"
-#include "fit/densify.h"
 
 #define SCENE "sim:studio?width=64&height=64&frames=9"
 

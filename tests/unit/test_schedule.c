@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "fit/fitter.h"
+#include "fit/schedule.h"
+#include "fit/validation.h"
 
 static sf_context *ctx;
 static sf_scene *scene;
@@ -306,7 +308,7 @@ static void test_validation_views_teach_nothing(void **state) {
     sf_fitter *fitter = start(&options);
     for (size_t i = 0; i < scene->view_count; i++) {
         sf_view *view = scene->views[i];
-        if (view->split != SF_SPLIT_TRAIN || !sf_is_in_validation(fitter, view->id)) continue;
+        if (view->split != SF_SPLIT_TRAIN || !sf_is_in_validation(&fitter->validation, view->id)) continue;
         memset(view->rgb, 77, 3 * (size_t)view->camera.width * (size_t)view->camera.height);
         spoilt++;
     }

@@ -5,10 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/densify.h"
-#include "fit/select_merge_candidates.h"
+#include "fit/fitter.h"
 #include "fit/select.h"
+#include "fit/select_importance.h"
 #include "fit/select_merge.h"
+#include "fit/select_merge_candidates.h"
+#include "fit/views.h"
 
 enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
 
@@ -415,7 +417,7 @@ static void test_price(void **state) {
     sf_fitter *f = fitter_of(ctx, scene, model);
     sf_importance w;
     uint8_t degrees[ALL] = {0};
-    assert_ok(ctx, sf_select_prune(f, 0.7, &w, degrees));
+    assert_ok(ctx, sf_select_mark(f, 0.7, &w, degrees));
     sf_importance_free(ctx, &w);
     int going = 0;
     for (int i = 0; i < ALL; i++) {
@@ -457,7 +459,7 @@ static void test_what_goes_at_once(void **state) {
         sf_importance_free(ctx, &w);
         f->options.quality = 1e-5;                                         /* none is worth its price */
         for (int i = FAINT; i < ALL; i++) f->densify.gradient_sum[i] = -1; /* and those are going already */
-        assert_ok(ctx, sf_select_prune(f, 0.7, &w, degrees));
+        assert_ok(ctx, sf_select_mark(f, 0.7, &w, degrees));
         for (int i = 0; i < FAINT; i++) going[many] += f->densify.gradient_sum[i] < 0;
         sf_importance_free(ctx, &w);
         sf_fitter_destroy(&f);
@@ -703,7 +705,7 @@ static void test_degrees_are_paid_for(void **state) {
     uint8_t degrees[3] = {3, 3, 2};
     for (size_t k = 0; k < sizeof left / sizeof *left; k++) {
         sf_importance w;
-        assert_ok(ctx, sf_select_prune(f, 0.7, &w, degrees));
+        assert_ok(ctx, sf_select_mark(f, 0.7, &w, degrees));
         assert_true(w.bands[1][0] > 0 && w.bands[1][1] == 0 && w.bands[0][0] == 0 && w.bands[2][1] > 0);
         assert_memory_equal(degrees, left[k], sizeof degrees);
         sf_importance_free(ctx, &w);

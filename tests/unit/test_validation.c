@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "fit/fitter.h"
+#include "fit/validation.h"
 
 static sf_context *ctx;
 static sf_scene *studio; /* all of it for training */
@@ -94,13 +95,14 @@ static void test_every_eighth(void **state) {
         for (int i = 0; i < cases[c].views; i++) ids[i] = add_view(scene, (size_t)i);
         sf_fitter *fitter = start(scene, &options);
         for (int i = 0; i < cases[c].views; i++) {
-            assert_int_equal(sf_is_in_validation(fitter, ids[i]), i == *next);
+            assert_int_equal(sf_is_in_validation(&fitter->validation, ids[i]), i == *next);
             next += i == *next;
         }
         sf_fitter_destroy(&fitter);
         options.validate = 0, options.target_psnr = 0;
         fitter = start(scene, &options);
-        for (int i = 0; i < cases[c].views; i++) assert_false(sf_is_in_validation(fitter, ids[i]));
+        for (int i = 0; i < cases[c].views; i++)
+            assert_false(sf_is_in_validation(&fitter->validation, ids[i]));
         sf_fitter_destroy(&fitter);
         sf_scene_destroy(&scene);
     }
@@ -119,16 +121,17 @@ static void test_views_that_come_and_go(void **state) {
     take_steps(fitter, 4);
     ids[2] = add_view(scene, 2);
     take_steps(fitter, 4);
-    for (size_t i = 0; i < 3; i++) assert_int_equal(sf_is_in_validation(fitter, ids[i]), i == 2);
+    for (size_t i = 0; i < 3; i++) assert_int_equal(sf_is_in_validation(&fitter->validation, ids[i]), i == 2);
     for (size_t i = 3; i < 16; i++) ids[i] = add_view(scene, i);
     take_steps(fitter, 4); /* from the next pass on */
     for (size_t i = 0; i < 16; i++)
-        assert_int_equal(sf_is_in_validation(fitter, ids[i]), i == 2 || (i > 3 && i % 3 == 1));
+        assert_int_equal(sf_is_in_validation(&fitter->validation, ids[i]), i == 2 || (i > 3 && i % 3 == 1));
     assert_ok(ctx, sf_scene_remove_view(scene, ids[4]));
     assert_ok(ctx, sf_scene_remove_view(scene, ids[2]));
     take_steps(fitter, 50);
     for (size_t i = 0; i < 16; i++)
-        if (i != 2 && i != 4) assert_int_equal(sf_is_in_validation(fitter, ids[i]), i > 4 && i % 3 == 1);
+        if (i != 2 && i != 4)
+            assert_int_equal(sf_is_in_validation(&fitter->validation, ids[i]), i > 4 && i % 3 == 1);
     double psnr;
     size_t views;
     assert_ok(ctx, sf_measure_validation(fitter, &psnr, &views));
@@ -196,7 +199,7 @@ static void compare_with_blemish(double target, int *same_before, int *same_at_e
         options.target_psnr = target;
         sf_fitter *fitter = start(scene, &options);
         for (size_t i = 0; i < scene->view_count; i++)
-            if (spoil && sf_is_in_validation(fitter, scene->views[i]->id))
+            if (spoil && sf_is_in_validation(&fitter->validation, scene->views[i]->id))
                 memset(scene->views[i]->rgb, 77, 3 * 48 * 36);
         take_steps(fitter, STEPS - SETTLING);
         means[spoil][0] = means_of(fitter, &n[spoil][0]);
@@ -241,7 +244,7 @@ static void test_who_gains_needs_no_watching(void **state) {
     for (int step = 1; !joined && step <= 0.8 * STEPS; step++) {
         take_steps(fitter, 1);
         sf_fit_progress p = progress_of(fitter);
-        joined = !sf_is_in_validation(fitter, kept_out);
+        joined = !sf_is_in_validation(&fitter->validation, kept_out);
         if (!joined) continue;
         assert_true(p.fraction >= 0.4 && p.fraction < 0.79);
         assert_int_equal(p.best_step, step - 1); /* it was looked at before the step */

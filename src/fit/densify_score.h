@@ -1,0 +1,11 @@
+/* densify_score.h - statistics of densification by error. */
+#ifndef SF_FIT_DENSIFY_SCORE_H
+#define SF_FIT_DENSIFY_SCORE_H
+
+#include "fitter.h"
+
+/* Replaces densify.gradient_sum by each Gaussian's share of the error of several training views, below 0 for
+ * Gaussians that none of them sees. SF_ERR_MEMORY: nothing has changed. */
+sf_status sf_densify_score(sf_fitter *fitter);
+
+#endif

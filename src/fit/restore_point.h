@@ -1,0 +1,12 @@
+/* restore_point.h - an earlier model to go back to. */
+#ifndef SF_FIT_RESTORE_POINT_H
+#define SF_FIT_RESTORE_POINT_H
+
+#include "fitter.h"
+
+/* Keeps the present model without its tentative merges. SF_ERR_MEMORY: the restore point is as before. */
+sf_status sf_save_restore_point(sf_fitter *fitter);
+/* Replaces the model by the restore point, with new optimizer state. SF_ERR_MEMORY: nothing has changed. */
+sf_status sf_go_to_restore_point(sf_fitter *fitter);
+
+#endif
