@@ -52,7 +52,8 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         if (!grads->field[field]) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
-        sf_optimizer_step(job->moments, job->ws->ctx->kernels, field, at, (end - first) * block,
+        sf_optimizer_step(job->moments, job->ws->ctx->kernels,
+                          (sf_value_range){field, at, (end - first) * block},
                           job->model->params.field[field] + at, grads->field[field], &step, 0);
     }
 }

@@ -7,10 +7,16 @@
 
 #include <splatfit/fitter.h>
 
-/* Step t (from 1) of n values: what to subtract from them. A gradient that is not finite leaves its value and
- * its moments alone. Returns how many were finite. */
+/* Moments of n values. */
+typedef struct sf_small_moments {
+    double *m, *v;
+} sf_small_moments;
+
+/* Step t (from 1) of n values: step[0..n-1] is what to subtract from them. A gradient that is not finite
+ * leaves its value and its moments alone. Returns how many were finite. */
 static inline int sf_adam_small(const sf_fit_options *o, double rate, int64_t t, int n,
-                                const double *gradient, double *m, double *v, double *step) {
+                                const double *gradient, sf_small_moments moments, double *step) {
+    double *m = moments.m, *v = moments.v;
     double start1 = 1 - pow(o->adam_beta1, (double)t), start2 = 1 - pow(o->adam_beta2, (double)t);
     int finite = 0;
     for (int k = 0; k < n; k++) {

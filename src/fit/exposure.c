@@ -111,8 +111,9 @@ void sf_exposure_update(sf_view_states *views, sf_view_state *view, const double
     enum { N = SF_CHANNELS };
     double step[2 * N], *m = view->exposure.m, *v = view->exposure.v;
     int64_t t = ++view->exposure.steps;
-    sf_adam_small(options, decay * options->lr_gain, t, N, gradient, m, v, step);
-    sf_adam_small(options, decay * options->lr_bias, t, N, gradient + N, m + N, v + N, step + N);
+    sf_adam_small(options, decay * options->lr_gain, t, N, gradient, (sf_small_moments){m, v}, step);
+    sf_adam_small(options, decay * options->lr_bias, t, N, gradient + N, (sf_small_moments){m + N, v + N},
+                  step + N);
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         view->log_gain[ch] -= step[ch];
         view->bias[ch] -= step[SF_CHANNELS + ch];

@@ -126,8 +126,10 @@ void sf_optimizer_reset_all(const sf_optimizer_state *moments, const sf_model *m
         }
 }
 
-void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at,
-                       size_t n, float *p, const float *g, const sf_adam *step, uint32_t key) {
+void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, sf_value_range range,
+                       float *p, const float *g, const sf_adam *step, uint32_t key) {
+    int field = range.field;
+    size_t at = range.at, n = range.n;
     void *first = moments->part[FIRST][field], *second = moments->part[SECOND][field];
     if (!sf_has_momentum(field))
         kernels->rmsprop(p, g, (float *)second + at / 3, n / 3, step);

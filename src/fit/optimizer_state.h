@@ -50,10 +50,16 @@ void sf_optimizer_restart(const sf_optimizer_state *moments, const sf_model *mod
 void sf_optimizer_reset(const sf_optimizer_state *moments, const sf_model *model, size_t i);
 void sf_optimizer_reset_all(const sf_optimizer_state *moments, const sf_model *model);
 
-/* One step for parameters at .. at+n-1 of an array of a field, p and g their first, of whole blocks of the
- * field. key: of the random rounding, another one each step and field. */
-void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, int field, size_t at,
-                       size_t n, float *p, const float *g, const sf_adam *step, uint32_t key);
+/* Values at .. at+n-1 of the array of a field, whole blocks. */
+typedef struct sf_value_range {
+    int field;
+    size_t at, n;
+} sf_value_range;
+
+/* One step for the parameters of a range; p, g: the first parameter and its gradient. key: of the random
+ * rounding, another one for each step and field. */
+void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, sf_value_range range,
+                       float *p, const float *g, const sf_adam *step, uint32_t key);
 
 /* Around what moves parameters at .. at+n-1 of an array of a field, p their first: before, the third part
  * becomes the mean; afterwards the mean takes its step, and what is left is how far it is off. */

@@ -110,8 +110,8 @@ void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_op
                               gradient[3] + depth * gradient[1],
                               gradient[4] - depth * gradient[0],
                               gradient[5]};
-    if (sf_adam_small(options, rate, ++view->pose.steps, 6, turned, view->pose.m, view->pose.v, step) < 6)
-        return;
+    sf_small_moments moments = {view->pose.m, view->pose.v};
+    if (sf_adam_small(options, rate, ++view->pose.steps, 6, turned, moments, step) < 6) return;
     for (int k = 0; k < 3; k++) {
         rho[k] = -depth * step[k];
         phi[k] = -step[3 + k];
@@ -124,7 +124,8 @@ void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, con
                      const sf_fit_options *options, double rate) {
     sf_view_lens *lens = &views->lenses[view->lens];
     double step[2];
-    sf_adam_small(options, rate, ++lens->focal.steps, 2, gradient, lens->focal.m, lens->focal.v, step);
+    sf_small_moments moments = {lens->focal.m, lens->focal.v};
+    sf_adam_small(options, rate, ++lens->focal.steps, 2, gradient, moments, step);
     for (int k = 0; k < 2; k++) lens->log_focal[k] -= step[k];
 }
 

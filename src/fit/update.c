@@ -79,7 +79,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         if (!seen && !sf_has_momentum(field)) continue; /* nothing would change */
-        sf_optimizer_step(&f->moments, f->ctx->kernels, field, at, (end - first) * block,
+        sf_optimizer_step(&f->moments, f->ctx->kernels, (sf_value_range){field, at, (end - first) * block},
                           f->model->params.field[field] + at, grads->field[field], &job->step[field],
                           job->key[field]);
     }
@@ -130,6 +130,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
 
 void sf_update_background(sf_fitter *f, double fraction, const double *gradient) {
     double step[3], rate = sf_cooled_rate(f, fraction, f->options.lr_background * f->options.lr_haste);
-    sf_adam_small(&f->options, rate, f->step + 1, 3, gradient, f->background_m, f->background_v, step);
+    sf_small_moments moments = {f->background_m, f->background_v};
+    sf_adam_small(&f->options, rate, f->step + 1, 3, gradient, moments, step);
     for (int k = 0; k < 3; k++) f->background[k] = fmin(fmax(f->background[k] - step[k], 0), 1);
 }
