@@ -6,6 +6,7 @@
 # is quoted count as lines, not as code.
 set -eu
 
+# shellcheck disable=SC2016 # of awk's, not the shell's
 git ls-files src include tests | grep '\.\(c\|h\|cc\|hh\)$' | xargs awk '
     # The line without strings and comments; `inside` is kept from line to line.
     function code_of(line, out, at, rest) {
