@@ -7,7 +7,7 @@
 set -eu
 
 # shellcheck disable=SC2016 # of awk's, not the shell's
-git ls-files src include tests | grep '\.\(c\|h\|cc\|hh\)$' | xargs awk '
+find src include tests -type f \( -name '*.[ch]' -o -name '*.cc' -o -name '*.hh' \) | sort | xargs awk '
     # The line without strings and comments; `inside` is kept from line to line.
     function code_of(line, out, at, rest) {
         out = ""
