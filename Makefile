@@ -28,8 +28,8 @@
 #                    npm fetches all
 # make test-fresh    the README's two commands on fresh Debian systems; TESTS="bookworm/bare": only these.
 #                    Needs root; half an hour and more
-# make lint          include order, headers and their comments, symbols, ABI, links, format, forbidden words, scripts, makefiles,
-#                    the mutants' texts
+# make lint          include order, lengths, headers and their comments, symbols, ABI, links, format, forbidden words, scripts,
+#                    makefiles, the mutants' texts
 # make lint-quick    what of it takes seconds, and of C files and scripts those alone that differ from the last commit
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 #

@@ -63,11 +63,18 @@ typedef struct sf_loss_value {
     double ssim; /* 11 x 11 Gaussian window, sigma 1.5, zero padding */
 } sf_loss_value;
 
-/* The training loss of M.5 between `rgb` and `target` ([H][W][3]), with `weight` a weight per pixel ([H][W],
- * 0..1; NULL: 1) and lambda in 0..1. d_rgb ([H][W][3], may be NULL) receives dL/drgb. SF_ERR_EMPTY: the
- * weights sum to 0. */
-SF_API sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
-                         const float *weight, double lambda, sf_loss_value *value, float *d_rgb);
+/* Two pictures that are compared. */
+typedef struct sf_image_pair {
+    int width, height;         /* px */
+    const float *rgb, *target; /* [H][W][3] */
+    const float *weight;       /* of each pixel, [H][W], 0..1; NULL: 1 */
+} sf_image_pair;
+
+/* The training loss of M.5 between a pair, with lambda in 0..1. d_rgb ([H][W][3], may be NULL) receives
+ * dL/drgb. SF_ERR_ARGUMENT: a size, lambda or weight is out of its range; SF_ERR_EMPTY: the weights sum to
+ * 0. */
+SF_API sf_status sf_loss(sf_renderer *renderer, const sf_image_pair *pair, double lambda,
+                         sf_loss_value *value, float *d_rgb);
 
 /* How near a picture is to another. */
 typedef struct sf_quality {
@@ -80,7 +87,7 @@ typedef struct sf_quality {
     double psnr_corrected;
 } sf_quality;
 
-/* PSNR and SSIM of `rgb` against `target`; `weight` as in sf_loss. */
+/* PSNR and SSIM of `rgb` against `target`; `weight` as in sf_image_pair. */
 SF_API sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *rgb,
                             const float *target, const float *weight, sf_quality *quality);
 

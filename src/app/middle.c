@@ -88,8 +88,8 @@ static int decide(const cloud *c, const double up[3], const double ahead[3], con
     return 1;
 }
 
-int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const double up[3],
-                 const double ahead[3], const double side[3], double middle[3], int *around) {
+int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const double *const axes[3],
+                 double middle[3], int *around) {
     size_t n = sf_model_count(model);
     float *values = malloc((AXES + 2) * (n + 1) * sizeof *values);
     *around = 0;
@@ -100,7 +100,7 @@ int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const do
     int error = sf_model_get(model, 0, n, &g) ? app_fail(a, ctx) : 0;
     if (!error) {
         keep_visible(&c, logits);
-        *around = decide(&c, up, ahead, side, middle);
+        *around = decide(&c, axes[0], axes[1], axes[2], middle);
     }
     free(values);
     return error;

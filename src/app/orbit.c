@@ -104,6 +104,7 @@ static void find_start(const sf_camera *known, size_t count, orbit *o) {
 static int read_orbit(const args *a, sf_context *ctx, const sf_model *model, const sf_camera *known,
                       size_t count, orbit *o, double *radius) {
     sf_model_bounds b;
+    const double *const axes[3] = {o->up, o->ahead, o->side};
     const double degree = 0.017453292519943295;
     if (sf_model_get_bounds(model, &b)) return app_fail(a, ctx);
     memcpy(o->center, b.center, sizeof o->center);
@@ -113,7 +114,7 @@ static int read_orbit(const args *a, sf_context *ctx, const sf_model *model, con
     int error = find_up(a, &b, known, count, o->up), around = 0;
     if (!error) find_start(known, count, o);
     if (!error && count) error = as_known(a, known, count, o);
-    if (!error && !count) error = shots_middle(a, ctx, model, o->up, o->ahead, o->side, o->center, &around);
+    if (!error && !count) error = shots_middle(a, ctx, model, axes, o->center, &around);
     if (around) o->distance = o->elevation = 0;
     double degrees = o->elevation / degree;
     if (!error) error = args_numbers(a, "elevation", 1, &degrees);

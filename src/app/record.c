@@ -1,7 +1,6 @@
 /* record.c - writes frames as a folder of pictures, on a thread of its own. */
 #include "record.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <pthread.h>
 #include <signal.h>
@@ -12,6 +11,8 @@
 #include <unistd.h>
 
 #include "list.h"
+#include "record_folder.h"
+#include "record_json.h"
 
 enum {
     QUEUE_BYTES = 64 << 20, /* that the frames on their way may take, */
@@ -193,61 +194,6 @@ static sf_status write_picture(record *r, const candidate *c, const char *path) 
 
 /* 2. The lists */
 
-static json_t *frame_json(const record *r, const candidate *c, const char *name) {
-    static const char *const matrices[] = {"601", "709", "2020"};
-    const sf_frame *f = &c->item.frame;
-    json_t *entry =
-        json_pack("{s:s, s:I, s:I, s:i, s:i, s:f}", "file", name, "sequence", (json_int_t)f->sequence,
-                  "time_ns", (json_int_t)f->time_ns, "width", (int)f->width / r->o.downscale, "height",
-                  (int)f->height / r->o.downscale, "sharpness", c->sharpness);
-    if (f->exposure_s > 0) json_object_set_new(entry, "exposure_s", json_real(f->exposure_s));
-    if (f->gain > 0) json_object_set_new(entry, "gain", json_real(f->gain));
-    if (r->o.format != RECORD_RAW || f->format == SF_PIXEL_MJPEG) return entry;
-    json_object_set_new(entry, "format", json_string(sf_pixel_format_name(f->format)));
-    if (f->format == SF_PIXEL_RGB24 || f->format == SF_PIXEL_BGR24) return entry;
-    json_object_set_new(entry, "matrix", json_string(matrices[f->matrix]));
-    json_object_set_new(entry, "range", json_string(f->full_range ? "full" : "limited"));
-    return entry;
-}
-
-/* Camera to world with OpenGL's axes (+y up, +z back), as transforms.json has it. */
-static json_t *camera_json(const record *r, const sf_frame *f, const char *name) {
-    sf_camera camera = sf_camera_downscaled(&f->camera, r->o.downscale);
-    double center[3];
-    sf_camera_center(&camera, center);
-    json_t *rows = json_array();
-    for (int i = 0; i < 3; i++) {
-        const double *R = camera.R_cw + i; /* column i */
-        json_array_append_new(rows, json_pack("[f,f,f,f]", R[0], -R[3], -R[6], center[i]));
-    }
-    json_array_append_new(rows, json_pack("[f,f,f,f]", 0.0, 0.0, 0.0, 1.0));
-    return json_pack("{s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:o}", "file_path", name, "w", (int)camera.width,
-                     "h", (int)camera.height, "fl_x", camera.fx, "fl_y", camera.fy, "cx", camera.cx, "cy",
-                     camera.cy, "transform_matrix", rows);
-}
-
-static json_t *head_json(const record *r) {
-    const sf_source_info *info = &r->o.info;
-    json_t *head =
-        json_pack("{s:s, s:o, s:o, s:s, s:i, s:i, s:f, s:b, s:i, s:b, s:i}", "version", sf_version(),
-                  "source", app_json_text(r->o.source), "name", app_json_text(info->name), "format",
-                  sf_pixel_format_name(info->format), "width", (int)info->width, "height", (int)info->height,
-                  "frames_per_second", info->frames_per_second, "live", info->live, "every", r->o.every,
-                  "sharpest", r->o.sharpest, "downscale", r->o.downscale);
-    if (r->o.lens) json_object_set_new(head, "lens", json_deep_copy(r->o.lens));
-    return head;
-}
-
-static json_t *totals_json(const sf_source_counts *s, const record_counts *c) {
-    json_t *totals =
-        json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "given", (json_int_t)s->given, "kept",
-                  (json_int_t)c->kept, "passed_over", (json_int_t)c->passed_over, "undecodable",
-                  (json_int_t)c->undecodable, "dropped_by_writer", (json_int_t)c->dropped, "dropped",
-                  (json_int_t)s->dropped, "skipped", (json_int_t)s->skipped, "damaged",
-                  (json_int_t)s->damaged, "reopened", (json_int_t)s->reopened);
-    return json_pack("{s:o}", "totals", totals);
-}
-
 static void fail_list(record *r, const char *name, int error) {
     char path[1024];
     snprintf(path, sizeof path, "%s/%s", r->o.folder, name);
@@ -255,7 +201,7 @@ static void fail_list(record *r, const char *name, int error) {
 }
 
 static void open_lists(record *r) {
-    list_open(&r->frames, r->o.folder, "frames.json", head_json(r), "frames");
+    list_open(&r->frames, r->o.folder, "frames.json", record_head_json(&r->o), "frames");
     fail_list(r, "frames.json", r->frames.error ? r->frames.error : r->frames.full);
     r->with_cameras = r->o.info.has_poses;
     if (!r->with_cameras) return;
@@ -311,9 +257,9 @@ static void write_best(record *r) {
         count(r, &r->counts.dropped);
         return;
     }
-    add_to_list(r, &r->frames, frame_json(r, c, name));
+    add_to_list(r, &r->frames, record_frame_json(&r->o, &c->item.frame, c->sharpness, name));
     if (r->with_cameras && c->item.frame.has_camera)
-        add_to_list(r, &r->cameras, camera_json(r, &c->item.frame, name));
+        add_to_list(r, &r->cameras, record_camera_json(&r->o, &c->item.frame, name));
     count(r, &r->counts.kept);
 }
 
@@ -459,90 +405,6 @@ void record_count(record *r, record_counts *counts) {
 
 /* 5. Begin and end */
 
-/* As write_best names it. */
-static int is_our_picture(const char *name) {
-    return !strncmp(name, "frame_", 6) && strspn(name + 6, "0123456789") >= 6;
-}
-
-/* What lies in the folder of an output. */
-typedef struct contents {
-    int list, unfinished, cameras; /* frames.json, that of a recording which was killed, transforms.json */
-    size_t ours, others;           /* pictures that are named like a recording's, and what else is there */
-} contents;
-
-static int holds(const char *folder, const char *name) {
-    char path[4096];
-    struct stat st;
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return !stat(path, &st);
-}
-
-/* Counts what is in the folder of pictures, or removes those of a recording. 0, or errno. */
-static int go_through(const char *folder, contents *c, int clear) {
-    DIR *dir = opendir(folder);
-    int error = 0;
-    if (!dir) return errno;
-    for (struct dirent *e; (e = readdir(dir)) && !error;) {
-        if (e->d_name[0] == '.') continue;
-        int ours = is_our_picture(e->d_name);
-        ++*(ours ? &c->ours : &c->others);
-        if (clear && ours && unlinkat(dirfd(dir), e->d_name, 0)) error = errno;
-    }
-    closedir(dir);
-    return error;
-}
-
-static int look_into(const record *r, contents *c) {
-    const char *folder = r->o.folder;
-    *c = (contents){.list = holds(folder, "frames.json"),
-                    .unfinished = holds(folder, ".frames.json.tmp"),
-                    .cameras = holds(folder, "transforms.json")};
-    return go_through(r->images, c, 0);
-}
-
-static int clear_recording(const record *r, contents *c) {
-    static const char *const lists[] = {"frames.json", "transforms.json"};
-    int error = go_through(r->images, c, 1);
-    for (int i = 0; i < 2 && !error; i++) {
-        char path[4096];
-        snprintf(path, sizeof path, "%s/%s", r->o.folder, lists[i]);
-        if (unlink(path) && errno != ENOENT) error = errno;
-    }
-    return error;
-}
-
-/* Whether the frames come out of this folder. */
-static int is_source(const record *r, const char *folder) {
-    static const char scheme[] = "folder:";
-    char path[4096];
-    struct stat a, b;
-    if (strncmp(r->o.source, scheme, strlen(scheme)) != 0) return 0;
-    const char *from = r->o.source + strlen(scheme);
-    snprintf(path, sizeof path, "%.*s", (int)strcspn(from, "?"), from);
-    return !stat(path, &a) && !stat(folder, &b) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
-}
-
-/* Nothing is removed before all of it is known to be a recording's. */
-static int clear_folder(record *r) {
-    const char *folder = r->o.folder;
-    contents c;
-    int error = app_make_folder(r->a, folder);
-    if (!error) error = app_make_folder(r->a, r->images);
-    if (error) return error;
-    error = look_into(r, &c);
-    if (error) return app_say(r->a, r->images, strerror(error));
-    if (!c.list && !c.cameras && !c.ours && !c.others) return 0;
-    if (!r->o.force)
-        return app_say(r->a, c.list || c.cameras ? folder : r->images,
-                       "holds a recording, or other pictures: --force writes over a recording");
-    if (c.others || (!c.list && !c.unfinished))
-        return app_say(r->a, r->images, "holds pictures that are no recording's");
-    if (is_source(r, folder) || is_source(r, r->images))
-        return app_say(r->a, folder, "is where the frames come from: --force would remove them");
-    error = clear_recording(r, &c);
-    return error ? app_say(r->a, folder, strerror(error)) : 0;
-}
-
 static int start_thread(record *r) {
     sigset_t all, old;
     sigfillset(&all); /* they are for the thread that takes frames */
@@ -586,7 +448,7 @@ static int close_lists(record *r, const sf_source_counts *totals) {
         give_up_lists(r);
         return tell(r);
     }
-    fail_list(r, "frames.json", list_close(&r->frames, totals_json(totals, &r->counts)));
+    fail_list(r, "frames.json", list_close(&r->frames, record_totals_json(totals, &r->counts)));
     if (r->with_cameras) fail_list(r, "transforms.json", list_close(&r->cameras, NULL));
     return tell(r);
 }
@@ -602,7 +464,7 @@ int record_start(const args *a, const record_options *options, record **out) {
     r->images = malloc(strlen(options->folder) + 16);
     if (r->images) sprintf(r->images, "%s/images", options->folder);
     int error = r->images ? app_context(a, &r->ctx) : app_say(a, options->folder, "out of memory");
-    if (!error) error = clear_folder(r);
+    if (!error) error = record_clear_folder(r->a, r->o.folder, r->images, r->o.source, r->o.force);
     if (!error) {
         open_lists(r);
         error = *r->error ? tell(r) : start_thread(r);

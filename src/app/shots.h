@@ -31,11 +31,11 @@ int shots_known(const args *a, sf_context *ctx, sf_scene *scene, sf_camera **cam
 /* A camera at `from` that looks at `at`, with `up` upwards in the picture, of c's size and lens. */
 void shots_look(const double from[3], const double at[3], const double up[3], sf_camera *c);
 
-/* middle.c: whether the model lies around `middle` (its medians), seen along `up` with `ahead` and `side` at
- * right angles, and leaves it empty. Where it lies around the middle of its extent instead, *middle becomes
- * that. 0 or an exit code. */
-int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const double up[3],
-                 const double ahead[3], const double side[3], double middle[3], int *around);
+/* middle.c: whether the model lies around `middle` (its medians), seen along the first of `axes`, up, with
+ * the others, ahead and sidewards, at right angles, and leaves it empty. Where it lies around the middle of
+ * its extent instead, *middle becomes that. 0 or an exit code. */
+int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const double *const axes[3],
+                 double middle[3], int *around);
 
 /* orbit.c: cameras around a model, or in its middle where it lies around that; count of them, whose sizes and
  * lenses are set. */

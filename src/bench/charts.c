@@ -51,7 +51,7 @@ static void draw_half(svg *s, const half *h) {
         double x = svg_axis_at(&h->x, half_ns(h, a)), y = svg_axis_at(&h->y, half_error(h, a));
         if (before != a && before->level == a->level)
             svg_line(s, svg_axis_at(&h->x, half_ns(h, before)), svg_axis_at(&h->y, half_error(h, before)), x,
-                     y, color, 1.2, NULL);
+                     y, &(svg_style){.stroke = color, .width = 1.2});
         svg_dot(s, x, y, 4, color);
     }
     for (int i = 0; i < report->accuracies; i++) {
@@ -127,10 +127,10 @@ static void draw_panel(svg *s, const bench_report *report, const bench_step_time
         double floor = svg_axis_at(y, 1e3 * bench_floor(report, list[i], stage));
         if (i) {
             double before = svg_axis_at(x, (double)list[i - 1]->gaussians);
-            svg_line(s, before, svg_axis_at(y, 1e3 * list[i - 1]->seconds[stage]), at, time, color, 1.6,
-                     NULL);
+            svg_line(s, before, svg_axis_at(y, 1e3 * list[i - 1]->seconds[stage]), at, time,
+                     &(svg_style){.stroke = color, .width = 1.6});
             svg_line(s, before, svg_axis_at(y, 1e3 * bench_floor(report, list[i - 1], stage)), at, floor,
-                     SVG_INK, 1.4, "5 4");
+                     &(svg_style){.stroke = SVG_INK, .width = 1.4, .dashes = "5 4"});
         }
         svg_dot(s, at, time, 3.5, color);
     }

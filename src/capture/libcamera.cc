@@ -8,12 +8,14 @@
  * one is kept by the kernel: whoever makes a manager holds a lock on the process's own entry in /proc, of
  * which there is one a process, however often this library is in it, and which goes with the process. */
 extern "C" {
-#include "../base/query.h"
 #include "auto_exposure.h"
 #include "dma_heaps.h"
 #include "format.h"
+#include "frame_order.h"
 #include "jpeg_cut.h"
 #include "libcamera.h"
+#include "libcamera_format.h"
+#include "libcamera_name.h"
 }
 
 #include <algorithm>
@@ -34,7 +36,6 @@ extern "C" {
 
 #include <dirent.h>
 #include <fcntl.h>
-#include <strings.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/sysmacros.h>
@@ -153,42 +154,12 @@ class Manager {
 
 /* 2. Formats */
 
-struct Format {
-    libcamera::PixelFormat pixel;
-    sf_pixel_format format;
-    int planes;
-    int bytes;        /* a pixel of plane 0 */
-    int across, down; /* by how much the other planes are smaller, in bytes of a row and in rows */
-};
+using Format = sf_libcamera_format;
 
-/* What to choose first. libcamera names RGB after a little-endian number: its BGR888 has R
- * first. */
-const Format *formats_known(size_t *count) {
-    namespace f = libcamera::formats;
-    static const Format known[] = {
-        {f::YUYV, SF_PIXEL_YUYV, 1, 2, 1, 1},    {f::UYVY, SF_PIXEL_UYVY, 1, 2, 1, 1},
-        {f::NV12, SF_PIXEL_NV12, 2, 1, 1, 2},    {f::YUV420, SF_PIXEL_YU12, 3, 1, 2, 2},
-        {f::YUV422, SF_PIXEL_422P, 3, 1, 2, 1},  {f::BGR888, SF_PIXEL_RGB24, 1, 3, 1, 1},
-        {f::RGB888, SF_PIXEL_BGR24, 1, 3, 1, 1}, {f::MJPEG, SF_PIXEL_MJPEG, 1, 1, 1, 1},
-        {f::R8, SF_PIXEL_GREY, 1, 1, 1, 1}};
-    *count = sizeof known / sizeof *known;
-    return known;
-}
+libcamera::PixelFormat pixel_of(const Format &format) { return libcamera::PixelFormat(format.fourcc); }
 
 const Format *format_of(const libcamera::PixelFormat &pixel) {
-    size_t count;
-    const Format *known = formats_known(&count);
-    for (size_t i = 0; i < count; i++)
-        if (known[i].pixel == pixel) return &known[i];
-    return nullptr;
-}
-
-const Format *format_named(const char *name) {
-    size_t count;
-    const Format *known = formats_known(&count);
-    for (size_t i = 0; i < count; i++)
-        if (strcasecmp(sf_pixel_format_name(known[i].format), name) == 0) return &known[i];
-    return nullptr;
+    return pixel.modifier() ? nullptr : sf_libcamera_format_of(pixel.fourcc());
 }
 
 std::string words(const libcamera::Size &size) {
@@ -269,66 +240,9 @@ bool present(const Devices &devices) {
     return true;
 }
 
-/* 3. What is asked for */
+/* 3. The source */
 
-struct Request {
-    char camera[192];
-    char size[32] = "", format[16] = "", exposure[32] = "";
-    int32_t width = 0, height = 0; /* 0: the camera's choice */
-    double fps = 0, gain = 0;      /* 0: the camera's choice */
-    int exposure_us = 0;           /* 0: the camera's choice, -1: automatic */
-    unsigned buffers = 4;
-};
-
-sf_status read_size(sf_context *ctx, const char *name, Request *request) {
-    if (*request->size && !sf_frame_parse_size(request->size, &request->width, &request->height))
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: size: \"%s\" is not WIDTHxHEIGHT", name, request->size);
-    return SF_OK;
-}
-
-sf_status read_exposure(sf_context *ctx, const char *name, Request *request) {
-    char more;
-    if (!*request->exposure) return SF_OK;
-    if (strcmp(request->exposure, "auto") == 0) {
-        request->exposure_us = -1;
-        return SF_OK;
-    }
-    if (sscanf(request->exposure, "manual:%9d%c", &request->exposure_us, &more) != 1 ||
-        request->exposure_us < 1)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: exposure: \"%s\" is neither auto nor manual:MICROSECONDS",
-                       name, request->exposure);
-    return SF_OK;
-}
-
-sf_status read_name(sf_context *ctx, const char *name, Request *request) {
-    enum { FPS, GAIN, BUFFERS, SIZE, FORMAT, EXPOSURE, OPTIONS };
-    sf_query_option options[OPTIONS] = {
-        {"fps", 0, 0.01, 1000, 0, nullptr, 0},
-        {"gain", 0, 0.001, 1000, 0, nullptr, 0},
-        {"buffers", 4, 3, 32, 1, nullptr, 0}, /* two may be out, and the camera needs one */
-        {"size", 0, 0, 0, 0, request->size, sizeof request->size},
-        {"format", 0, 0, 0, 0, request->format, sizeof request->format},
-        {"exposure", 0, 0, 0, 0, request->exposure, sizeof request->exposure}};
-    const char *id = strchr(name, ':') + 1;
-    size_t length = strcspn(id, "?");
-    if (length == 0 || length >= sizeof request->camera)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: names no camera: libcamera:0, or a camera's id", name);
-    memcpy(request->camera, id, length);
-    request->camera[length] = 0;
-    sf_status status = sf_query_parse(ctx, name, options, OPTIONS);
-    if (status == SF_OK) status = read_size(ctx, name, request);
-    if (status == SF_OK) status = read_exposure(ctx, name, request);
-    if (status != SF_OK) return status;
-    if (*request->format && !format_named(request->format))
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: format: \"%s\" is none that libcamera and splatfit share",
-                       name, request->format);
-    request->fps = options[FPS].value;
-    request->gain = options[GAIN].value;
-    request->buffers = static_cast<unsigned>(options[BUFFERS].value);
-    return SF_OK;
-}
-
-/* 4. The source */
+using Request = sf_libcamera_request;
 
 /* A request that goes round, and where its buffer's planes are. */
 struct Slot {
@@ -397,15 +311,12 @@ class Source {
     int full_range = 0;
     std::string model;
     Devices devices;
-    Request asked_for;
+    Request asked_for = {};
     bool acquired = false, running = false;
     bool locked = false, lock_is_new = false; /* goes with the next request */
     std::vector<Slot> slots;
     std::vector<Mapping> mappings;
-    bool counted = false; /* a frame came already, of this sequence: */
-    uint64_t sequence = 0;
-    uint32_t driver_sequence = 0;
-    size_t late = 0; /* frames in a row that came after younger ones */
+    sf_frame_order order = {};
 
     std::mutex mutex; /* guards the following, which libcamera's thread changes */
     std::condition_variable changed;
@@ -420,7 +331,7 @@ sf_status Source::fail(sf_status status, const char *what, int error) {
                  : sf_fail(ctx, status, "libcamera: %s: %s", which, what);
 }
 
-/* 4.1. Opening */
+/* 3.1. Opening */
 
 sf_status Source::find(const char *name, const Request &asked) {
     if (const char *trouble = manager.start()) return sf_fail(ctx, SF_ERR_IO, "%s: %s", name, trouble);
@@ -452,13 +363,11 @@ sf_status Source::choose(const Request &asked) {
     libcamera::StreamConfiguration &c = configuration->at(0);
     const auto pixels = c.formats().pixelformats();
     const auto has = [&](const Format *f) {
-        return f && std::find(pixels.begin(), pixels.end(), f->pixel) != pixels.end();
+        return f && std::find(pixels.begin(), pixels.end(), pixel_of(*f)) != pixels.end();
     };
-    size_t count;
-    const Format *known = formats_known(&count);
-    format = *asked.format ? format_named(asked.format) : format_of(c.pixelFormat);
-    for (size_t i = 0; !*asked.format && !format && i < count; i++)
-        if (has(&known[i])) format = &known[i];
+    format = *asked.format ? sf_libcamera_format_named(asked.format) : format_of(c.pixelFormat);
+    for (size_t i = 0; !*asked.format && !format && sf_libcamera_format_at(i); i++)
+        if (has(sf_libcamera_format_at(i))) format = sf_libcamera_format_at(i);
     if (!format || (*asked.format && !pixels.empty() && !has(format)))
         return fail(SF_ERR_UNSUPPORTED,
                     ("format: has no " + std::string(*asked.format ? asked.format : "such format") +
@@ -470,13 +379,13 @@ sf_status Source::choose(const Request &asked) {
 /* Lets libcamera make what is asked for possible, and refuses what comes out if it is something else. */
 sf_status Source::adjust(const Request &asked) {
     libcamera::StreamConfiguration &c = configuration->at(0);
-    c.pixelFormat = format->pixel;
+    c.pixelFormat = pixel_of(*format);
     if (asked.width) c.size = libcamera::Size(unsigned(asked.width), unsigned(asked.height));
     c.bufferCount = asked.buffers;
     const libcamera::Size size = c.size;
     if (configuration->validate() == libcamera::CameraConfiguration::Invalid)
         return fail(SF_ERR_UNSUPPORTED, "cannot be set to what is asked for");
-    if (c.pixelFormat != format->pixel)
+    if (c.pixelFormat != pixel_of(*format))
         return fail(SF_ERR_UNSUPPORTED, ("format: gives " + c.pixelFormat.toString() + " instead").c_str());
     if (asked.width && c.size != size)
         return fail(SF_ERR_UNSUPPORTED,
@@ -503,13 +412,6 @@ sf_status Source::adjust(const Request &asked) {
     return SF_OK;
 }
 
-/* Bytes that a plane must have. */
-size_t plane_bytes(const Format &format, size_t stride, int32_t height, int plane) {
-    if (format.format == SF_PIXEL_MJPEG) return 1;
-    return plane ? stride / size_t(format.across) * size_t((height + format.down - 1) / format.down)
-                 : stride * size_t(height);
-}
-
 /* Planes may share a descriptor; each descriptor is mapped once. */
 sf_status Source::map_buffer(libcamera::FrameBuffer *buffer) {
     Slot slot = {};
@@ -523,7 +425,7 @@ sf_status Source::map_buffer(libcamera::FrameBuffer *buffer) {
         off_t bytes = lseek(fd, 0, SEEK_END);
         size_t end = size_t(planes[size_t(i)].offset) + planes[size_t(i)].length;
         if (bytes < 0 || end > size_t(bytes) ||
-            planes[size_t(i)].length < plane_bytes(*format, stride, height, i))
+            planes[size_t(i)].length < sf_libcamera_plane_bytes(format, stride, height, i))
             return fail(SF_ERR_UNSUPPORTED, "has a buffer that is shorter than a picture");
         if (!mapped.count(fd)) {
             void *memory = mmap(nullptr, size_t(bytes), PROT_READ, MAP_SHARED, fd, 0);
@@ -669,7 +571,7 @@ sf_status Source::start() {
 }
 
 sf_status Source::open(const char *name) {
-    sf_status status = read_name(ctx, name, &asked_for);
+    sf_status status = sf_libcamera_read_name(ctx, name, &asked_for);
     if (status == SF_OK) status = find(name, asked_for);
     if (status == SF_OK) status = choose(asked_for);
     if (status == SF_OK) status = want_controls(asked_for);
@@ -711,7 +613,7 @@ void Source::describe(sf_source_info *info) const {
              sf_pixel_format_name(format->format));
 }
 
-/* 4.2. Frames; the next two are called on libcamera's thread. */
+/* 3.2. Frames; the next two are called on libcamera's thread. */
 
 void Source::completed(libcamera::Request *request) noexcept {
     std::lock_guard<std::mutex> hold(mutex);
@@ -738,7 +640,7 @@ bool Source::queue(Slot &slot) {
 
 /* By how many frames it is younger than the last one that was taken; 1: it follows. */
 int32_t Source::ahead(const Slot &slot) const {
-    return int32_t(slot.buffer->metadata().sequence - (counted ? driver_sequence : UINT32_MAX));
+    return sf_frame_order_ahead(&order, slot.buffer->metadata().sequence);
 }
 
 std::vector<Slot *>::iterator Source::earliest() {
@@ -782,27 +684,18 @@ bool Source::whole(const Slot &slot) const {
     if (format->format == SF_PIXEL_MJPEG) return jpeg_bytes(slot) != 0;
     /* Where the driver's buffer has one plane for all, so may have what it says of it. */
     size_t need = 0, has = 0;
-    for (int i = 0; i < format->planes; i++) need += plane_bytes(*format, stride, height, i);
+    for (int i = 0; i < format->planes; i++) need += sf_libcamera_plane_bytes(format, stride, height, i);
     for (size_t i = 0; i < m.planes().size(); i++) has += m.planes()[i].bytesused;
     return has >= need;
 }
 
-/* Counts what was lost before and with this frame. Not given, but queued again, are damaged frames and those
- * that are late, which the gap before the last one counted; that all are late means that the camera counts
- * anew. */
+/* Counts what was lost before and with this frame. Late and damaged frames are not given, but queued again.
+ */
 bool Source::examine(Slot &slot, sf_source_counts *counts) {
-    const uint32_t now = slot.buffer->metadata().sequence;
-    int32_t step = ahead(slot);
-    if (counted && step <= 0 && ++late < slots.size()) {
+    if (!sf_frame_order_take(&order, slot.buffer->metadata().sequence, slots.size(), &counts->dropped)) {
         queue(slot);
         return false;
     }
-    if (!counted || step <= 0) step = 1;
-    counts->dropped += uint64_t(step - 1);
-    sequence = counted ? sequence + uint64_t(step) : now;
-    driver_sequence = now;
-    counted = true;
-    late = 0;
     if (whole(slot)) return true;
     counts->damaged++;
     queue(slot);
@@ -823,7 +716,7 @@ void Source::fill(Slot &slot, sf_frame *frame) const {
     frame->format = format->format;
     frame->matrix = matrix;
     frame->full_range = full_range;
-    frame->sequence = sequence;
+    frame->sequence = order.sequence;
     /* The sensor's own time is the start of the exposure; drivers state it on the monotonic clock. */
     frame->time_ns = said.get(c::SensorTimestamp).value_or(int64_t(m.timestamp));
     /* Where a pipeline does not say what it did, what was asked for. */
@@ -860,7 +753,7 @@ sf_status Source::next(int timeout_ms, bool newest, sf_frame *frame, sf_source_c
     return SF_OK;
 }
 
-/* 5. The seams to C */
+/* 4. The seams to C */
 
 void source_close(void *self) { delete static_cast<Source *>(self); }
 

@@ -103,7 +103,8 @@ static void draw_series(size_plot *p, int series) {
         svg_point where = place(p, at);
         if (at->runs > 1 && !p->gap)
             svg_line(p->s, where.x, svg_axis_at(&p->y, at->least[p->metric]), where.x,
-                     svg_axis_at(&p->y, at->most[p->metric]), chart_color(style), 1.2, NULL);
+                     svg_axis_at(&p->y, at->most[p->metric]),
+                     &(svg_style){.stroke = chart_color(style), .width = 1.2});
         put_note(p, series, at, note, sizeof note);
         svg_style mark = {.fill = chart_color(style), .kind = "mark", .note = note};
         svg_mark(p->s, chart_shape(style), where.x, where.y, series == CHART_AUTO ? 6.5 : 4.5, &mark);
@@ -124,12 +125,13 @@ static void draw_knee(size_plot *p) {
     if (!(knee > 0)) return;
     double x = svg_axis_at(&p->x, knee);
     chart_grouped(knee, size, sizeof size);
-    svg_line(p->s, x, p->y.from, x, p->y.to, SVG_INK, 1.4, "5 4");
+    svg_line(p->s, x, p->y.from, x, p->y.to, &(svg_style){.stroke = SVG_INK, .width = 1.4, .dashes = "5 4"});
     svg_text(p->s, x - 5, p->y.from - 6, 12, SVG_END, SVG_INK, size);
     snprintf(text, sizeof text, "knee: %s %s, the fewest within %g dB of the caps' best PSNR, %.2f dB", size,
              p->size == CHART_BYTES ? "bytes" : "Gaussians", CHART_KNEE, plateau);
     double y = p->legend - 4;
-    svg_line(p->s, CHART_LEFT, y, CHART_LEFT + 44, y, SVG_INK, 1.4, "5 4");
+    svg_line(p->s, CHART_LEFT, y, CHART_LEFT + 44, y,
+             &(svg_style){.stroke = SVG_INK, .width = 1.4, .dashes = "5 4"});
     chart_row_text(p->s, CHART_LEFT + 54, p->legend, text);
     p->legend += CHART_ROW;
 }
@@ -227,7 +229,8 @@ void chart_draw_choices(const chart_choices *choices, sf_writer *out) {
         mark.kind = mark.note = NULL;
         if (opens) chart_legend_row(&s, &legend, c->series, chart_shape(style), NULL, &mark);
     }
-    svg_line(&s, CHART_LEFT, legend - 4, CHART_LEFT + 44, legend - 4, SVG_INK, 1.4, "5 4");
+    svg_line(&s, CHART_LEFT, legend - 4, CHART_LEFT + 44, legend - 4,
+             &(svg_style){.stroke = SVG_INK, .width = 1.4, .dashes = "5 4"});
     chart_row_text(&s, CHART_LEFT + 54, legend, "N = k");
     svg_end(&s);
 }

@@ -75,7 +75,7 @@ svg_axis chart_bar_axis(double most, int room) {
 
 void chart_draw_bar_axis(svg *s, const svg_axis *axis, double top, double bottom, const char *name) {
     svg_grid(s, axis, bottom, top, 1);
-    svg_line(s, axis->from, bottom, axis->to, bottom, SVG_INK, 1, NULL);
-    svg_line(s, axis->from, bottom, axis->from, top, SVG_INK, 1, NULL);
+    svg_line(s, axis->from, bottom, axis->to, bottom, &(svg_style){.stroke = SVG_INK, .width = 1});
+    svg_line(s, axis->from, bottom, axis->from, top, &(svg_style){.stroke = SVG_INK, .width = 1});
     svg_text(s, 0.5 * (axis->from + axis->to), bottom + 34, 12, SVG_MIDDLE, SVG_INK, name);
 }

@@ -57,12 +57,11 @@ void svg_text_up(svg *s, double x, double y, double size, const char *color, con
     sf_writer_printf(s->out, "</text>\n");
 }
 
-void svg_line(svg *s, double x0, double y0, double x1, double y1, const char *color, double width,
-              const char *dashes) {
+void svg_line(svg *s, double x0, double y0, double x1, double y1, const svg_style *style) {
     sf_writer_printf(s->out,
                      "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\" "
                      "stroke-width=\"%.1f\" stroke-dasharray=\"%s\"/>\n",
-                     x0, y0, x1, y1, color, width, dashes ? dashes : "none");
+                     x0, y0, x1, y1, style->stroke, style->width, style->dashes ? style->dashes : "none");
 }
 
 static void take_box(svg *s, double x0, double y0, double x1, double y1) {
@@ -269,9 +268,9 @@ static void grid_line(svg *s, const svg_axis *a, double from, double to, int upr
     double at = svg_axis_at(a, value);
     number(value, text, sizeof text);
     if (upright)
-        svg_line(s, at, from, at, to, SVG_FAINT, 0.7, NULL);
+        svg_line(s, at, from, at, to, &(svg_style){.stroke = SVG_FAINT, .width = 0.7});
     else
-        svg_line(s, from, at, to, at, SVG_FAINT, 0.7, NULL);
+        svg_line(s, from, at, to, at, &(svg_style){.stroke = SVG_FAINT, .width = 0.7});
     if (numbered && upright) svg_text(s, at, from + 16, 11, SVG_MIDDLE, SVG_INK, text);
     if (numbered && !upright) svg_text(s, from - 6, at + 4, 11, SVG_END, SVG_INK, text);
 }
@@ -315,8 +314,8 @@ void svg_axes(svg *s, const svg_axis *x, const svg_axis *y, const char *title, c
               const char *y_name) {
     svg_grid(s, x, y->from, y->to, 1);
     svg_grid(s, y, x->from, x->to, 0);
-    svg_line(s, x->from, y->from, x->to, y->from, SVG_INK, 1, NULL);
-    svg_line(s, x->from, y->from, x->from, y->to, SVG_INK, 1, NULL);
+    svg_line(s, x->from, y->from, x->to, y->from, &(svg_style){.stroke = SVG_INK, .width = 1});
+    svg_line(s, x->from, y->from, x->from, y->to, &(svg_style){.stroke = SVG_INK, .width = 1});
     svg_text(s, x->from, y->to - 10, 13, SVG_START, SVG_INK, title);
     if (x_name) svg_text(s, 0.5 * (x->from + x->to), y->from + 34, 12, SVG_MIDDLE, SVG_INK, x_name);
     if (y_name) svg_text_up(s, x->from - 46, 0.5 * (y->from + y->to), 12, SVG_INK, y_name);

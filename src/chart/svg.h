@@ -68,8 +68,7 @@ void svg_put_text(sf_writer *out, const char *text);
 void svg_text(svg *s, double x, double y, double size, svg_anchor anchor, const char *color,
               const char *text);
 void svg_text_up(svg *s, double x, double y, double size, const char *color, const char *text);
-void svg_line(svg *s, double x0, double y0, double x1, double y1, const char *color, double width,
-              const char *dashes);
+void svg_line(svg *s, double x0, double y0, double x1, double y1, const svg_style *style);
 void svg_dot(svg *s, double x, double y, double radius, const char *color);
 
 void svg_polyline(svg *s, const svg_point *points, size_t count, const svg_style *style);

@@ -2,6 +2,8 @@
 #ifndef SF_IO_COLMAP_H
 #define SF_IO_COLMAP_H
 
+#include <splatfit/calibrate.h>
+
 #include "dataset.h"
 
 /* The folder of the model in a project: sparse/N (of several the one with most images, said in the log),
@@ -13,10 +15,11 @@ sf_status sf_colmap_find(sf_context *ctx, const char *path, int number, char **m
 sf_status sf_colmap_read(sf_project *project, const char *path, const char *model,
                          const sf_load_options *options);
 
-/* The one camera of a cameras.txt or cameras.bin (`binary`) whose content is `data`, which a 0 byte follows.
- * SF_ERR_FORMAT: damaged, no camera; SF_ERR_UNSUPPORTED: a lens that is not an sf_lens, cameras that differ.
+/* The one camera of a cameras.txt or cameras.bin (`binary`) whose content is `data`, which a 0 byte follows:
+ * its size and lens alone are set. SF_ERR_FORMAT: damaged, no camera; SF_ERR_UNSUPPORTED: a lens that is not
+ * an sf_lens, cameras that differ.
  */
 sf_status sf_colmap_read_camera(sf_context *ctx, const char *file, int binary, uint8_t *data, size_t size,
-                                int *width, int *height, sf_lens *lens);
+                                sf_calibration *camera);
 
 #endif

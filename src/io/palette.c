@@ -153,9 +153,10 @@ static void take_result(const palette *p, float *centroids, uint32_t *labels) {
     }
 }
 
-sf_status sf_palette_make(sf_context *ctx, const float *vectors, size_t n, size_t dims, size_t most,
-                          float *centroids, uint32_t *labels, size_t *made) {
-    palette p = {.vectors = vectors,
+sf_status sf_palette_make(sf_context *ctx, const sf_vectors *vectors, size_t most, float *centroids,
+                          uint32_t *labels, size_t *made) {
+    size_t n = vectors->n, dims = vectors->dims;
+    palette p = {.vectors = vectors->values,
                  .dims = dims,
                  .order = sf_alloc(ctx, n, sizeof *p.order),
                  .scratch = sf_alloc(ctx, n, sizeof *p.scratch),

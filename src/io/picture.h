@@ -1,4 +1,4 @@
-/* picture.h - JPEG and PNG files as 8-bit planes. */
+/* picture.h - JPEG and PNG files as 8-bit planes, and back. */
 #ifndef SF_IO_PICTURE_H
 #define SF_IO_PICTURE_H
 

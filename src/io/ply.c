@@ -1,4 +1,4 @@
-/* ply.c - the vertices of .ply files, and sparse points from them. */
+/* ply.c - see ply.h. */
 #include "ply.h"
 
 #include <float.h>
@@ -400,6 +400,10 @@ static property *find_property(sf_ply *p, const char *name) {
     return NULL;
 }
 
+int sf_ply_is_byte(sf_ply *p, const char *name) {
+    const property *q = find_property(p, name);
+    return q && q->type == TYPE_UINT8;
+}
 sf_status sf_ply_bind(sf_ply *p, const char *name, int target) {
     property *q = find_property(p, name);
     if (!q)
@@ -450,77 +454,4 @@ void sf_ply_report_rest(sf_ply *p) {
     if (p->at < p->size)
         sf_log(p->ctx, SF_LOG_WARNING, "%s: %zu bytes after the last %.40s are ignored", p->path,
                p->size - p->at, p->in->name);
-}
-
-/* ---- Points ---- */
-
-enum { POINT_RED = 3, POINT_VALUES = 6 };
-static const char *const point_properties[POINT_VALUES] = {"x", "y", "z", "red", "green", "blue"};
-
-/* Colours of other types have no common scale. */
-static int has_colors(sf_ply *p) {
-    for (int i = POINT_RED; i < POINT_VALUES; i++) {
-        const property *q = find_property(p, point_properties[i]);
-        if (!q || q->type != TYPE_UINT8) return 0;
-    }
-    return 1;
-}
-
-static sf_status bind_point(sf_ply *p) {
-    sf_status status = SF_OK;
-    int colors = has_colors(p);
-    if (!colors) sf_log(p->ctx, SF_LOG_INFO, "%s: points without uchar red, green, blue are grey", p->path);
-    for (int i = 0; i < (colors ? POINT_VALUES : POINT_RED) && !status; i++)
-        status = sf_ply_bind(p, point_properties[i], i);
-    return status;
-}
-
-/* In text a number is whatever it is, also where the header says uchar. */
-static sf_status take_colors(const sf_ply *p, size_t point, const float *values, uint8_t *rgb) {
-    for (int i = POINT_RED; i < POINT_VALUES; i++) {
-        if (!(values[i] >= 0 && values[i] <= 255))
-            return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: vertex %zu: property %s: %g is not in 0..255", p->path,
-                           point, point_properties[i], (double)values[i]);
-        rgb[i - POINT_RED] = (uint8_t)values[i];
-    }
-    return SF_OK;
-}
-
-static sf_status read_points(sf_ply *p, float *xyz, uint8_t *rgb) {
-    float values[POINT_VALUES] = {0, 0, 0, 128, 128, 128};
-    for (size_t i = 0; i < sf_ply_rows(p); i++, xyz += 3, rgb += 3) {
-        sf_status status = sf_ply_next(p, values);
-        if (!status) status = take_colors(p, i, values, rgb);
-        if (status) return status;
-        memcpy(xyz, values, 3 * sizeof *xyz);
-    }
-    sf_ply_report_rest(p);
-    return SF_OK;
-}
-
-sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uint8_t **rgb, size_t *count) {
-    sf_ply *p;
-    *xyz = NULL;
-    *rgb = NULL;
-    *count = 0;
-    sf_status status = sf_ply_open(ctx, path, &p);
-    if (!status) status = sf_ply_enter(p, "vertex");
-    if (!status) status = bind_point(p);
-    if (!status)
-        status = sf_memory_check(ctx, path, "points", (uint64_t)sf_ply_rows(p) * (3 * sizeof **xyz + 3));
-    if (!status) {
-        *xyz = sf_alloc(ctx, sf_ply_rows(p), 3 * sizeof **xyz);
-        *rgb = sf_alloc(ctx, sf_ply_rows(p), 3);
-        status = *xyz && *rgb ? read_points(p, *xyz, *rgb) : SF_ERR_MEMORY;
-    }
-    if (!status) {
-        *count = sf_ply_rows(p);
-    } else {
-        sf_free(ctx, *xyz);
-        sf_free(ctx, *rgb);
-        *xyz = NULL;
-        *rgb = NULL;
-    }
-    sf_ply_close(&p);
-    return status;
 }

@@ -1,16 +1,10 @@
-/* ply.h - the vertices of .ply files: as sparse points, or value by value. */
+/* ply.h - the rows of .ply files, value by value; sparse points from them. */
 #ifndef SF_IO_PLY_H
 #define SF_IO_PLY_H
 
 #include <stdint.h>
 
 #include "../base/context.h"
-
-/* Reads the vertices of a .ply of any format: *xyz [n][3] and *rgb [n][3], both sf_free'd by the caller,
- * *count = n. Colours are the uchar properties red, green, blue, and 128 where a file has none. Points that
- * are not finite are the caller's to leave out. On failure *xyz and *rgb are NULL, *count is 0: SF_ERR_IO,
- * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (a list among the vertices' properties), SF_ERR_MEMORY. */
-sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uint8_t **rgb, size_t *count);
 
 /* A .ply that is being read: one of its elements, one row after the other. */
 typedef struct sf_ply sf_ply;
@@ -31,6 +25,8 @@ sf_status sf_ply_enter(sf_ply *ply, const char *element);
 /* Of the element: its rows, and those of its properties whose names begin with `prefix`. */
 size_t sf_ply_rows(const sf_ply *ply);
 size_t sf_ply_properties(const sf_ply *ply, const char *prefix);
+/* Whether it has that property, of type uchar. */
+int sf_ply_is_byte(sf_ply *ply, const char *name);
 
 /* Makes sf_ply_next put the element's property `name`, of whatever type, into values[target]. SF_ERR_FORMAT:
  * it is missing. */
@@ -44,5 +40,12 @@ sf_status sf_ply_next_words(sf_ply *ply, uint32_t *words);
 
 /* After the last row: says in the log how many bytes of the file no element announces. */
 void sf_ply_report_rest(sf_ply *ply);
+
+/* ply_points.c */
+/* Reads the vertices of a .ply of any format: *xyz [n][3] and *rgb [n][3], both sf_free'd by the caller,
+ * *count = n. Colours are the uchar properties red, green, blue, and 128 where a file has none. Points that
+ * are not finite are the caller's to leave out. On failure *xyz and *rgb are NULL, *count is 0: SF_ERR_IO,
+ * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (a list among the vertices' properties), SF_ERR_MEMORY. */
+sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uint8_t **rgb, size_t *count);
 
 #endif

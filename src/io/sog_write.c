@@ -240,7 +240,9 @@ static sf_status put_bands(sog_out *o, const float *bands) {
     float *centroids = sf_alloc(o->ctx, most * dims, sizeof *centroids);
     uint32_t *labels = sf_alloc(o->ctx, o->count, sizeof *labels);
     sf_status status = centroids && labels ? SF_OK : SF_ERR_MEMORY;
-    if (!status) status = sf_palette_make(o->ctx, bands, o->count, dims, most, centroids, labels, &made);
+    if (!status)
+        status =
+            sf_palette_make(o->ctx, &(sf_vectors){bands, o->count, dims}, most, centroids, labels, &made);
     if (!status) status = put_centroids(o, centroids, made);
     if (!status) status = put_labels(o, labels);
     sf_free(o->ctx, centroids);

@@ -4,61 +4,76 @@
 #include <math.h>
 
 #include "../base/clock.h"
-#include "live.h"
+#include "../base/context.h"
+#include "keyframe_exposure.h"
 
 #define EVERY 0.5 /* s */
 
-static sf_status quality_of(sf_live *live, size_t at, sf_quality *quality) {
+/* A keyframe beside the model drawn as it does. */
+typedef struct pair {
     sf_camera camera;
-    double gain[3], bias[3];
-    uint32_t id = live->keyframes.list[at].id;
-    sf_status status = sf_fitter_get_camera(live->fitter, id, &camera);
-    size_t pixels = (size_t)camera.width * (size_t)camera.height;
+    float *drawn, *seen, *weight; /* [height][width][3] twice, [height][width]; one block at `drawn` */
+} pair;
+
+static sf_status compare(const sf_evaluation *e, const pair *p, sf_quality *quality) {
+    return sf_compare(e->renderer, p->camera.width, p->camera.height, p->drawn, p->seen, p->weight, quality);
+}
+
+/* p->drawn is the caller's to sf_free, also after a failure. */
+static sf_status make_pair(const sf_evaluation *e, uint32_t id, sf_scene *scene, sf_fitter *fitter, pair *p) {
+    sf_status status = sf_fitter_get_camera(fitter, id, &p->camera);
     if (status) return status;
-    float *rgb = sf_alloc(live->ctx, 7 * pixels, sizeof *rgb);
-    if (!rgb) return SF_ERR_MEMORY;
-    sf_image_out out = {.rgb = rgb};
-    status = sf_scene_get_pixels(live->scene, id, rgb + 3 * pixels, rgb + 6 * pixels);
-    if (!status) status = sf_fitter_render(live->fitter, &camera, &out);
-    if (!status)
-        status = sf_compare(live->evaluation.renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
-                            rgb + 6 * pixels, quality);
-    int exposes = live->keyframes.list[at].held_out && live->options.fit.exposure;
-    if (!status && exposes && sf_neighbours_exposure(&live->keyframes, live->fitter, at, gain, bias)) {
-        double corrected = quality->psnr_corrected; /* as drawn: an exposure has no more to say of it */
-        for (size_t i = 0; i < 3 * pixels; i++) rgb[i] = (float)(gain[i % 3] * (double)rgb[i] + bias[i % 3]);
-        status = sf_compare(live->evaluation.renderer, camera.width, camera.height, rgb, rgb + 3 * pixels,
-                            rgb + 6 * pixels, quality);
-        quality->psnr_corrected = corrected;
-    }
-    sf_free(live->ctx, rgb);
-    return status == SF_ERR_EMPTY ? SF_OK : status;
+    size_t pixels = (size_t)p->camera.width * (size_t)p->camera.height;
+    p->drawn = sf_alloc(e->ctx, 7 * pixels, sizeof *p->drawn);
+    if (!p->drawn) return SF_ERR_MEMORY;
+    p->seen = p->drawn + 3 * pixels, p->weight = p->drawn + 6 * pixels;
+    sf_image_out out = {.rgb = p->drawn};
+    status = sf_scene_get_pixels(scene, id, p->seen, p->weight);
+    return status ? status : sf_fitter_render(fitter, &p->camera, &out);
+}
+
+static void expose(pair *p, const double gain[3], const double bias[3]) {
+    size_t pixels = (size_t)p->camera.width * (size_t)p->camera.height;
+    for (size_t i = 0; i < 3 * pixels; i++)
+        p->drawn[i] = (float)(gain[i % 3] * (double)p->drawn[i] + bias[i % 3]);
 }
 
 /* Only the first keyframe and those held out are evaluated. */
-static sf_status evaluate_keyframe(sf_live *live, size_t at) {
-    sf_keyframe *k = &live->keyframes.list[at];
+static sf_status evaluate_keyframe(const sf_evaluation *e, sf_keyframes *keyframes, size_t at,
+                                   sf_scene *scene, sf_fitter *fitter) {
+    sf_keyframe *k = &keyframes->list[at];
     sf_quality quality = {NAN, NAN, NAN};
+    double gain[3], bias[3];
+    pair p = {.drawn = NULL};
     if (at && !k->held_out) return SF_OK;
-    sf_status status = quality_of(live, at, &quality);
+    sf_status status = make_pair(e, k->id, scene, fitter, &p);
+    if (!status) status = compare(e, &p, &quality);
+    if (!status && k->held_out && e->exposes && sf_neighbours_exposure(keyframes, fitter, at, gain, bias)) {
+        double corrected = quality.psnr_corrected; /* as drawn: an exposure has no more to say of it */
+        expose(&p, gain, bias);
+        status = compare(e, &p, &quality);
+        quality.psnr_corrected = corrected;
+    }
+    sf_free(e->ctx, p.drawn);
     k->psnr = quality.psnr, k->psnr_corrected = quality.psnr_corrected;
-    return status;
+    return status == SF_ERR_EMPTY ? SF_OK : status;
 }
 
-sf_status sf_live_evaluate(sf_live *live) {
+sf_status sf_evaluate_next(sf_evaluation *e, sf_keyframes *keyframes, sf_scene *scene, sf_fitter *fitter) {
     double now = sf_clock();
-    if (!live->fitter || !live->keyframes.count || now < live->evaluation.last + EVERY) return SF_OK;
-    live->evaluation.last = now;
-    for (size_t i = 0; i < live->keyframes.count; i++) {
-        size_t at = live->evaluation.next++ % live->keyframes.count;
-        if (!at || live->keyframes.list[at].held_out) return evaluate_keyframe(live, at);
+    if (!keyframes->count || now < e->last + EVERY) return SF_OK;
+    e->last = now;
+    for (size_t i = 0; i < keyframes->count; i++) {
+        size_t at = e->next++ % keyframes->count;
+        if (!at || keyframes->list[at].held_out) return evaluate_keyframe(e, keyframes, at, scene, fitter);
     }
     return SF_OK;
 }
 
-sf_status sf_live_evaluate_all(sf_live *live) {
+sf_status sf_evaluate_all(const sf_evaluation *e, sf_keyframes *keyframes, sf_scene *scene,
+                          sf_fitter *fitter) {
     sf_status status = SF_OK;
-    for (size_t i = 0; i < live->keyframes.count && live->fitter && !status; i++)
-        status = evaluate_keyframe(live, i);
+    for (size_t i = 0; i < keyframes->count && !status; i++)
+        status = evaluate_keyframe(e, keyframes, i, scene, fitter);
     return status;
 }

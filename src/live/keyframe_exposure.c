@@ -1,8 +1,9 @@
 /* keyframe_exposure.c - exposures of keyframes: from their light, from their neighbours, from the fit. */
+#include "keyframe_exposure.h"
+
 #include <math.h>
 
 #include "../fit/online.h"
-#include "live.h"
 
 /* sRGB: value = (1 + offset) light^(1 / power) - offset */
 #define SRGB_POWER  2.4
@@ -48,30 +49,32 @@ int sf_neighbours_exposure(const sf_keyframes *keyframes, const sf_fitter *fitte
 }
 
 /* Before the fit has learned it. */
-static int first_exposure(const sf_live *live, size_t at, double gain[3], double bias[3]) {
-    return exposure_of_light(&live->keyframes, &live->keyframes.list[at], gain, bias) ||
-           sf_neighbours_exposure(&live->keyframes, live->fitter, at, gain, bias);
+static int first_exposure(const sf_keyframes *keyframes, const sf_fitter *fitter, size_t at, double gain[3],
+                          double bias[3]) {
+    return exposure_of_light(keyframes, &keyframes->list[at], gain, bias) ||
+           sf_neighbours_exposure(keyframes, fitter, at, gain, bias);
 }
 
-void sf_live_exposure(const sf_live *live, uint32_t id, double gain[3], double bias[3]) {
-    size_t at = live->keyframes.count;
+void sf_keyframe_exposure(const sf_keyframes *keyframes, const sf_fitter *fitter, uint32_t id, double gain[3],
+                          double bias[3]) {
+    size_t at = keyframes->count;
     for (int c = 0; c < 3; c++) gain[c] = 1, bias[c] = 0;
-    while (at && live->keyframes.list[at - 1].id != id) at--;
-    if (!at || !live->options.fit.exposure) return;
-    if (live->keyframes.list[at - 1].told)
-        (void)sf_fitter_get_exposure(live->fitter, id, gain, bias);
+    while (at && keyframes->list[at - 1].id != id) at--;
+    if (!at) return;
+    if (keyframes->list[at - 1].told)
+        (void)sf_fitter_get_exposure(fitter, id, gain, bias);
     else
-        (void)first_exposure(live, at - 1, gain, bias);
+        (void)first_exposure(keyframes, fitter, at - 1, gain, bias);
 }
 
-void sf_live_tell_fit(sf_live *live) {
-    for (size_t i = live->keyframes.count; i--;) {
-        sf_keyframe *k = &live->keyframes.list[i];
-        if (k->told || k->held_out || !sf_online_has_view(live->fitter, k->id)) continue;
-        if (k->hold) (void)sf_fitter_hold_pose(live->fitter, k->id);
+void sf_tell_fit(sf_keyframes *keyframes, sf_fitter *fitter) {
+    for (size_t i = keyframes->count; i--;) {
+        sf_keyframe *k = &keyframes->list[i];
+        if (k->told || k->held_out || !sf_online_has_view(fitter, k->id)) continue;
+        if (k->hold) (void)sf_fitter_hold_pose(fitter, k->id);
         double gain[3], bias[3];
-        if (first_exposure(live, i, gain, bias))
-            (void)sf_fitter_set_exposure(live->fitter, k->id, gain, bias);
+        if (first_exposure(keyframes, fitter, i, gain, bias))
+            (void)sf_fitter_set_exposure(fitter, k->id, gain, bias);
         k->told = 1;
     }
 }

@@ -10,7 +10,7 @@
 #include "../fit/online.h"
 #include "../scene/neighbours.h"
 #include "deformation.h"
-#include "live.h"
+#include "localizer.h"
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
@@ -83,7 +83,7 @@ static sf_status add_view(sf_live *live, sf_split split, uint32_t *id) {
     return sf_scene_add_view(live->scene, NULL, &live->input.frame.camera, &given, split, id);
 }
 
-sf_camera sf_live_camera_at(const sf_live *live, const sf_rigid *pose) {
+static sf_camera camera_at(const sf_live *live, const sf_rigid *pose) {
     sf_camera camera = live->input.frame.camera;
     memcpy(camera.R_cw, pose->R, sizeof pose->R), memcpy(camera.t_cw, pose->t, sizeof pose->t);
     return camera;
@@ -91,7 +91,7 @@ sf_camera sf_live_camera_at(const sf_live *live, const sf_rigid *pose) {
 
 /* A keyframe's pose as it is known by now. */
 static sf_status correct(sf_live *live, sf_keyframe *k, const sf_rigid *pose) {
-    sf_camera camera = sf_live_camera_at(live, pose);
+    sf_camera camera = camera_at(live, pose);
     k->pose = *pose;
     sf_camera_center(&camera, k->center);
     if (live->fitter && sf_online_has_view(live->fitter, k->id)) /* else it comes with the view */
@@ -115,7 +115,7 @@ static sf_status correct_all(sf_live *live, uint32_t newest, sf_correction *corr
         sf_keyframe *k = &live->keyframes.list[i];
         sf_correction *c = &corrections[*count];
         sf_rigid pose;
-        c->camera = sf_live_camera_at(live, &k->pose);
+        c->camera = camera_at(live, &k->pose);
         if (sf_landmarks_pose(live->localizer.landmarks, k->id, &pose) && has_moved(live, &k->pose, &pose)) {
             if (k->id == newest) sf_live_correct_pose(live, &k->pose, &pose);
             status = correct(live, k, &pose);

@@ -52,21 +52,6 @@ sf_live_options sf_live_options_default(void) {
     return o;
 }
 
-/* Times of the last few seconds. */
-void sf_tick(sf_ticker *t, double now) { t->time[t->count++ % SF_TICKS] = now; }
-
-double sf_tick_rate(const sf_ticker *t, double now) {
-    const double window = 3;
-    double first = now;
-    int n = 0;
-    for (uint64_t k = 1; k <= SF_TICKS && k <= t->count; k++) {
-        double time = t->time[(t->count - k) % SF_TICKS];
-        if (time < now - window) break;
-        first = time, n++;
-    }
-    return n > 1 ? (n - 1) / fmax(now - first, 1e-3) : 0;
-}
-
 static sf_status check(sf_context *ctx, const sf_live_options *o) {
     if (!(o->track_rate >= 0.1 && o->track_rate <= 1000))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "track_rate: %g is not in 0.1..1000", o->track_rate);
@@ -112,6 +97,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     live->ctx = ctx;
     live->options = *options;
     live->pace.duty = 1;
+    live->evaluation = (sf_evaluation){.ctx = ctx, .exposes = live->options.fit.exposure};
     plan(live, source);
     atomic_init(&live->cancelled, 0);
     status = sf_online_check(ctx, &live->options.fit);
@@ -220,9 +206,9 @@ static sf_status step_fit(sf_live *live) {
     check_throttling(live, began);
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_ask_for_points(live); /* for one that came while the thread was busy */
-    if (!status) status = sf_live_evaluate(live);
+    if (!status) status = sf_evaluate_next(&live->evaluation, &live->keyframes, live->scene, live->fitter);
     if (!status) status = sf_fitter_step(live->fitter);
-    if (!status) sf_live_tell_fit(live);
+    if (!status) sf_tell_fit(&live->keyframes, live->fitter);
     double now = sf_clock();
     live->pace.rest_until = now + (now - began) * (1 / live->pace.duty - 1);
     return status;
@@ -268,7 +254,9 @@ static sf_status advance(sf_live *live) {
 
 /* What was held out is looked at a last time, all of it: figures of one model. */
 static sf_status finish(sf_live *live) {
-    sf_status status = live->finished ? SF_OK : sf_live_evaluate_all(live);
+    sf_status status = SF_OK;
+    if (live->fitter && !live->finished)
+        status = sf_evaluate_all(&live->evaluation, &live->keyframes, live->scene, live->fitter);
     live->finished = !status;
     return status ? status : SF_ERR_END;
 }

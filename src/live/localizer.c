@@ -8,7 +8,6 @@
 #include "../base/linear.h"
 #include "../fit/online.h"
 #include "../scene/neighbours.h"
-#include "live.h"
 #include "place_recognition.h"
 
 enum {

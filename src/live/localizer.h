@@ -2,59 +2,12 @@
 #ifndef SF_LIVE_LOCALIZER_H
 #define SF_LIVE_LOCALIZER_H
 
-#include <splatfit/live.h>
-
-#include "../pose/landmarks.h"
-#include "../pose/track.h"
-
-enum { SF_FIRST_CAMERAS = 24, SF_TICKS = 64 };
-
-/* A pose that is known before the model is drawn. */
-typedef struct sf_fix {
-    sf_pose_from from; /* SF_POSE_NONE: none */
-    sf_track_prior prior;
-} sf_fix;
-
-/* Times of events, for their rate. */
-typedef struct sf_ticker {
-    double time[SF_TICKS];
-    uint64_t count;
-} sf_ticker;
-
-typedef struct sf_localizer {
-    sf_detector *detector; /* NULL: no board */
-    sf_tracker *tracker;
-    sf_landmarks *landmarks;
-
-    /* Of the frame. */
-    sf_fix fix;           /* its pose from a board or from outside */
-    sf_followed followed; /* its pose from landmarks */
-    int fixed;            /* `fix` is so accurate that the fit holds the pose */
-    int sure;             /* its pose is trusted, and it is as sharp as others: it may become a keyframe */
-
-    /* Of the last frames. */
-    sf_live_state state;
-    sf_rigid pose, pose_before; /* of the last two frames whose pose was found */
-    int64_t pose_ns, pose_before_ns;
-    int poses;              /* found one after another, up to 2 */
-    int misses;             /* frames since */
-    int doubts;             /* good poses still needed until the camera counts as found again */
-    double usual_agreement; /* moving average over the tracked frames; 0: none yet */
-    double distance;        /* to what the camera sees, world units; 0: not known */
-    sf_camera first_cameras[SF_FIRST_CAMERAS]; /* of poses from outside, until the distance is known */
-    size_t first_count;
-
-    uint64_t looked_at, tracked, lost; /* frames; frames with a pose; times that the pose was lost */
-    sf_ticker poses_found;
-} sf_localizer;
+#include "live_state.h"
 
 /* Finds the pose of the frame in hand, and fills in live->input.frame. */
 sf_status sf_live_localize(sf_live *live);
 void sf_live_forget_pose(sf_live *live);
 /* A keyframe's pose was corrected from `from` to `to`: the last poses move with it. */
 void sf_live_correct_pose(sf_live *live, const sf_rigid *from, const sf_rigid *to);
-
-void sf_tick(sf_ticker *ticker, double now);
-double sf_tick_rate(const sf_ticker *ticker, double now);
 
 #endif

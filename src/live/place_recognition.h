@@ -2,7 +2,7 @@
 #ifndef SF_LIVE_PLACE_RECOGNITION_H
 #define SF_LIVE_PLACE_RECOGNITION_H
 
-#include "keyframes.h"
+#include "keyframe_list.h"
 
 /* A picture made small, its greys around 0 with squares that sum to 1. Returns the standard deviation of its
  * greys, 0..1. */

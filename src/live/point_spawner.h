@@ -15,6 +15,12 @@ typedef struct sf_spawned_points {
     uint32_t ids[SF_SPAWN_VIEWS]; /* of the views that were searched, that camera's first */
 } sf_spawned_points;
 
+/* The spawner of a live fit, and what it led to. */
+typedef struct sf_spawning {
+    sf_spawner *spawner;
+    size_t spawned; /* Gaussians so far */
+} sf_spawning;
+
 sf_status sf_spawner_create(sf_context *ctx, sf_spawner **spawner);
 /* Waits for the search that is going on. */
 void sf_spawner_destroy(sf_spawner **spawner);

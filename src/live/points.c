@@ -6,7 +6,7 @@
 
 #include "../fit/online.h"
 #include "../scene/neighbours.h"
-#include "live.h"
+#include "keyframe_exposure.h"
 
 enum {
     POINTS = 3000, /* a search, at most */
@@ -200,10 +200,15 @@ static double lacking_part(const sight *s) {
     return all ? (double)lacking / (double)all : 0;
 }
 
+static void exposure_of(const sf_live *live, uint32_t id, double gain[3], double bias[3]) {
+    for (int c = 0; c < 3; c++) gain[c] = 1, bias[c] = 0;
+    if (live->options.fit.exposure) sf_keyframe_exposure(&live->keyframes, live->fitter, id, gain, bias);
+}
+
 /* Whether a search is worth its time. */
 static sf_status is_wanting(sf_live *live, const sf_view *view, int *wanting) {
     sight s = {0};
-    sf_live_exposure(live, view->id, s.gain[0], s.bias[0]);
+    exposure_of(live, view->id, s.gain[0], s.bias[0]);
     sf_status status = look_through(live, view, &s);
     if (!status) *wanting = lacking_part(&s) > LACKING;
     free_sight(live, &s);
@@ -233,7 +238,7 @@ sf_status sf_live_ask_for_points(sf_live *live) {
 
 static sf_status choose_points(sf_live *live, sf_spawned_points *points, const sf_view *view) {
     sight s = {0};
-    for (int i = 0; i < SF_SPAWN_VIEWS; i++) sf_live_exposure(live, points->ids[i], s.gain[i], s.bias[i]);
+    for (int i = 0; i < SF_SPAWN_VIEWS; i++) exposure_of(live, points->ids[i], s.gain[i], s.bias[i]);
     sf_status status = look_through(live, view, &s);
     if (!status) keep_missing(live, &s, points);
     free_sight(live, &s);

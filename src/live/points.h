@@ -2,13 +2,7 @@
 #ifndef SF_LIVE_POINTS_H
 #define SF_LIVE_POINTS_H
 
-#include "keyframes.h"
-#include "point_spawner.h"
-
-typedef struct sf_spawning {
-    sf_spawner *spawner;
-    size_t spawned; /* Gaussians so far */
-} sf_spawning;
+#include "live_state.h"
 
 /* Where no search goes on: starts one around the newest keyframe that was not searched yet. */
 sf_status sf_live_ask_for_points(sf_live *live);

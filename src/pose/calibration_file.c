@@ -187,12 +187,7 @@ static sf_status read_json(const reader *r) {
 /* COLMAP. */
 
 static sf_status read_colmap(const reader *r, int binary) {
-    int width = 0, height = 0;
-    sf_status status =
-        sf_colmap_read_camera(r->ctx, r->path, binary, r->data, r->size, &width, &height, &r->c->lens);
-    r->c->width = width;
-    r->c->height = height;
-    return status;
+    return sf_colmap_read_camera(r->ctx, r->path, binary, r->data, r->size, r->c);
 }
 
 /* Which. */

@@ -1,10 +1,9 @@
-/* landmark_map.h - the inside of landmarks: those of the map, where keyframes saw them, matches in the
+/* landmark_map.h - the map of landmarks: those in it, where keyframes saw them, matches in the
  * picture. */
 #ifndef SF_POSE_LANDMARK_MAP_H
 #define SF_POSE_LANDMARK_MAP_H
 
 #include "bundle.h"
-#include "landmarks.h"
 #include "patch.h"
 
 /* Standard deviation of the inverse depth of a new landmark, in parts of it: the depth is guessed. */
@@ -49,7 +48,7 @@ typedef struct sf_landmark_keyframe {
     sf_bundle_view view;
 } sf_landmark_keyframe;
 
-struct sf_landmarks {
+typedef struct sf_landmarks {
     sf_context *ctx;
     sf_landmark *all;
     size_t count, capacity;
@@ -69,7 +68,7 @@ struct sf_landmarks {
     int coarsest;      /* of the search in progress */
     double *distances; /* [matches] */
     size_t distance_capacity;
-};
+} sf_landmarks;
 
 /* Fills in the place of a new landmark (world) for an inverse depth. */
 void sf_landmark_place(const sf_landmarks *l, const sf_landmark *m, double inverse, double at[3]);

@@ -5,6 +5,7 @@
 #include "../base/linear.h"
 #include "../base/pool.h"
 #include "landmark_map.h"
+#include "landmarks.h"
 
 enum {
     PER_CELL = 2,    /* landmarks that are followed */
@@ -20,8 +21,6 @@ enum {
 #define NEAR_MISS   2.0  /* px, from the line that a new one must lie on */
 #define SEEN_SIGMA  0.5  /* px, of an observation where its pose may be off too */
 #define LEARNED     0.02 /* least standard deviation of an inverse depth, in parts of it */
-#define WIDEST      1.5  /* px: residuals up to this are no outliers, */
-#define WIDTHS      3.0  /* nor are those up to so many standard deviations, to twice that */
 #define CORRELATED  4.0  /* landmarks that tell as much as one */
 #define STILL       1e-6 /* rad: a step that turns by less is the last */
 #define FOUND_LEAST 0.2  /* of the searches for one */
@@ -128,10 +127,6 @@ static void search_again(sf_landmarks *l) {
 
 /* 2. The pose */
 
-int sf_match_is_used(const sf_landmarks *l, const sf_landmark_match *at) {
-    return at->found && !at->misled && l->all[at->landmark].state == SF_LANDMARK_KNOWN;
-}
-
 static double distance_of(const sf_landmarks *l, const sf_landmark_match *at) {
     return sf_bundle_distance(&l->view, l->all[at->landmark].at, at->u, at->v);
 }
@@ -144,8 +139,6 @@ static double measure_spread(sf_landmarks *l) {
     }
     return fmax(sf_spread(l->distances, count), SF_LEAST_SPREAD);
 }
-
-double sf_match_gate(double spread) { return fmin(fmax(WIDTHS * spread, WIDEST), 2 * WIDEST); }
 
 static void add_match(const sf_landmarks *l, const sf_landmark_match *at, double c2, double A[36],
                       double g[6]) {

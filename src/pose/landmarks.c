@@ -1,4 +1,4 @@
-/* landmarks.c - the map of landmarks: keyframes that observe them, and new ones. */
+/* landmarks.c - keyframes that observe the landmarks of the map, and new landmarks. */
 #include "landmarks.h"
 
 #include <math.h>
@@ -10,7 +10,6 @@
 #include "landmark_map.h"
 
 enum {
-    CELLS = 20,     /* along the longer side of the picture, for landmarks to be spread over */
     NEW_MOST = 150, /* in a sf_landmark_keyframe */
     NEAREST = 3     /* landmarks of known depth, from which a new one takes its depth */
 };
@@ -46,44 +45,7 @@ sf_status sf_landmarks_take(sf_landmarks *l, const sf_camera *c, float *const rg
     return sf_pyramid_make(l->ctx, c, rgb, stride, &l->pyramid);
 }
 
-/* 1. Geometry */
-
-static double cosine(const double a[3], const double b[3]) {
-    return sf_dot3(a, b) / fmax(sqrt(sf_dot3(a, a) * sf_dot3(b, b)), 1e-300);
-}
-
-void sf_landmark_place(const sf_landmarks *l, const sf_landmark *m, double inverse, double at[3]) {
-    double p[3];
-    for (int k = 0; k < 3; k++) p[k] = m->ray[k] / inverse;
-    sf_rigid_apply_back(&l->keyframes[m->keyframe].view.pose, p, at);
-}
-
-double sf_landmark_cosine(const sf_landmarks *l, const sf_landmark *m, const sf_rigid *pose) {
-    double a[3], b[3];
-    sf_rigid_center(&l->keyframes[m->keyframe].view.pose, a);
-    sf_rigid_center(pose, b);
-    for (int k = 0; k < 3; k++) a[k] = m->at[k] - a[k], b[k] = m->at[k] - b[k];
-    return cosine(a, b);
-}
-
-int sf_landmarks_cell(const sf_landmarks *l) {
-    int side = l->width > l->height ? l->width : l->height;
-    return side / CELLS > 8 ? side / CELLS : 8;
-}
-
-/* 2. Keyframes */
-
-void sf_landmarks_drop_stale(sf_landmarks *l) {
-    size_t kept = 0;
-    for (size_t i = 0; i < l->count; i++) l->all[i].observations = 0;
-    for (size_t i = 0; i < l->observation_count; i++) {
-        const sf_landmark_observation *s = &l->observations[i];
-        if (l->all[s->landmark].state == SF_LANDMARK_EMPTY) continue;
-        l->all[s->landmark].observations++;
-        l->observations[kept++] = *s;
-    }
-    l->observation_count = kept;
-}
+/* Keyframes */
 
 static sf_status note_observation(sf_landmarks *l, size_t landmark_index, double u, double v) {
     sf_status status = sf_grow(l->ctx, &l->observations, &l->observation_capacity, l->observation_count,

@@ -5,6 +5,7 @@
 
 #include "../base/linear.h"
 #include "landmark_map.h"
+#include "landmarks.h"
 
 enum {
     ROUNDS = 8,

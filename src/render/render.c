@@ -151,19 +151,21 @@ static sf_status load_pair(sf_renderer *renderer, int width, int height, const f
     return SF_OK;
 }
 
-sf_status sf_loss(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
-                  const float *weight, double lambda, sf_loss_value *value, float *d_rgb) {
+sf_status sf_loss(sf_renderer *renderer, const sf_image_pair *pair, double lambda, sf_loss_value *value,
+                  float *d_rgb) {
+    size_t width = (size_t)pair->width, height = (size_t)pair->height;
     double weight_sum;
     if (!(lambda >= 0 && lambda <= 1))
         return sf_fail(renderer->ctx, SF_ERR_ARGUMENT, "lambda: %g is not in 0..1", lambda);
-    sf_status status = load_pair(renderer, width, height, rgb, target, weight, &weight_sum);
+    sf_status status =
+        load_pair(renderer, pair->width, pair->height, pair->rgb, pair->target, pair->weight, &weight_sum);
     if (status) return status;
     sf_workspace *ws = &renderer->comparison;
     sf_stage_loss(ws, lambda, 0, weight_sum, 1, d_rgb != NULL, value);
-    for (size_t y = 0; d_rgb && y < (size_t)height; y++)
-        for (size_t x = 0; x < (size_t)width; x++)
+    for (size_t y = 0; d_rgb && y < height; y++)
+        for (size_t x = 0; x < width; x++)
             for (size_t ch = 0; ch < 3; ch++)
-                d_rgb[3 * (y * (size_t)width + x) + ch] = ws->d_rgb[ch][y * ws->stride + x];
+                d_rgb[3 * (y * width + x) + ch] = ws->d_rgb[ch][y * ws->stride + x];
     return SF_OK;
 }
 

@@ -111,8 +111,11 @@ static void unlink_request(usb_device *device, uint32_t number, uint32_t forgott
     write_all(device->socket, &m, sizeof m);
 }
 
-static void answer_setup(usb_device *device, uint32_t number, const uint8_t *raw, int in, const uint8_t *out,
-                         size_t out_bytes, usb_answer answer, void *user) {
+static void answer_setup(usb_device *device, const message *m, const uint8_t *out, size_t out_bytes,
+                         usb_answer answer, void *user) {
+    const uint8_t *raw = m->submit.setup;
+    uint32_t number = ntohl(m->number);
+    int in = ntohl(m->direction) == FROM_DEVICE;
     usb_setup setup = {raw[0], raw[1], (uint16_t)(raw[2] | raw[3] << 8), (uint16_t)(raw[4] | raw[5] << 8),
                        (uint16_t)(raw[6] | raw[7] << 8)};
     uint8_t data[ANSWER_MOST] = {0};
@@ -131,7 +134,7 @@ static int serve_submit(usb_device *device, const message *m, usb_answer answer,
     size_t out_bytes = in ? 0 : length;
     if (out_bytes > sizeof out || !read_all(device->socket, out, out_bytes)) return 0;
     if (ntohl(m->endpoint) == 0)
-        answer_setup(device, number, m->submit.setup, in, out, out_bytes, answer, user);
+        answer_setup(device, m, out, out_bytes, answer, user);
     else if (in && device->waiting_count < USB_WAITING_MOST)
         device->waiting[device->waiting_count++] = number;
     else

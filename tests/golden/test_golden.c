@@ -115,8 +115,8 @@ static void run_library(const test_golden *golden, outcome *o) {
     print_message("%s (%s):", golden->name, sf_context_isa(ctx));
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));
     assert_ok(ctx, sf_render(renderer, model, camera, &options, &image));
-    assert_ok(ctx, sf_loss(renderer, camera->width, camera->height, o->rgb, target, NULL, golden->lambda,
-                           &o->loss, o->d_rgb));
+    assert_ok(ctx, sf_loss(renderer, &(sf_image_pair){camera->width, camera->height, o->rgb, target, NULL},
+                           golden->lambda, &o->loss, o->d_rgb));
     assert_ok(ctx, sf_render_backward(renderer, model, o->d_rgb, &grads));
 
     free(target);

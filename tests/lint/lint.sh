@@ -5,8 +5,8 @@
 set -u
 
 passed=0 failed=0 skipped=0
-checks="includes headers symbols abi comments links format words scripts makefiles mutants"
-[ "${QUICK:-}" != 1 ] || checks="includes comments links format words scripts makefiles mutants"
+checks="includes lengths headers symbols abi comments links format words scripts makefiles mutants"
+[ "${QUICK:-}" != 1 ] || checks="includes lengths comments links format words scripts makefiles mutants"
 for check in $checks; do
     said=$("tests/lint/$check.sh" 2>&1)
     case $? in

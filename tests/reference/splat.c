@@ -192,6 +192,38 @@ static void place(const sf_eye *eye, test_ref_seen *seen) {
         seen->open = 1;
 }
 
+/* The values of the splat; 0: one of them is beyond a float. */
+static int keep_splat(const sf_eye *eye, const shape *s, const bounded rgb[3], test_ref_seen *seen,
+                      bounded r2, bounded log2_opacity) {
+    bounded whiten = b_of(WHITEN), c_det = b_sqrt(b_mul(s->c, s->det));
+    const bounded splat[16] = {
+        b_fma(b_of((double)eye->fx), s->x, b_of((double)eye->cx)),
+        b_fma(b_of((double)eye->fy), s->y, b_of((double)eye->cy)),
+        b_mul(whiten, b_sqrt(b_div(s->c, s->det))),
+        b_negative(b_div(b_mul(whiten, s->b), c_det)),
+        b_div(whiten, b_sqrt(s->c)),
+        log2_opacity,
+        rgb[0],
+        rgb[1],
+        rgb[2],
+        s->p[2],
+        b_div(s->b, s->c),
+        b_div(b_mul(r2, s->det), s->c),
+        b_div(s->det, b_square(s->c)),
+        b_mul(s->b, b_sqrt(b_div(r2, s->a))),
+        b_sqrt(b_mul(r2, s->a)),
+        b_sqrt(b_mul(r2, s->c)),
+    };
+    int fits = 1;
+    for (int k = 0; k < 16; k++) {
+        seen->splat[k] = b_stored(splat[k]);
+        if (k < 6 || k > 8) fits &= fabs(splat[k].v) <= (double)FLT_MAX;
+    }
+    for (int ch = 0; ch < 3; ch++)
+        if (rgb[ch].v < 0) seen->splat[6 + ch] = (bounded){0, fmax(rgb[ch].v + rgb[ch].e, 0)};
+    return fits;
+}
+
 void test_ref_see(const sf_project_args *a, size_t i, test_ref_seen *seen) {
     const sf_eye *eye = a->eye;
     shape s;
@@ -214,7 +246,6 @@ void test_ref_see(const sf_project_args *a, size_t i, test_ref_seen *seen) {
 
     bounded log2_opacity = b_add(b_log2(s.o), s.compensation);
     bounded r2k = b_add(log2_opacity, b_of(LOG2_255)), r2 = b_scale(UNDO, r2k);
-    bounded whiten = b_of(WHITEN), c_det = b_sqrt(b_mul(s.c, s.det));
     seen->state = SF_SEEN;
     seen->open |= b_near(r2k, 0);
     if (r2k.v <= 0) {
@@ -222,32 +253,7 @@ void test_ref_see(const sf_project_args *a, size_t i, test_ref_seen *seen) {
         seen->open |= !finite;
         return;
     }
-    const bounded splat[16] = {
-        b_fma(b_of((double)eye->fx), s.x, b_of((double)eye->cx)),
-        b_fma(b_of((double)eye->fy), s.y, b_of((double)eye->cy)),
-        b_mul(whiten, b_sqrt(b_div(s.c, s.det))),
-        b_negative(b_div(b_mul(whiten, s.b), c_det)),
-        b_div(whiten, b_sqrt(s.c)),
-        log2_opacity,
-        rgb[0],
-        rgb[1],
-        rgb[2],
-        s.p[2],
-        b_div(s.b, s.c),
-        b_div(b_mul(r2, s.det), s.c),
-        b_div(s.det, b_square(s.c)),
-        b_mul(s.b, b_sqrt(b_div(r2, s.a))),
-        b_sqrt(b_mul(r2, s.a)),
-        b_sqrt(b_mul(r2, s.c)),
-    };
-    int fits = 1;
-    for (int k = 0; k < 16; k++) {
-        seen->splat[k] = b_stored(splat[k]);
-        if (k < 6 || k > 8) fits &= fabs(splat[k].v) <= (double)FLT_MAX;
-    }
-    for (int ch = 0; ch < 3; ch++)
-        if (rgb[ch].v < 0) seen->splat[6 + ch] = (bounded){0, fmax(rgb[ch].v + rgb[ch].e, 0)};
-    if (!fits) {
+    if (!keep_splat(eye, &s, rgb, seen, r2, log2_opacity)) {
         seen->state = SF_NOT_FINITE;
         return;
     }

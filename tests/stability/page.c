@@ -51,7 +51,7 @@ static svg_style mark_style(stab_line line, size_t style) {
 static void draw_bound(plot *p, const stab_series *series) {
     if (!is_drawn(&p->chart->y, series->y[0])) return;
     double y = svg_axis_at(&p->y, series->y[0]);
-    svg_line(p->s, p->x.from, y, p->x.to, y, SVG_INK, 1.4, "10 5");
+    svg_line(p->s, p->x.from, y, p->x.to, y, &(svg_style){.stroke = SVG_INK, .width = 1.4, .dashes = "10 5"});
 }
 
 /* A piece of line from point `from` on, as far as points are drawn; what is not finite stands at the upper

@@ -253,7 +253,8 @@ static found try_loss(const stab_lab *lab, const pair *p, int side, test_ref_los
     float *d_rgb = calloc(values, sizeof *d_rgb);
     sf_loss_value value;
     assert_non_null(d_rgb);
-    assert_ok(lab->ctx, sf_loss(lab->renderer, side, side, p->rgb, p->target, NULL, 0.2, &value, d_rgb));
+    assert_ok(lab->ctx, sf_loss(lab->renderer, &(sf_image_pair){side, side, p->rgb, p->target, NULL}, 0.2,
+                                &value, d_rgb));
     found f = {fabs(value.loss - expected.loss),
                test_relative(test_worst_of(d_rgb, p->d_rgb64, values), p->d_rgb64, values)};
     free(d_rgb);

@@ -308,7 +308,8 @@ static sf_status render(world *w) {
     assert_ok(w->ctx, sf_scene_get_pixels(w->scene, view.id, target, NULL));
     sf_status status = sf_renderer_create(w->ctx, &renderer);
     if (!status) status = sf_render(renderer, w->model, &view.camera, NULL, &out);
-    if (!status) status = sf_loss(renderer, SIDE, SIDE, rgb, target, NULL, 0.2, &loss, d_rgb);
+    if (!status)
+        status = sf_loss(renderer, &(sf_image_pair){SIDE, SIDE, rgb, target, NULL}, 0.2, &loss, d_rgb);
     if (!status) status = sf_render_backward(renderer, w->model, d_rgb, &grads);
     if (!status) status = sf_compare(renderer, SIDE, SIDE, rgb, target, NULL, &quality);
     if (!status) status = sf_write_png(w->ctx, test_path("r.png"), SIDE, SIDE, rgb);

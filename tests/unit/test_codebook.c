@@ -64,7 +64,8 @@ static void test_levels(void **state) {
 static double make(sf_context *ctx, const float *vectors, size_t most, float *centroids, uint32_t *labels,
                    size_t *made) {
     double sum = 0;
-    assert_ok(ctx, sf_palette_make(ctx, vectors, VECTORS, DIMS, most, centroids, labels, made));
+    assert_ok(ctx,
+              sf_palette_make(ctx, &(sf_vectors){vectors, VECTORS, DIMS}, most, centroids, labels, made));
     assert_between(*made, 1, most);
     for (size_t i = 0; i < VECTORS; i++) {
         assert_true(labels[i] < *made);

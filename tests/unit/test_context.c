@@ -341,7 +341,9 @@ static sf_status render_and_differentiate(run *r) {
     sf_render_grads grads = {.pose = r->pose, .background = background};
     sf_status status = sf_renderer_create(r->ctx, &r->renderer);
     if (!status) status = sf_render(r->renderer, r->model, &camera, NULL, &out);
-    if (!status) status = sf_loss(r->renderer, WIDTH, HEIGHT, rgb, target, NULL, 0.2, &r->loss, d_rgb);
+    if (!status)
+        status =
+            sf_loss(r->renderer, &(sf_image_pair){WIDTH, HEIGHT, rgb, target, NULL}, 0.2, &r->loss, d_rgb);
     if (!status) status = sf_render_backward(r->renderer, r->model, d_rgb, &grads);
     if (!status) status = sf_compare(r->renderer, WIDTH, HEIGHT, rgb, target, NULL, &quality);
     return status;

@@ -12,6 +12,9 @@
 
 #include "capture/auto_exposure.h"
 #include "capture/dma_heaps.h"
+#include "capture/frame_order.h"
+#include "capture/libcamera_format.h"
+#include "capture/libcamera_name.h"
 
 static void assert_set(sf_auto_set set, int enable, int exposure_mode, int gain_mode) {
     assert_int_equal(set.enable, enable);
@@ -118,6 +121,67 @@ static void expect(sf_context *ctx, const char *name, sf_status expected, const 
     assert_error_names(ctx, part);
 }
 
+static void test_request(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_libcamera_request r;
+    assert_ok(ctx, sf_libcamera_read_name(ctx, "libcamera:0", &r));
+    assert_string_equal(r.camera, "0");
+    assert_true(r.width == 0 && r.height == 0 && r.exposure_us == 0 && r.buffers == 4 && !*r.format);
+    assert_true(r.fps == 0 && r.gain == 0);
+    assert_ok(ctx, sf_libcamera_read_name(ctx,
+                                          "libcamera:/base/i2c@1?size=640x480&format=nv12&fps=30&gain=2.5&"
+                                          "buffers=6&exposure=manual:10000",
+                                          &r));
+    assert_string_equal(r.camera, "/base/i2c@1");
+    assert_true(r.width == 640 && r.height == 480 && r.exposure_us == 10000 && r.buffers == 6);
+    assert_true(r.fps == 30 && r.gain == 2.5);
+    assert_ok(ctx, sf_libcamera_read_name(ctx, "libcamera:0?exposure=auto", &r));
+    assert_true(r.exposure_us == -1 && r.width == 0);
+    assert_status(ctx, sf_libcamera_read_name(ctx, "libcamera:0?format=444p", &r), SF_ERR_ARGUMENT);
+    sf_context_destroy(&ctx);
+}
+
+static void test_formats(void **state) {
+    (void)state;
+    const uint32_t nv12 = 'N' | 'V' << 8 | '1' << 16 | '2' << 24;
+    const sf_libcamera_format *f = sf_libcamera_format_of(nv12);
+    assert_non_null(f);
+    assert_int_equal(f->format, SF_PIXEL_NV12);
+    assert_ptr_equal(f, sf_libcamera_format_named("NV12"));
+    assert_null(sf_libcamera_format_of(nv12 + 1));
+    assert_null(sf_libcamera_format_named("444p"));
+    assert_int_equal(sf_libcamera_format_at(0)->format, SF_PIXEL_YUYV);
+    assert_int_equal(sf_libcamera_format_named("mjpeg")->format, SF_PIXEL_MJPEG);
+    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 481, 0), 640 * 481);
+    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 481, 1), 640 * 241);
+    f = sf_libcamera_format_named("yu12");
+    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 480, 2), 320 * 240);
+    f = sf_libcamera_format_named("422p");
+    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 480, 1), 320 * 480);
+    assert_int_equal(sf_libcamera_plane_bytes(sf_libcamera_format_named("mjpeg"), 0, 480, 0), 1);
+}
+
+static void test_frame_order(void **state) {
+    (void)state;
+    sf_frame_order order = {0};
+    uint64_t dropped = 0;
+    assert_true(sf_frame_order_take(&order, 7, 4, &dropped)); /* the first is where it begins */
+    assert_true(order.sequence == 7 && dropped == 0);
+    assert_int_equal(sf_frame_order_ahead(&order, 8), 1);
+    assert_true(sf_frame_order_take(&order, 10, 4, &dropped));
+    assert_true(order.sequence == 10 && dropped == 2);
+    assert_false(sf_frame_order_take(&order, 9, 4, &dropped)); /* late */
+    assert_true(sf_frame_order_take(&order, 11, 4, &dropped));
+    assert_true(order.sequence == 11 && dropped == 2 && order.late == 0);
+    for (int i = 0; i < 3; i++) assert_false(sf_frame_order_take(&order, 0, 4, &dropped));
+    assert_true(sf_frame_order_take(&order, 1, 4, &dropped)); /* the driver counts anew */
+    assert_true(order.sequence == 12 && order.driver_sequence == 1 && dropped == 2);
+    order.driver_sequence = UINT32_MAX;
+    assert_true(sf_frame_order_take(&order, 1, 4, &dropped)); /* it wraps */
+    assert_true(order.sequence == 14 && dropped == 3);
+}
+
 #ifdef SF_HAVE_LIBCAMERA
 
 static void test_names(void **state) {
@@ -168,7 +232,8 @@ static void test_absent(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_auto_open), cmocka_unit_test(test_auto_lock),
-                                       cmocka_unit_test(test_heaps), cmocka_unit_test(test_names),
-                                       cmocka_unit_test(test_absent)};
+                                       cmocka_unit_test(test_heaps),     cmocka_unit_test(test_request),
+                                       cmocka_unit_test(test_formats),   cmocka_unit_test(test_frame_order),
+                                       cmocka_unit_test(test_names),     cmocka_unit_test(test_absent)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -193,7 +193,7 @@ static void exposures_are_like_the_neighbours(void **state) {
     assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes.list[at - 1].id, of_one, here));
     assert_ok(r.ctx, sf_fitter_set_exposure(live->fitter, live->keyframes.list[at + 1].id, of_other, there));
     double gain[3], bias[3];
-    sf_live_exposure(live, live->keyframes.list[at].id, gain, bias);
+    sf_keyframe_exposure(&live->keyframes, live->fitter, live->keyframes.list[at].id, gain, bias);
     for (int c = 0; c < 3; c++) {
         assert_true(fabs(gain[c] - sqrt(of_one[c] * of_other[c])) < 1e-12);
         assert_true(fabs(bias[c] - (here[c] + there[c]) / 2) < 1e-12);
@@ -204,7 +204,7 @@ static void exposures_are_like_the_neighbours(void **state) {
     live->keyframes.list[at + 1].light = 1;
     for (size_t i = 0; i <= last; i++)
         if (i + 1 < at || i > at + 1) live->keyframes.list[i].light = NAN;
-    sf_live_exposure(live, live->keyframes.list[at].id, gain, bias);
+    sf_keyframe_exposure(&live->keyframes, live->fitter, live->keyframes.list[at].id, gain, bias);
     assert_true(fabs(gain[1] - pow(4, 1 / 2.4)) < 1e-9);
     close_run(&r);
 }

@@ -75,8 +75,8 @@ typedef struct outcome {
 
 static outcome loss_with(sf_context *ctx, sf_renderer *renderer, const pair *p, double lambda) {
     outcome o = {.d_rgb = floats(3 * p->pixels)};
-    assert_ok(
-        ctx, sf_loss(renderer, p->width, p->height, p->rgb, p->target, p->weight, lambda, &o.value, o.d_rgb));
+    assert_ok(ctx, sf_loss(renderer, &(sf_image_pair){p->width, p->height, p->rgb, p->target, p->weight},
+                           lambda, &o.value, o.d_rgb));
     return o;
 }
 
@@ -246,7 +246,8 @@ static void gradient_is_optional(void **state) {
     bench b = bench_create(2);
     outcome o = loss_with(b.ctx, b.renderer, &p, 0.2);
     sf_loss_value value;
-    assert_ok(b.ctx, sf_loss(b.renderer, 23, 19, p.rgb, p.target, p.weight, 0.2, &value, NULL));
+    assert_ok(b.ctx,
+              sf_loss(b.renderer, &(sf_image_pair){23, 19, p.rgb, p.target, p.weight}, 0.2, &value, NULL));
     assert_memory_equal(&value, &o.value, sizeof value);
     free(o.d_rgb);
     bench_free(&b);
@@ -337,14 +338,18 @@ static void bad_arguments_are_refused(void **state) {
     sf_loss_value value;
     sf_quality quality;
     for (size_t k = 0; k < sizeof lambdas / sizeof *lambdas; k++) {
-        assert_status(b.ctx, sf_loss(b.renderer, 8, 8, p.rgb, p.target, NULL, lambdas[k], &value, NULL),
-                      SF_ERR_ARGUMENT);
+        assert_status(
+            b.ctx,
+            sf_loss(b.renderer, &(sf_image_pair){8, 8, p.rgb, p.target, NULL}, lambdas[k], &value, NULL),
+            SF_ERR_ARGUMENT);
         assert_error_names(b.ctx, "lambda");
     }
     for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
         int width = sizes[k][0], height = sizes[k][1];
-        assert_status(b.ctx, sf_loss(b.renderer, width, height, p.rgb, p.target, NULL, 0, &value, NULL),
-                      SF_ERR_ARGUMENT);
+        assert_status(
+            b.ctx,
+            sf_loss(b.renderer, &(sf_image_pair){width, height, p.rgb, p.target, NULL}, 0, &value, NULL),
+            SF_ERR_ARGUMENT);
         assert_error_names(b.ctx, "size");
         assert_status(b.ctx, sf_compare(b.renderer, width, height, p.rgb, p.target, NULL, &quality),
                       SF_ERR_ARGUMENT);
@@ -362,19 +367,22 @@ static void bad_weights_are_refused(void **state) {
     sf_quality quality;
     for (size_t k = 0; k < sizeof weights / sizeof *weights; k++) {
         p.weight[37] = weights[k];
-        assert_status(b.ctx, sf_loss(b.renderer, 8, 8, p.rgb, p.target, p.weight, 0.2, &value, NULL),
-                      SF_ERR_ARGUMENT);
+        assert_status(
+            b.ctx, sf_loss(b.renderer, &(sf_image_pair){8, 8, p.rgb, p.target, p.weight}, 0.2, &value, NULL),
+            SF_ERR_ARGUMENT);
         assert_error_names(b.ctx, "pixel 37");
         assert_status(b.ctx, sf_compare(b.renderer, 8, 8, p.rgb, p.target, p.weight, &quality),
                       SF_ERR_ARGUMENT);
         assert_error_names(b.ctx, "pixel 37");
     }
     for (size_t i = 0; i < p.pixels; i++) p.weight[i] = 0;
-    assert_status(b.ctx, sf_loss(b.renderer, 8, 8, p.rgb, p.target, p.weight, 0.2, &value, NULL),
+    assert_status(b.ctx,
+                  sf_loss(b.renderer, &(sf_image_pair){8, 8, p.rgb, p.target, p.weight}, 0.2, &value, NULL),
                   SF_ERR_EMPTY);
     assert_status(b.ctx, sf_compare(b.renderer, 8, 8, p.rgb, p.target, p.weight, &quality), SF_ERR_EMPTY);
     p.weight[37] = 0.001f; /* little is not nothing */
-    assert_ok(b.ctx, sf_loss(b.renderer, 8, 8, p.rgb, p.target, p.weight, 0.2, &value, NULL));
+    assert_ok(b.ctx,
+              sf_loss(b.renderer, &(sf_image_pair){8, 8, p.rgb, p.target, p.weight}, 0.2, &value, NULL));
     bench_free(&b);
     pair_free(&p);
 }

@@ -1,0 +1,37 @@
+/* keyframe_list.h - the frames that are fitted, and what is known of each. */
+#ifndef SF_LIVE_KEYFRAME_LIST_H
+#define SF_LIVE_KEYFRAME_LIST_H
+
+#include <splatfit/live.h>
+
+#include "../pose/view.h"
+#include "frame_grabber.h"
+
+enum {
+    SF_THUMBNAIL_WIDTH = 32,
+    SF_THUMBNAIL_HEIGHT = 24,
+    SF_THUMBNAIL = SF_THUMBNAIL_WIDTH * SF_THUMBNAIL_HEIGHT
+};
+
+/* The picture of a keyframe is a view of the scene. */
+typedef struct sf_keyframe {
+    uint32_t id;                   /* of the view */
+    int held_out;                  /* never trained on */
+    int hold, told;                /* its pose is to be held; the fit knows of it */
+    int searched;                  /* for points */
+    double light;                  /* as sf_picture has it */
+    sf_rigid pose;                 /* world to camera, as it is known by now */
+    double center[3];              /* of the camera */
+    float thumbnail[SF_THUMBNAIL]; /* grey, mean 0, norm 1 */
+    double psnr, psnr_corrected;   /* dB, when last evaluated; NAN */
+} sf_keyframe;
+
+typedef struct sf_keyframes {
+    sf_keyframe *list; /* oldest first */
+    size_t count, capacity;
+    int64_t made;        /* so far, those included that made room for others */
+    int wanted;          /* the camera is far enough from all of them for another one, */
+    double wanted_since; /* since this time of the frames' clock, s */
+} sf_keyframes;
+
+#endif
