@@ -49,7 +49,7 @@ int app_load_within(const args *a, sf_context *ctx, const char *path, int64_t me
 int app_load_caught(const args *a, sf_context *ctx, const char *path, const sf_load_options *options,
                     sf_scene **scene);
 
-/* "R,G,B" (0..1) or the names black and white. 0 if it is none. */
+/* Reads a colour: "R,G,B" (0..1), "black" or "white". Returns 0 if the text is not a colour. */
 int app_color(const char *text, float color[3]);
 
 /* How to render a model in a scene (NULL: in none): background and near plane, as --background and

@@ -42,7 +42,7 @@ static int read_options(const args *a, sf_model_file_options *options) {
     return error ? error : app_model_options(a, options);
 }
 
-/* Bytes of a regular file; -1: it is none. */
+/* Bytes of a regular file; -1: not a regular file. */
 static long long bytes_of(const char *path) {
     struct stat st;
     return stat(path, &st) || !S_ISREG(st.st_mode) ? -1 : (long long)st.st_size;

@@ -271,7 +271,7 @@ static void compare(const sf_live_frame *f, step *s) {
     s->distance = sqrt(squares);
 }
 
-/* Keeps the pose of a frame that was looked at. */
+/* Keeps the pose of a tracked frame. */
 static int note_frame(live_run *r) {
     sf_live_frame f;
     sf_live_get_frame(r->live, &f);

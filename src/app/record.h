@@ -12,7 +12,7 @@ typedef struct record_options {
     sf_source_info info; /* of the source */
     record_format format;
     int quality, downscale;
-    int every, sharpest; /* one of every so many frames: the first, or the sharpest */
+    int every, sharpest; /* keep one of every `every` frames: the first, or the sharpest */
     uint64_t most;       /* pictures; 0: no limit */
     const json_t *lens;  /* goes into frames.json; NULL: none */
     int force;           /* an older recording in the folder is removed */

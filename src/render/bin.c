@@ -256,7 +256,7 @@ sf_status sf_stage_bin(sf_workspace *ws) {
     sf_pool_run(pool, job.chunks, count_strips_task, &job);
     uint64_t strips = prefix_sum(job.spans, job.chunks);
     if (strips > INT32_MAX) return too_many(ws, strips, "row of tiles");
-    status = strip_room(ws, (size_t)strips + 1); /* tasks point into the strips even where there is none */
+    status = strip_room(ws, (size_t)strips + 1); /* tasks point into the array even if there are no strips */
     if (status) return status;
     place_strips(&job);
 

@@ -61,7 +61,7 @@ int sf_lens_is_cropped(const sf_lens_note *lens);
 /* Gives the caller's reference to the scene; sets view->id. On failure the view is released. */
 sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
 
-/* A new reference to view `id`, NULL if there is none. */
+/* A new reference to view `id`; NULL: no such view. */
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
 /* New references to all views, or to the training views, in order, and the end of them; after a failure, too,
  * it may be called. */

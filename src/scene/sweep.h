@@ -7,7 +7,7 @@
 #include "scene.h"
 
 typedef struct sf_sweep_options {
-    size_t wanted;  /* at most so many points, > 0 */
+    size_t wanted;  /* most points to return, > 0 */
     double nearest; /* camera z from which on surfaces are looked for, world units, > 0 */
     double extent;  /* of the scene, world units: how far cameras look whose axes do not meet */
 } sf_sweep_options;
