@@ -64,7 +64,7 @@ SF_API int sf_context_threads(const sf_context *context);
 /* Name of the kernel level in use, for example "avx2". */
 SF_API const char *sf_context_isa(const sf_context *context);
 
-/* A level of the kernels: "scalar" exists everywhere, the others are named after their instruction set. */
+/* A level of the kernels. The name "scalar" exists everywhere, the others are those of instruction sets. */
 typedef struct sf_isa_info {
     const char *name;
     int built;  /* the library contains it */
