@@ -1,4 +1,4 @@
-/* watch.c - what fit notes down on the way: held-out quality at given moments, snapshots, its own clock. */
+/* watch.c - the training log of fit: held-out quality at given times, snapshots, a clock without these. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include "watch.h"
 

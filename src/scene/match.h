@@ -20,7 +20,7 @@ sf_status sf_grey_create(sf_context *ctx, const sf_view *view, int factor, sf_gr
 void sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey);
 void sf_grey_destroy(sf_context *ctx, sf_grey *grey);
 
-/* What a sweep looks for. */
+/* The parameters of a sweep. */
 typedef struct sf_match_range {
     double first, last; /* inverse depths (1 / camera z, 1 / world units), 0 <= first < last */
     int planes;         /* evenly between, >= 3 */
