@@ -1,4 +1,4 @@
-/* blobs.c - scenes of so many blobs that stand apart, and pictures of nothing. */
+/* blobs.c - scenes of a given number of separate blobs, and empty pictures. */
 #include "blobs.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* blobs.h - scenes of so many blobs that stand apart, and pictures of nothing. */
+/* blobs.h - scenes of a given number of separate blobs, and empty pictures. */
 #ifndef TESTS_BLOBS_H
 #define TESTS_BLOBS_H
 

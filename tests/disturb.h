@@ -41,7 +41,7 @@ test_pose_error test_pose_error_of(const sf_camera *got, const sf_camera *want, 
 void test_dim(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
 void test_wander(void *user, size_t number, sf_camera *camera, uint8_t *rgb);
 
-/* The mean over so many px to either side: what a camera that moved, or was out of focus, makes of a picture.
+/* The mean over `across` and `down` px to either side: the blur of a camera that moved or was out of focus.
  */
 typedef struct test_smear {
     int across, down;

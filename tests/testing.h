@@ -1,7 +1,7 @@
 /* testing.h - what the tests share: cmocka, a context whose log is kept, a scratch folder, a skip with its
  * reason.
  *
- * Each tests/unit/test_*.c and tests/golden/test_*.c is a program of its own, run from the top of the tree.
+ * Each tests/unit/test_*.c and tests/golden/test_*.c is a separate program, run from the top of the tree.
  */
 #ifndef TESTING_H
 #define TESTING_H
@@ -78,14 +78,14 @@ void test_turn_camera(sf_camera *camera, const double right[3], const double ahe
 /* Camera `view` of `views` on a ring 4 about the middle, upright, that look inwards; f = 60 px. */
 sf_camera test_camera_around(int view, int views, int width, int height);
 
-/* The JSON of a file, the caller's to release, and a number in an object; where there is none the test fails.
+/* The JSON of a file, which the caller releases, and a number in an object; the test fails without it.
  */
 json_t *test_json(const char *path);
 double test_number(const json_t *object, const char *key);
 
 void test_pause_ms(long ms);
 
-/* A process of its own in which `begin` has been called, which must return 1; it holds what it took until
+/* A separate process in which `begin` has been called, which must return 1; it holds what it took until
  * test_kill, by SIGKILL. */
 pid_t test_start(int (*begin)(sf_context *ctx, const char *path), const char *path);
 void test_kill(pid_t pid);

@@ -83,29 +83,28 @@ SF_API sf_status sf_detector_find_in_frame(sf_detector *detector, const sf_frame
 typedef struct sf_pose {
     double R_cb[9]; /* row-major */
     double t_cb[3]; /* m */
-    /* Of the left twist (rho, phi), p_c' = p_c + rho + phi x p_c: m and radians, row-major 6 x 6. From the
-     * corners' scatter about the pose, taken as 0.1 px at least, and what is left open of how far outwards
-     * edges are seen. */
+    /* Covariance of the left twist (rho, phi), p_c' = p_c + rho + phi x p_c: m and radians, row-major 6 x 6.
+     * Computed from the corners' residuals, at least 0.1 px, and from the uncertainty of the edge bias. */
     double covariance[36];
     double rms; /* px, of the distances of the corners that were used */
-    /* A flat board seen small or from afar has two poses that explain it, mirrored about the line of sight:
-     * this one's rms over the other's, 0 (no second pose) .. 1 (nothing tells them apart). Above 0.7, do not
-     * trust the tilt. */
+    /* A flat board that appears small has two poses that explain it, mirrored about the line of sight. This
+     * is the rms of the pose over that of the other: 0 (no second pose) .. 1 (they fit equally well). Above
+     * 0.7, do not trust the tilt. */
     double ambiguity;
     size_t used, rejected; /* corners */
 } sf_pose;
 
 /* The pose of a board in one picture, taken through a known lens, from at least 4 corners. Robust: corners
- * that do not fit are rejected. That all edges of the tags are seen a little outwards or inwards of where
- * they are is estimated with it (src/pose/README.md, P.6), which takes tags that stand apart, each with its
- * four corners in a row. SF_ERR_ARGUMENT: the lens is not valid; SF_ERR_EMPTY: fewer than 4 corners, or no
- * pose explains them (all in a line). */
+ * that do not fit are rejected. The edge bias, by which ink or blooming moves all edges of the tags outwards
+ * or inwards, is estimated too (src/pose/README.md, P.6); that needs several tags, each with its four corners
+ * in a row. SF_ERR_ARGUMENT: the lens is not valid; SF_ERR_EMPTY: fewer than 4 corners, or no pose explains
+ * them (all in a line). */
 SF_API sf_status sf_board_pose(sf_context *context, const sf_lens *lens, const sf_board_corner *corners,
                                size_t count, sf_pose *pose);
 
 /* Calibration. */
 
-/* What one camera saw of a board: the views of a calibration. */
+/* The views of a calibration: the corners of a board in pictures of one camera. */
 typedef struct sf_observations sf_observations;
 
 /* For pictures of width x height px, 16..65535 each. */
@@ -118,8 +117,8 @@ SF_API void sf_observations_destroy(sf_observations **observations);
 SF_API sf_status sf_observations_add(sf_observations *observations, const sf_board_corner *corners,
                                      size_t count);
 
-/* Adds a view where it tells something new: at least 8 corners, and the board at another place, distance or
- * tilt than in every view before, or in parts of the picture where none was. *taken: 0 or 1. */
+/* Adds a view if it is informative: at least 8 corners, and the board at another position, distance or tilt
+ * than in every earlier view, or in a part of the picture without corners so far. *taken: 0 or 1. */
 SF_API sf_status sf_observations_offer(sf_observations *observations, const sf_board_corner *corners,
                                        size_t count, int *taken);
 
@@ -129,11 +128,11 @@ SF_API size_t sf_observations_count(const sf_observations *observations);
 /* The share of the 8 x 6 cells of the picture in which a corner was seen, 0..1. */
 SF_API double sf_observations_coverage(const sf_observations *observations);
 
-/* What the views still lack, a few words for who holds the board ("tilt its left edge towards the camera");
- * NULL: nothing that matters. */
+/* An instruction to the person who holds the board, about the views that are still missing ("tilt its left
+ * edge towards the camera"); NULL: no view is missing. */
 SF_API const char *sf_observations_advice(const sf_observations *observations);
 
-/* What is estimated. */
+/* The parameters that are estimated. */
 typedef struct sf_calibrate_options {
     int fix_aspect; /* fx = fy */
     int fix_center; /* cx, cy: the middle of the picture */
@@ -144,13 +143,13 @@ typedef struct sf_calibrate_options {
 /* {0, 0, 2, 1}. */
 SF_API sf_calibrate_options sf_calibrate_options_default(void);
 
-/* A calibrated camera. What a file does not tell is 0. */
+/* A calibrated camera. Fields that a file does not contain are 0. */
 typedef struct sf_calibration {
     int32_t width, height;    /* px */
     sf_lens lens;             /* as estimated */
     sf_lens sigma;            /* standard deviations; 0: fixed, or not known */
     double rms;               /* px: root of the mean squared distance of the corners that were used */
-    double worst_rms;         /* px: of the view where it is greatest */
+    double worst_rms;         /* px: the greatest rms of a view */
     double coverage;          /* share of the 8 x 6 cells of the picture with a corner that was used */
     double tilt_most;         /* degrees between the camera's axis and the board's, the greatest */
     double tilt_spread;       /* degrees between the board's axes in two views, the greatest */
@@ -160,10 +159,10 @@ typedef struct sf_calibration {
 } sf_calibration;
 
 /* Least squares over the lens and the poses of all views, robust; corners that do not fit are rejected, and
- * views of which fewer than 6 corners or not half of them fit. Views that cannot tell the lens are refused by
- * name, with what to do: SF_ERR_EMPTY: fewer than 3 views fit, all face the camera, all have one tilt, the
- * focal length is known to less than 3 %. Tilts that differ by less than 15 degrees, and a focal length known
- * to less than 0.5 %, are logged as warnings. SF_ERR_ARGUMENT: radial not in 0..2. */
+ * views of which fewer than 6 corners, or fewer than half, fit. SF_ERR_EMPTY, with advice in the message:
+ * fewer than 3 views fit, all boards face the camera, all have the same tilt, or the focal length is
+ * uncertain by more than 3 %. Tilts that differ by less than 15 degrees and a focal length uncertain by more
+ * than 0.5 % are logged as warnings. SF_ERR_ARGUMENT: radial not in 0..2. */
 SF_API sf_status sf_calibrate(sf_observations *observations, const sf_calibrate_options *options,
                               sf_calibration *calibration);
 
@@ -183,7 +182,7 @@ SF_API sf_status sf_observations_get(const sf_observations *observations, size_t
 SF_API sf_status sf_calibration_save(sf_context *context, const sf_calibration *calibration,
                                      const char *path);
 
-/* Reads a calibration, told apart by content: JSON as sf_calibration_save writes it; OpenCV's YAML,
+/* Reads a calibration; the content tells the format: JSON as sf_calibration_save writes it; OpenCV's YAML,
  * XML and JSON (camera_matrix, cameraMatrix or K; distortion_coefficients, dist_coeffs, distCoeffs or D, of
  * 4, or 5 to 14 with 0 from k4 on; image_width and image_height, or image_size or imageSize, [width, height];
  * OpenCV counts from the first pixel's middle: 0.5 is added to cx and cy); COLMAP's cameras.txt and

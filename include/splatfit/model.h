@@ -1,4 +1,4 @@
-/* model.h - a set of 3D Gaussians: the thing that is fitted. */
+/* model.h - a set of 3D Gaussians: the model that a fit produces. */
 #ifndef SPLATFIT_MODEL_H
 #define SPLATFIT_MODEL_H
 
@@ -22,7 +22,8 @@ typedef struct sf_gaussians {
     float *sh;              /* [n][K][3], coefficient-major, RGB innermost (M.4) */
 } sf_gaussians;
 
-/* Gaussians in the library's own memory. Several threads may read one; who changes it must be alone. */
+/* Gaussians in the library's own memory. Several threads may read a model; no other thread may use it while
+ * one changes it. */
 typedef struct sf_model sf_model;
 
 /* A model of `count` (0 .. 2^31 - 17) neutral Gaussians: mean 0, identity rotation, log-scale 0,
@@ -30,28 +31,30 @@ typedef struct sf_model sf_model;
 SF_API sf_status sf_model_create(sf_context *context, size_t count, int sh_degree, sf_model **model);
 SF_API void sf_model_destroy(sf_model **model);
 
-/* How many Gaussians there are; the highest SH degree that one of them may have. */
+/* The number of Gaussians; the highest SH degree that one of them may have. */
 SF_API size_t sf_model_count(const sf_model *model);
 SF_API int sf_model_sh_degree(const sf_model *model);
 
-/* Whether it was fitted with opacity compensation (M.3) and wants to be rendered so. */
+/* Whether the model was fitted with opacity compensation (M.3) and must be rendered with it. */
 SF_API int sf_model_antialiased(const sf_model *model);
 SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 
 /* Copies Gaussians first .. first+count-1 from or to the caller's arrays; an array that is NULL is left out.
- * Bands that a Gaussian lacks (sf_model_pack) are got as 0. SF_ERR_ARGUMENT, and nothing is copied: the range
- * exceeds the model, or a value to set that is not 0 belongs to a band that its Gaussian lacks. */
+ * sf_model_get gives 0 for bands that a Gaussian lacks (sf_model_pack). SF_ERR_ARGUMENT, and nothing is
+ * copied: the range exceeds the model, or a value to set that is not 0 belongs to a band that its Gaussian
+ * lacks. */
 SF_API sf_status sf_model_set(sf_model *model, size_t first, size_t count, const sf_gaussians *from);
 SF_API sf_status sf_model_get(const sf_model *model, size_t first, size_t count, const sf_gaussians *to);
 
-/* Gives each Gaussian an SH degree of its own: that of its highest band with a value that is not 0. The bands
- * above are let go, with their memory and the time that they take, and Gaussians are sorted by falling
- * degree; those of one degree stay in their order. Pictures stay what they were, but for the order of
- * Gaussians at the same depth. A new or loaded model has all bands for all of its Gaussians, and a file of a
- * packed one is padded with 0s. SF_ERR_MEMORY: the model is what it was. */
+/* Sets each Gaussian's SH degree to that of its highest band with a value that is not 0. The bands above are
+ * dropped, which saves memory and time. Gaussians are sorted by falling degree; those of one degree keep
+ * their order. Renders do not change, except where Gaussians have exactly the same depth. A new or loaded
+ * model has all bands for all of its Gaussians; files of a packed model are padded with 0s. SF_ERR_MEMORY:
+ * the model is unchanged. */
 SF_API sf_status sf_model_pack(sf_model *model);
 
-/* count[d]: Gaussians that have degree d; and the floats that describe the model, 14 to 59 a Gaussian. */
+/* count[d]: the number of Gaussians of SH degree d. sf_model_floats: the number of the model's parameters, 14
+ * to 59 for each Gaussian. */
 SF_API void sf_model_degrees(const sf_model *model, size_t count[SF_MAX_SH_DEGREE + 1]);
 SF_API size_t sf_model_floats(const sf_model *model);
 
@@ -62,23 +65,23 @@ typedef struct sf_similarity {
     double move[3]; /* world units, of the result */
 } sf_similarity;
 
-/* Moves a model: means, rotations, scales and all SH bands, so that a camera that moves along sees what it
- * saw. SF_ERR_ARGUMENT, and the model is what it was: values that are not finite, a mirror image, a scale
- * that is not above 0. */
+/* Moves a model: means, rotations, scales and all SH bands, so that a camera that is moved in the same way
+ * renders the same picture. SF_ERR_ARGUMENT, and the model is unchanged: values that are not finite, a
+ * reflection, a scale of 0 or less. */
 SF_API sf_status sf_model_transform(sf_model *model, const sf_similarity *motion);
 
 /* Keeps the Gaussians whose means lie in a box, edges included, in their order. SF_ERR_ARGUMENT: low above
- * high, or not a number; SF_ERR_EMPTY: none lies there; SF_ERR_MEMORY: the model is then what it was. */
+ * high, or not a number; SF_ERR_EMPTY: no mean lies in the box; SF_ERR_MEMORY. On failure the model is
+ * unchanged. */
 SF_API sf_status sf_model_crop(sf_model *model, const double low[3], const double high[3]);
 
-/* Where a model lies, as most of its Gaussians say: those that are far count little. */
+/* The position, size and orientation of a model, estimated robustly: distant Gaussians count little. */
 typedef struct sf_model_bounds {
     double center[3]; /* medians of the means */
-    double radius;    /* within which 4 of 5 means are from there; 1 where that is 0 */
-    double
-        normal[3];   /* of the plane that they lie along most, of length 1; of both sides that nearer to -y */
-    double flatness; /* how far they leave it: standard deviation along the normal by that along the plane's
-                        shorter axis, 0 (a plane) to 1 */
+    double radius;    /* distance from the center within which 4 of 5 means lie; 1 where that is 0 */
+    double normal[3]; /* unit normal of the plane that fits the means best, on the side nearer to -y */
+    double flatness;  /* standard deviation of the means along the normal, divided by that along the plane's
+                         shorter axis: 0 (a plane) to 1 */
 } sf_model_bounds;
 
 /* SF_ERR_EMPTY: there is no Gaussian; SF_ERR_MEMORY. */
@@ -86,31 +89,31 @@ SF_API sf_status sf_model_get_bounds(const sf_model *model, sf_model_bounds *bou
 
 /* Files that hold a model. */
 typedef enum sf_model_format {
-    SF_MODEL_AUTO, /* written: as the extension says (.ply where it has none); read: .splat, .gltf and
+    SF_MODEL_AUTO, /* written: by the extension (.ply where there is no extension); read: .splat, .gltf and
                       .json by the extension, the others by their first bytes */
     SF_MODEL_PLY,  /* INRIA's .ply: raw float values, exact */
     SF_MODEL_SPZ, /* .spz: quantised columns, compressed; the fields' errors are listed in src/io/README.md */
     SF_MODEL_SPLAT, /* .splat: 32 bytes a Gaussian without higher SH bands, for previews */
     SF_MODEL_GLTF,  /* .glb, read also .gltf: glTF 2.0 with KHR_gaussian_splatting, floats, in glTF's own axes
                         (a model's x and y negated) */
-    SF_MODEL_SOG /* .sog, read also the meta.json of a folder: PlayCanvas's, of version 2 (read also 1); where
-                     libwebp, and to read it libzip, was there to build with */
+    SF_MODEL_SOG /* .sog, read also the meta.json of a folder: PlayCanvas's SOG version 2 (read also 1); needs
+                     a library built with libwebp, and for reading also with libzip */
 } sf_model_format;
 
-/* The axes that a .spz is in: most files do not tell, an extension may. */
+/* The axes of a .spz: most files do not state them, an extension of the format may. */
 typedef enum sf_spz_frame {
-    SF_SPZ_FRAME_OWN, /* read: what the extension 0xADBE0003 says, else, and written, the model's, as in a
-                         .ply */
-    SF_SPZ_FRAME_RUB  /* right, up, back of a model with right, down, front: y and z are negated on the way */
+    SF_SPZ_FRAME_OWN, /* read: as the extension 0xADBE0003 says, else the axes of a .ply; written: the axes
+                         of a .ply */
+    SF_SPZ_FRAME_RUB  /* the file is right, up, back, the model right, down, front: y and z are negated */
 } sf_spz_frame;
 
 /* How a model is written and read. Start from sf_model_file_options_default(). */
 typedef struct sf_model_file_options {
     sf_model_format format; /* AUTO: by name or content */
-    int sh_degree;          /* bands above it are left out, 0..3; -1: as many as there are */
+    int sh_degree;          /* bands above it are left out, 0..3; -1: all bands are kept */
     int sh_bits[2]; /* .spz, written: bits kept of each SH value of band 1 and of the bands above, 1..8:
-                       values lie 2^(1 - bits) apart in -1..1. Both 0: more of Gaussians that cover
-                       much of a picture, fewer of the others */
+                       values lie 2^(1 - bits) apart in -1..1. Both 0: more bits for Gaussians that cover
+                       much of a picture, fewer for the others */
     sf_spz_frame spz_frame; /* .spz, read and written */
 } sf_model_file_options;
 
@@ -122,9 +125,9 @@ SF_API sf_model_file_options sf_model_file_options_default(void);
  * with KHR_gaussian_splatting (.glb, .gltf with its buffers beside it). Opacities whose logit is
  * infinite get +-20, log-scales below -20 get -20. Gaussians with another non-finite value, a zero quaternion
  * or a log-scale above 20 are left out, counted and reported to the log; where all are, it is SF_ERR_FORMAT.
- * So is what is not read: band 4 of the SH, extensions of a .spz. options NULL: the defaults. SF_ERR_IO,
- * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT (an option out of its
- * range). */
+ * Data that is skipped, such as SH band 4 and extensions of a .spz, is also logged. options NULL: the
+ * defaults. SF_ERR_IO, SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT
+ * (an option out of its range). */
 SF_API sf_status sf_model_load_as(sf_context *context, const char *path, const sf_model_file_options *options,
                                   sf_model **model);
 SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model **model);
@@ -134,11 +137,11 @@ SF_API sf_status sf_model_load(sf_context *context, const char *path, sf_model *
 SF_API sf_status sf_model_check_name(sf_context *context, const char *path);
 
 /* Writes a model under a temporary name and renames it; a device, a pipe and "-" (standard output) are
- * written directly. Refuses (SF_ERR_ARGUMENT) a model with values that hurt other tools: see
- * sf_model_load_as; and (SF_ERR_UNSUPPORTED) a name that sf_model_check_name refuses. What a .spz cannot hold
- * is moved to the nearest that it can, counted and reported to the log. The Gaussians of a .spz are in the
- * order of their places, those of a .splat in that of their weight. On failure the file that stood at `path`
- * still stands. options NULL: the defaults. */
+ * written directly. SF_ERR_ARGUMENT: the model has values that other tools cannot read (those that
+ * sf_model_load_as leaves out); SF_ERR_UNSUPPORTED: a name that sf_model_check_name refuses. A value that a
+ * .spz cannot hold is replaced by the nearest that it can, counted and logged. The Gaussians of a .spz are
+ * sorted by position, those of a .splat by weight. On failure an older file at `path` is unchanged. options
+ * NULL: the defaults. */
 SF_API sf_status sf_model_save_as(const sf_model *model, const char *path,
                                   const sf_model_file_options *options);
 SF_API sf_status sf_model_save(const sf_model *model, const char *path);

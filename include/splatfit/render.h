@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-/* What rendering needs beside the model: lists and planes, kept for the next picture. */
+/* The workspace of rendering: tile lists and picture planes, reused from call to call. */
 typedef struct sf_renderer sf_renderer;
 
 /* How a model is rendered. Start from sf_render_options_default(). */
@@ -20,20 +20,20 @@ typedef struct sf_render_options {
     float background[3]; /* added as T_final * background */
     float near_plane;    /* world units, > 0: Gaussians with camera z <= near_plane are culled */
     int sh_degree;       /* bands used, 0..the model's; -1: all */
-    int antialiased;     /* 1: opacity compensation (M.3); 0: not; -1: as the model says */
+    int antialiased;     /* 1: with opacity compensation (M.3); 0: without; -1: as sf_model_antialiased */
 } sf_render_options;
 
-/* Black background, near plane 0.2, all bands, as the model says. */
+/* Black background, near plane 0.2, sh_degree -1, antialiased -1. */
 SF_API sf_render_options sf_render_options_default(void);
 
-/* Pictures of the caller's, row-major, H x W of the camera. NULL where not wanted. */
+/* Output arrays of the caller, row-major, H x W as the camera's picture. NULL: not wanted. */
 typedef struct sf_image_out {
     float *rgb;           /* [H][W][3], with the background, not clamped */
     float *transmittance; /* [H][W], T after the last Gaussian */
     float *depth;         /* [H][W], sum of w z, world units; divide by 1 - T for the mean depth */
 } sf_image_out;
 
-/* A renderer keeps its workspace from call to call. One thread at a time may use it. */
+/* Creates a renderer. One thread at a time may use it. */
 SF_API sf_status sf_renderer_create(sf_context *context, sf_renderer **renderer);
 SF_API void sf_renderer_destroy(sf_renderer **renderer);
 
@@ -41,8 +41,8 @@ SF_API void sf_renderer_destroy(sf_renderer **renderer);
 SF_API sf_status sf_render(sf_renderer *renderer, const sf_model *model, const sf_camera *camera,
                            const sf_render_options *options, const sf_image_out *out);
 
-/* Gradients of the caller's. Arrays of `gaussians` as sf_gaussians says, with the model's count and degree
- * (bands above the degree rendered get 0); any pointer may be NULL. */
+/* Output arrays of the caller for gradients. `gaussians` has the arrays of sf_gaussians for the model's count
+ * and degree (bands above the rendered degree get 0); any pointer may be NULL. */
 typedef struct sf_render_grads {
     sf_gaussians gaussians;
     double *pose;       /* [6]: rho, phi of the left twist p_c' = p_c + rho + phi x p_c (M.6) */
@@ -50,9 +50,9 @@ typedef struct sf_render_grads {
     double *focal;      /* [2]: of log fx, log fy */
 } sf_render_grads;
 
-/* Takes dL/dimage ([H][W][3]) of the last sf_render back to the raw parameters and the camera (M.2, M.3, M.4,
- * M.6). Gaussians that were culled get 0. SF_ERR_ARGUMENT: no sf_render came before, it rendered another
- * model (of equal values, too, or one that is destroyed by now), or the model was changed since. */
+/* From d_rgb = dL/dimage ([H][W][3]) of the picture of the last sf_render, computes the gradients of the raw
+ * parameters and of the camera (M.2, M.3, M.4, M.6). Culled Gaussians get 0. SF_ERR_ARGUMENT: there was no
+ * sf_render before, it rendered another model object, or the model was changed since. */
 SF_API sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const float *d_rgb,
                                     const sf_render_grads *grads);
 
@@ -76,14 +76,14 @@ typedef struct sf_image_pair {
 SF_API sf_status sf_loss(sf_renderer *renderer, const sf_image_pair *pair, double lambda,
                          sf_loss_value *value, float *d_rgb);
 
-/* How near a picture is to another. */
+/* Image quality of a picture against a target. */
 typedef struct sf_quality {
     double psnr; /* dB, values clamped to 0..1, not rounded; MSE floored at 1e-10 */
     double ssim; /* as in sf_loss_value, of the clamped picture */
-    /* As psnr, of the right half of the picture, with a gain and a bias per channel that were fitted to the
-     * left half by least squares: what is left when exposure does not count. They are those of values up to
-     * 2, since less light shows what is brighter than white, and where the target is white nothing is fitted.
-     * Of no meaning (psnr is given) where a half has no weight, or is white. */
+    /* PSNR without the effect of exposure: psnr of the right half of the picture after a gain and a bias per
+     * channel, fitted to the left half by least squares. The fit clamps the picture at 2, not at 1, since a
+     * darker exposure shows detail above white, and leaves out pixels where the target is white. Equal to
+     * psnr where a half has no weight or is white. */
     double psnr_corrected;
 } sf_quality;
 

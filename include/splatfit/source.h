@@ -59,24 +59,24 @@ typedef struct sf_source_info {
     double frames_per_second; /* 0: unknown or not in real time */
     uint64_t frames;          /* 0: without end or unknown */
     int has_poses;            /* frames come with their true camera */
-    int live;                 /* frames come when they come: those that nobody takes in time are lost */
-    int can_lock_exposure;    /* sf_source_lock_exposure is understood */
-    char name[128];           /* for people */
+    int live;                 /* frames come in real time: those that nobody takes in time are lost */
+    int can_lock_exposure;    /* sf_source_lock_exposure works */
+    char name[128];           /* for display */
 } sf_source_info;
 
-/* What became of the frames so far. */
+/* Counts of the frames so far. */
 typedef struct sf_source_counts {
     uint64_t given;    /* by sf_source_next and sf_source_newest */
     uint64_t skipped;  /* passed over by sf_source_newest for a newer one */
-    uint64_t dropped;  /* lost before they reached us: gaps in the sequence */
-    uint64_t damaged;  /* marked as damaged, cut off or not to be decoded; not given */
-    uint64_t reopened; /* times that the device went away and came back */
+    uint64_t dropped;  /* lost before they reached the library: gaps in the sequence */
+    uint64_t damaged;  /* marked as damaged, cut off or undecodable; not given */
+    uint64_t reopened; /* times that the device was unplugged and came back */
 } sf_source_counts;
 
 /* The most planes of a frame: SF_FRAME_PLANES. */
 enum { SF_FRAME_PLANES = 3 };
 
-/* A frame is a lease: its memory stays valid until sf_source_release, or sf_source_close. */
+/* A frame. Its memory stays valid until sf_source_release, or sf_source_close. */
 typedef struct sf_frame {
     const uint8_t *plane[SF_FRAME_PLANES]; /* first rows; NULL: no such plane */
     size_t stride[SF_FRAME_PLANES];        /* bytes a row of each; 0 for SF_PIXEL_MJPEG */
@@ -90,32 +90,32 @@ typedef struct sf_frame {
     int64_t time_ns;         /* when it was taken; the monotonic clock for live sources, from 0 otherwise */
     double exposure_s, gain; /* 0: unknown */
     int dmabuf;              /* V4L2: file descriptor of the memory, the source's own; -1: none */
-    int has_camera;          /* the source knows where the frame was taken */
-    sf_camera camera;        /* where has_camera */
-    void *lease;             /* the source's own */
+    int has_camera;          /* the source knows the frame's true camera */
+    sf_camera camera;        /* valid if has_camera */
+    void *lease;             /* for use by the source alone */
 } sf_frame;
 
 /* Opens a source by name. SF_ERR_ARGUMENT: unknown source or option, value out of range (named);
- * SF_ERR_IO: the device or file cannot be opened; SF_ERR_UNSUPPORTED: not built, or the device has not what
- * was asked for (named, with what it has); SF_ERR_FORMAT, SF_ERR_EMPTY: a pipe, a folder that holds what it
- * should not, or nothing; SF_ERR_TIMEOUT: a pipe that stays silent. */
+ * SF_ERR_IO: the device or file cannot be opened; SF_ERR_UNSUPPORTED: not built, or the device does not offer
+ * a requested setting (the message lists those that it offers); SF_ERR_FORMAT: a pipe or folder whose content
+ * is wrong; SF_ERR_EMPTY: a pipe or folder without a frame; SF_ERR_TIMEOUT: a pipe that stays silent. */
 SF_API sf_status sf_source_open(sf_context *context, const char *name, sf_source **source);
 SF_API void sf_source_close(sf_source **source);
 SF_API void sf_source_describe(const sf_source *source, sf_source_info *info);
 
-/* 1: exposure, gain and white balance stay as they are now; 0: what the camera chose by itself before, it
- * chooses again. Of the simulated camera the exposure alone. Call it from the thread of sf_source_next.
- * SF_ERR_UNSUPPORTED: the source has nothing of the kind; SF_ERR_IO: the camera is gone, or refuses. */
+/* 1: fixes exposure, gain and white balance at their present values; 0: those that were automatic before are
+ * automatic again. The simulated camera fixes the exposure alone. Call it from the thread of sf_source_next.
+ * SF_ERR_UNSUPPORTED: the source has no such control; SF_ERR_IO: the camera is gone, or refuses. */
 SF_API sf_status sf_source_lock_exposure(sf_source *source, int locked);
 SF_API void sf_source_count(const sf_source *source, sf_source_counts *counts);
 
-/* The next frame, in order, waiting at most timeout_ms (-1: as long as it takes, though never for ever on a
- * live source: 10 s). Every frame is given that the source could keep: for recording. SF_ERR_TIMEOUT (the
- * source can go on; also while an unplugged camera is awaited), SF_ERR_END, SF_ERR_IO (the source is broken:
- * close it). At most two frames may be out at a time (SF_ERR_ARGUMENT). */
+/* Gets the next frame, in order, waiting at most timeout_ms (-1: without a limit, but 10 s on a live source).
+ * For recording: no frame is skipped that the source could keep. SF_ERR_TIMEOUT: no frame came, also while an
+ * unplugged camera is awaited; try again. SF_ERR_END; SF_ERR_IO: the source has failed, close it. At most two
+ * frames may be unreleased at a time (SF_ERR_ARGUMENT). */
 SF_API sf_status sf_source_next(sf_source *source, int timeout_ms, sf_frame *frame);
 
-/* The same, but of the frames that wait the newest, the others skipped: for tracking. On a source that is not
+/* The same, but gets the newest waiting frame and skips the others: for tracking. On a source that is not
  * live it is sf_source_next. */
 SF_API sf_status sf_source_newest(sf_source *source, int timeout_ms, sf_frame *frame);
 
@@ -134,8 +134,8 @@ typedef struct sf_devices sf_devices;
 /* A camera of this machine. */
 typedef struct sf_device_info {
     char source[256]; /* opens it: "v4l2:/dev/video0" */
-    char name[64];    /* the driver's words for people */
-    char bus[64];     /* where it is plugged in; "": unknown */
+    char name[64];    /* the driver's name for display */
+    char bus[64];     /* the port where it is plugged in; "": unknown */
     char serial[64];  /* "": unknown */
     size_t modes;     /* for sf_devices_get_mode */
 } sf_device_info;

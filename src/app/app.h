@@ -1,5 +1,5 @@
-/* app.h - what the subcommands share. The program uses what is public, and nothing
- * else; bench and chart alone, and what a fit notes of the machine, look inside. */
+/* app.h - functions that the subcommands share. The program uses only the public interface, except for bench,
+ * chart, and the description of the machine in a fit's log. */
 #ifndef APP_APP_H
 #define APP_APP_H
 
@@ -24,7 +24,7 @@ void app_parts(void);
 /* licences.c: what is linked, and under which terms, on standard output. */
 void app_licences(void);
 
-/* Says on standard error what went wrong ("splatfit NAME: ...") and returns EXIT_FAILED. */
+/* Prints the context's last error on standard error ("splatfit NAME: ...") and returns EXIT_FAILED. */
 int app_fail(const args *a, const sf_context *ctx);
 int app_say(const args *a, const char *subject, const char *what);
 
@@ -49,7 +49,7 @@ int app_load_within(const args *a, sf_context *ctx, const char *path, int64_t me
 int app_load_caught(const args *a, sf_context *ctx, const char *path, const sf_load_options *options,
                     sf_scene **scene);
 
-/* "R,G,B" (0..1) or the names black and white. 0 if it is none. */
+/* Reads a colour: "R,G,B" (0..1), "black" or "white". Returns 0 if the text is not a colour. */
 int app_color(const char *text, float color[3]);
 
 /* How to render a model in a scene (NULL: in none): background and near plane, as --background and
@@ -171,13 +171,13 @@ void progress_text(progress_line *line, const char *text);
 /* Ends a bar's line, so that something else can be printed. */
 void progress_break(progress_line *line);
 
-/* Whether what the library logs is kept back: of work that is done for its figures alone. */
+/* Whether the library's log lines are suppressed, for work that is done only for its figures. */
 void app_hold_log(int hold);
 
 /* info_project.c: what splatfit info says of a project; 0 or an exit code. */
 int app_info_project(const args *a, sf_context *ctx, const char *path);
 
-/* replay.c: the log of a run as the recipe of another. What can fail gives 0 or an exit code. */
+/* replay.c: repeats a run from its log. Functions that can fail return 0 or an exit code. */
 /* What a log must hold for it: the plan of a run limited by time (null: none), the scene's fingerprint. */
 json_t *replay_plan_json(const sf_fitter *fitter);
 json_t *replay_scene_json(sf_scene *scene);

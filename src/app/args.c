@@ -107,7 +107,7 @@ static int keep(args *a, const char *name, const char *value) {
     return 0;
 }
 
-/* One option at argv[*at]; *at moves on to its value if that is an argument of its own. */
+/* One option at argv[*at]; *at moves on to its value if that is a separate argument. */
 static int parse_option(args *a, int argc, char **argv, int *at) {
     const char *typed = argv[*at], *equals = NULL;
     found f;

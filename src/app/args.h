@@ -54,7 +54,7 @@ int args_numbers(const args *a, const char *name, int count, double *values);
 /* Whether what is written there may be coloured: a terminal that can, and no NO_COLOR. */
 int args_colored(FILE *to);
 
-/* One line on standard error, "splatfit NAME: ..." (cmd NULL: "splatfit: ..."), without a newline of its own.
+/* Prints one line on standard error, "splatfit NAME: ..." (cmd NULL: "splatfit: ..."); adds the newline.
  * Returns EXIT_FAILED. */
 int args_error(const command *cmd, const char *format, ...) __attribute__((format(printf, 2, 3)));
 

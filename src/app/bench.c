@@ -8,14 +8,14 @@
 
 static const arg_option own_options[] = {
     {"json", 0, "FILE", "write all figures as JSON"},
-    {"report", 0, NULL, "measure for a minute or so and print a short text to pass on, Markdown"},
+    {"report", 0, NULL, "measure for about a minute and print a short text in Markdown, for sharing"},
     {"svg", 0, "DIR", "write the charts bench-accuracy.svg and bench-roofs.svg into a folder"},
     {"only", 0, "LIST", "measure only these of roofs,kernels,accuracy,steps"},
-    {"model", 0, "FILE", "measure whole steps of this model too (needs --project)"},
-    {"project", 0, "PATH", "the project whose training views the model's steps take"},
-    {"quick", 0, NULL, "small scenes and few rounds: whether all of it works, not how fast"},
+    {"model", 0, "FILE", "also measure whole steps of this model (needs --project)"},
+    {"project", 0, "PATH", "the project whose training views are used for the steps of --model"},
+    {"quick", 0, NULL, "small scenes and few rounds: tests that everything works, the times mean nothing"},
     {"once", 0, NULL, "run each kernel once at --isa and print its units, for counting instructions"},
-    {"instructions", 0, "FILE", "take counted instructions into the report (tests/bench/callgrind.sh)"},
+    {"instructions", 0, "FILE", "add counted instructions to the report (from tests/bench/callgrind.sh)"},
     {0},
 };
 
@@ -136,8 +136,8 @@ static const arg_option *const tables[] = {own_options, load_options, common_opt
 const command command_bench = {
     .name = "bench",
     .synopsis = "[OPTIONS]",
-    .summary = "Measures how fast and how exact this machine is: its roofs, each kernel at each level, whole "
-               "steps.",
+    .summary = "Measures this machine: its peak rates, the speed and accuracy of each kernel at each level, "
+               "whole steps.",
     .tables = tables,
     .least = 0,
     .most = 0,

@@ -4,7 +4,8 @@
 #include "app.h"
 
 static const arg_option own_options[] = {
-    {"output", 'o', "FILE", "what to write: .pdf, .svg or .png, or .json for the board's description"},
+    {"output", 'o', "FILE",
+     "the file to write: .pdf, .svg or .png for printing, or .json for the board's description"},
     {"board", 0, "NAME", "a4-36h11, letter-36h11 or a3-36h11 (a4-36h11)"},
     {0},
 };

@@ -8,14 +8,15 @@
 
 static const arg_option own_options[] = {
     {"board", 0, "NAME", "a4-36h11, letter-36h11, a3-36h11, or a description, FILE.json (a4-36h11)"},
-    {"tag-size", 0, "MM", "a tag's black side as it was measured, mm; default: as the board says"},
+    {"tag-size", 0, "MM",
+     "the measured side of a tag's black square, mm; default: as in the board's description"},
     {"output", 'o', "FILE", "write the calibration, JSON"},
-    {"frames", 0, "N", "look at N frames at most; default: all; of a live source until its views suffice"},
+    {"frames", 0, "N", "use at most N frames; default: all; of a live source, until its views suffice"},
     {"fix-aspect", 0, NULL, "one focal length: fx = fy"},
     {"fix-center", 0, NULL, "the principal point is the picture's middle"},
     {"radial", 0, "N", "0: no radial distortion, 1: k1, 2: k1 and k2 (2)"},
     {"no-tangential", 0, NULL, "no tangential distortion: p1 = p2 = 0"},
-    {"decimate", 0, "N", "look for tags in pictures reduced by N, 1..8: faster (1)"},
+    {"decimate", 0, "N", "search for tags in pictures reduced by N, 1..8: faster (1)"},
     {"convert", 0, "FILE", "instead: read OpenCV's YAML, COLMAP's cameras or JSON, and write it with -o"},
     {0},
 };

@@ -9,7 +9,7 @@ typedef struct compared_views {
     const char *name; /* "held out", "train", "ring" */
     size_t views;
     double psnr, ssim;              /* of the second model's renders against the first's */
-    double psnr_first, psnr_second; /* of each against the pictures; 0: there are none */
+    double psnr_first, psnr_second; /* of each model against the project's pictures; 0: no pictures */
 } compared_views;
 
 typedef struct comparison {

@@ -11,8 +11,9 @@
 static const arg_option own_options[] = {
     {"sh-degree", 0, "N", "leave out the SH bands above N, 0..3"},
     {"sh-bits", 0, "A,B",
-     "bits of the SH in a .spz: of band 1, of those above, 1..8 (more of Gaussians that cover much)"},
-    {"json", 0, "FILE", "also write bytes, ratio and what was compared as JSON"},
+     "bits of each SH value in a .spz: in band 1, in the bands above, 1..8; default: more bits for Gaussians "
+     "that cover much of a picture"},
+    {"json", 0, "FILE", "also write bytes, ratio and the comparison as JSON"},
     {0},
 };
 
@@ -41,7 +42,7 @@ static int read_options(const args *a, sf_model_file_options *options) {
     return error ? error : app_model_options(a, options);
 }
 
-/* Bytes of a regular file; -1: it is none. */
+/* Bytes of a regular file; -1: not a regular file. */
 static long long bytes_of(const char *path) {
     struct stat st;
     return stat(path, &st) || !S_ISREG(st.st_mode) ? -1 : (long long)st.st_size;
@@ -124,13 +125,9 @@ static const arg_option *const tables[] = {
 const command command_convert = {
     .name = "convert",
     .synopsis = "IN OUT [PROJECT] [OPTIONS]",
-    .summary =
-        "Converts a model between .ply, .spz, .splat, .glb and .sog, as the names end, and says what that "
-        "costs. "
-        "It can "
-        "be "
-        "turned, scaled, moved and cut on the way. Both "
-        "files are rendered as the views of PROJECT see them, or from a ring around the model, and compared.",
+    .summary = "Converts a model between .ply, .spz, .splat, .glb and .sog, by the endings of the names, and "
+               "prints the loss of quality. It can rotate, scale, move and crop the model. Both files are "
+               "rendered and compared, from the views of PROJECT or from a ring around the model.",
     .tables = tables,
     .least = 2,
     .most = 3,

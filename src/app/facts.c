@@ -1,4 +1,4 @@
-/* facts.c - what a model takes, for logs. */
+/* facts.c - the size of a model, for logs. */
 #include <sys/stat.h>
 
 #include "app.h"

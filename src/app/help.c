@@ -87,7 +87,7 @@ void help_text(const command *cmd) {
 
 /* For the manual */
 
-/* Text as roff has it: a line of its own never begins with a dot. */
+/* Text escaped for roff; no line begins with a dot. */
 static void roff(const char *text) {
     for (; *text; text++) {
         if (*text == '-')

@@ -96,10 +96,10 @@ static int info_cpu(const sf_context *ctx) {
 
 static const arg_option own_options[] = {
     {"build", 0, NULL,
-     "print the libraries that this program was built with, and which are missing, instead"},
-    {"cpu", 0, NULL, "print the threads and the kernel levels of this machine instead"},
+     "instead, print the libraries that this program was built with, and those that are missing"},
+    {"cpu", 0, NULL, "instead, print the threads and the kernel levels of this machine"},
     {"json", 0, "FILE",
-     "of a project: also write it as JSON (- is standard output, and nothing else is there)"},
+     "for a project: also write the output as JSON; -: to standard output, in place of the text"},
     {0},
 };
 
@@ -143,7 +143,7 @@ static const arg_option *const tables[] = {own_options, load_options, common_opt
 const command command_info = {
     .name = "info",
     .synopsis = "FILE [OPTIONS]",
-    .summary = "Says what a model or a project holds.",
+    .summary = "Describes a model or a project.",
     .tables = tables,
     .least = 0,
     .most = 1,

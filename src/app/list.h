@@ -19,7 +19,7 @@ typedef struct list_file {
 /* Begins {...head, "key": [ ; takes the reference of head, an object with at least one entry. */
 void list_open(list_file *list, const char *folder, const char *name, json_t *head, const char *key);
 
-/* Adds an entry to the array, on a line of its own; takes the reference. */
+/* Adds an entry to the array, on a separate line; takes over the reference. */
 void list_add(list_file *list, json_t *entry);
 
 /* Ends the array and the object with what is in `tail` (may be NULL), syncs and renames; takes the reference.

@@ -9,40 +9,42 @@
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE",
-     "the model to write, a .ply, .spz, .splat, .glb or .sog, every --save-every and at the end"},
-    {"seconds", 0, "S", "end after S seconds, and plan for them; default: no end, until Ctrl-C"},
+     "the model to write: a .ply, .spz, .splat, .glb or .sog; written every --save-every and at the end"},
+    {"seconds", 0, "S",
+     "end after S seconds, for which the schedule is planned; default: no end, until Ctrl-C"},
     {"board", 0, "NAME",
-     "poses from a board of AprilTags: a4-36h11, letter-36h11, a3-36h11 or a .json of one's own (a4-36h11)"},
+     "take poses from a board of AprilTags: a4-36h11, letter-36h11, a3-36h11 or a board's .json (a4-36h11)"},
     {"tag-size", 0, "MM",
-     "the side of the board's black squares as measured, where the print has another scale"},
+     "the measured side of the board's black squares, if it was printed at another scale"},
     {"poses", 0, "FROM",
-     "board (of --board); frames: the frames' own, as simulated ones have; or poses from outside: file:PATH, "
-     "unix:PATH, udp:ADDRESS:PORT, lines of time x y z qx qy qz qw, camera to world (board)"},
-    {"pose-sigma", 0, "DEG,M", "how well poses from outside are known: degrees, world units (0.5,0.01)"},
+     "where poses come from: board (see --board); frames (the frames' own, as simulated cameras have); "
+     "file:PATH, unix:PATH or udp:ADDRESS:PORT with lines of time x y z qx qy qz qw, camera to world "
+     "(board)"},
+    {"pose-sigma", 0, "DEG,M", "standard deviations of poses from outside: degrees, world units (0.5,0.01)"},
     {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
-    {"track-rate", 0, "HZ", "frames a second to look at, where they come so fast (12)"},
+    {"track-rate", 0, "HZ", "most frames to track in a second (12)"},
     {"keyframe-gap", 0, "X",
-     "a keyframe where the camera has moved by this part of the distance to what it sees, or turned by this "
-     "angle in rad, from all others, 0.001..1; by less where there are fewer than 60 (0.07)"},
+     "a frame becomes a keyframe where, compared with every keyframe, the camera has moved by this fraction "
+     "of the distance to the scene or turned by this angle in rad, 0.001..1; the first 60 need less (0.07)"},
     {"steps-per-frame", 0, "N",
-     "of a source that is not in real time look at every frame, and do N steps after each; such a run can be "
-     "repeated; 0: as time allows (0)"},
-    {"keyframes", 0, "N", "keep so many keyframes at most (300)"},
+     "for a source that is not in real time: track every frame and do N training steps after each; such a "
+     "run can be repeated; 0: as time allows (0)"},
+    {"keyframes", 0, "N", "most keyframes (300)"},
     {"thermal", 0, "DIR",
-     "where the kernel says whether it holds the processor back for its heat: the fit then rests for a part "
-     "of the time; "
-     "none: do not look (/sys)"},
-    {"save-every", 0, "S", "seconds between two writings of the model; 0: at the end alone (60)"},
+     "folder of the kernel's thermal state; while the kernel throttles the processor, the fit rests for a "
+     "part of the time; none: do not check (/sys)"},
+    {"save-every", 0, "S", "seconds between two writings of the model; 0: only at the end (60)"},
     {"trajectory", 0, "FILE",
      "write the camera's path: time x y z qx qy qz qw a line, camera to world (TUM)"},
-    {"cameras", 0, "FILE", "cameras.json of the keyframes, as refined, at the end; none for none"},
+    {"cameras", 0, "FILE",
+     "write the keyframes' cameras, as refined, to this cameras.json at the end; none: write no such file"},
     {"listen", 0, "ADDRESS:PORT",
-     "serve a page with pictures, figures and the model there; none for none (127.0.0.1:8090 where that is "
-     "free)"},
+     "serve a page with pictures, figures and the model there; none: serve no page (127.0.0.1:8090 where "
+     "that is free)"},
     {"token", 0, "TEXT",
-     "what the page's address must hold; default: made at random for other addresses than loopback"},
-    {"log", 0, "FILE", "write options, the course of the run and the result as JSON"},
+     "a secret that the page's address must contain; default: random, but no token on a loopback address"},
+    {"log", 0, "FILE", "write the options, the progress over time and the result as JSON"},
     {"progress", 0, "auto|plain|json|none", "auto, plain, json (one object a line) or none (auto)"},
     {0},
 };
@@ -269,7 +271,7 @@ static void compare(const sf_live_frame *f, step *s) {
     s->distance = sqrt(squares);
 }
 
-/* Keeps the pose of a frame that was looked at. */
+/* Keeps the pose of a tracked frame. */
 static int note_frame(live_run *r) {
     sf_live_frame f;
     sf_live_get_frame(r->live, &f);

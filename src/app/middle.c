@@ -1,13 +1,13 @@
-/* middle.c - whether a model lies around its middle, as a room does, rather than in it, as an object does. */
+/* middle.c - whether a model surrounds an empty center, as a room does, or fills it, as an object does. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "shots.h"
 
-/* Gaussians of less say nothing. */
+/* Gaussians of a lower opacity are ignored. */
 #define VISIBLE 0.1f
-/* Within half the median distance of a solid ball are 6 % of it, of a room's walls none. */
+/* Within half the median distance lie 6 % of a solid ball, but nothing of a room's walls. */
 #define MOST_INSIDE 0.02
 /* Of all Gaussians, in each of the sectors that walls stand in. */
 #define LEAST_IN_SECTOR 0.02

@@ -7,11 +7,13 @@
 
 const arg_option motion_options[] = {
     {"up", 0, "AXIS",
-     "the axis of IN that points up, x, -x, y, -y, z or -z: it is turned to -y, which is up in such files"},
-    {"rotate", 0, "X,Y,Z", "then turn by X degrees about the x axis, by Y about y, by Z about z"},
+     "the axis of IN that points up, x, -x, y, -y, z or -z: it is turned to -y, which is up in .ply files of "
+     "trainers"},
+    {"rotate", 0, "X,Y,Z", "then rotate by X degrees about the x axis, by Y about y, by Z about z"},
     {"scale", 0, "S", "then scale by S about the origin"},
     {"move", 0, "X,Y,Z", "then move by X,Y,Z"},
-    {"crop", 0, "BOX", "then keep what lies in X0,Y0,Z0,X1,Y1,Z1 by its mean, in the axes of OUT"},
+    {"crop", 0, "BOX",
+     "then keep the Gaussians whose means lie in the box X0,Y0,Z0,X1,Y1,Z1, in the axes of OUT"},
     {0},
 };
 

@@ -6,8 +6,9 @@
 #include "app.h"
 
 const arg_option common_options[] = {
-    {"threads", 0, "N", "threads to use; default: what the affinity mask and the control group allow"},
-    {"cores", 0, "LIST", "run on these processors alone, for example 0-2,5; the number of threads follows"},
+    {"threads", 0, "N",
+     "number of threads; default: as many as the affinity mask and the control group allow"},
+    {"cores", 0, "LIST", "run on these processors only, for example 0-2,5; the number of threads follows"},
     {"isa", 0, "NAME", "kernel level (see info --cpu); default: the best one here"},
     {"quiet", 'q', NULL, "print errors only"},
     {"help", 'h', NULL, "print this"},
@@ -20,17 +21,17 @@ const arg_option load_options[] = {
     {"hold-out", 0, "N", "every N-th view in name order is held out and only evaluated; 0: none (8)"},
     {"test-list", 0, "FILE", "hold out the pictures named in FILE, one a line, instead"},
     {"sub-model", 0, "N", "of several models, COLMAP's sparse/N or OpenSfM's N-th; default: the largest"},
-    {"masks", 0, "DIR", "folder of masks, black is ignored; default: masks in the project, where it is"},
-    {"no-masks", 0, NULL, "read no masks"},
+    {"masks", 0, "DIR",
+     "folder of masks, in which black is ignored; default: masks in the project, if it exists"},
+    {"no-masks", 0, NULL, "ignore all masks"},
     {"alpha", 0, "NAME",
-     "alpha channels: mask (transparent is ignored), blend (over --background), ignore, auto: blend for "
-     "Blender's "
-     "transforms_train.json, else mask (auto)"},
+     "alpha channels: mask (transparent pixels are ignored), blend (over --background), ignore, auto: blend "
+     "for Blender's transforms_train.json, else mask (auto)"},
     {0},
 };
 
 const arg_option render_options[] = {
-    {"split", 0, "test|train|all", "views: test (held out), train or all"},
+    {"split", 0, "test|train|all", "which views: test (held out), train or all"},
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
     {"near-plane", 0, "X", "cull Gaussians nearer than X, world units; default: as a fit of the project"},
     {0},
@@ -38,14 +39,14 @@ const arg_option render_options[] = {
 
 const arg_option model_options[] = {
     {"spz-frame", 0, "own|rub",
-     "axes in a .spz: own, as the file says or else as in a .ply, or rub (right, up, back): y and z are "
-     "negated on the way (own)"},
+     "axes of a .spz: own, as the file states or else as in a .ply; rub (right, up, back): y and z are "
+     "negated when reading or writing (own)"},
     {0},
 };
 
 const arg_option compensation_options[] = {
     {"antialiased", 0, "yes|no",
-     "whether the model was fitted with opacity compensation, whatever its file says (as it says)"},
+     "whether the model was fitted with opacity compensation; overrides its file (as the file states)"},
     {0},
 };
 

@@ -7,7 +7,7 @@
 #include "motion.h"
 #include "shots.h"
 
-/* Where no camera says how a model was looked at. */
+/* Defaults if no camera of the model is known. */
 #define RADII     2.0  /* of the model's, from its middle */
 #define ELEVATION 20.0 /* degrees */
 /* A model that leaves its plane by more says nothing about up. */

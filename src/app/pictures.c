@@ -9,17 +9,16 @@
 const arg_option picture_options[] = {
     {"out", 'o', "WHERE",
      "folder for pictures (made if it is missing), or a file NAME.y4m; -: y4m to standard output"},
-    {"format", 0, "NAME", "png or y4m (YUV4MPEG2, for ffmpeg -i -); default: as --out says"},
+    {"format", 0, "NAME", "png or y4m (YUV4MPEG2, for ffmpeg -i -); default: chosen by --out"},
     {"chroma", 0, "NAME", "y4m: 420 or 444 (420)"},
     {"matrix", 0, "NAME",
-     "y4m: BT.601 or 709, of limited range; the stream has no field for it, readers take 601 (601)"},
+     "y4m: BT.601 or 709, limited range; the stream cannot state it, readers assume 601 (601)"},
     {"depth", 0, NULL,
-     "also NAME.depth.png, 16 bits: the mean z of what is seen, each Gaussian weighted as its colour; 0 "
-     "where it "
-     "hides less than half of the background"},
-    {"depth-unit", 0, "X", "world units in a step of depth (0.001)"},
+     "also write NAME.depth.png, 16 bits: the mean z of the Gaussians at a pixel, weighted as their colours; "
+     "0 where they hide less than half of the background"},
+    {"depth-unit", 0, "X", "world units for each step of depth (0.001)"},
     {"transmittance", 0, NULL,
-     "also NAME.transmittance.png, 16 bits: 65535 where the background is seen in full"},
+     "also write NAME.transmittance.png, 16 bits: 65535 where the background is fully visible"},
     {0},
 };
 

@@ -9,15 +9,15 @@
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE", "the model to write"},
-    {"loss", 0, "DB", "by so much the PSNR of the training views may fall, for example 0.1dB (0.1)"},
-    {"to", 0, "N", "leave N Gaussians instead, whatever it costs, and their bands"},
-    {"random", 0, NULL, "take out Gaussians at random: what any choice must beat"},
-    {"keep-sh", 0, NULL, "leave the bands of the spherical harmonics alone"},
+    {"loss", 0, "DB", "how much the PSNR of the training views may fall, for example 0.1dB (0.1)"},
+    {"to", 0, "N", "instead, leave exactly N Gaussians, whatever the PSNR, with their SH bands"},
+    {"random", 0, NULL, "remove Gaussians at random, as a baseline for comparisons"},
+    {"keep-sh", 0, NULL, "remove no bands of the spherical harmonics"},
     {"refit", 0, "STEPS",
-     "fit on for so many steps after further cuts, and keep those that it makes good (0)"},
+     "try deeper cuts, fit for STEPS steps after each, and keep a cut if the PSNR recovers (0)"},
     {"seed", 0, "N", "seed of --random and --refit (1)"},
     {"log", 0, "FILE", "write the figures before and after as JSON, for splatfit chart"},
-    {"label", 0, "TEXT", "what to call this run, for the log"},
+    {"label", 0, "TEXT", "name of this run in charts, for the log"},
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
     {"near-plane", 0, "X", "cull Gaussians nearer than X, world units; default: as a fit of the project"},
     {0},
@@ -218,10 +218,10 @@ static const arg_option *const tables[] = {own_options,  model_options,  compens
 const command command_prune = {
     .name = "prune",
     .synopsis = "MODEL PROJECT --loss 0.1dB -o OUT [OPTIONS]",
-    .summary =
-        "Takes a model down to what its scene needs. MODEL, of splatfit or others, loses its least worthy "
-        "Gaussians, then bands of its spherical harmonics, as many as the PSNR of the project's "
-        "training views allows, by true renders. Held-out views are reported, never looked at.",
+    .summary = "Removes the Gaussians and SH bands of a model that its scene needs least. MODEL, of splatfit "
+               "or another trainer, loses its least important Gaussians, then bands of its spherical "
+               "harmonics, as many as the PSNR of the project's training views allows. The PSNR is measured "
+               "by rendering. Held-out views are reported, never used.",
     .tables = tables,
     .least = 2,
     .most = 2,

@@ -115,11 +115,9 @@ static const arg_option *const tables[] = {
 const command command_render = {
     .name = "render",
     .synopsis = "MODEL [PROJECT] --out WHERE [OPTIONS]",
-    .summary =
-        "Renders a model as the views of a project see it, or along a path. Pictures of views take their "
-        "names; "
-        "those of a path are frame_00000 and so on, and path.txt says where from. A turntable as a film: "
-        "splatfit render MODEL --path orbit --out - | ffmpeg -i - out.mp4",
+    .summary = "Renders a model from the views of a project, or along a path. Pictures of views have the "
+               "views' names; those of a path are frame_00000 and so on, and path.txt lists their poses. A "
+               "turntable as a film: splatfit render MODEL --path orbit --out - | ffmpeg -i - out.mp4",
     .tables = tables,
     .least = 1,
     .most = 2,

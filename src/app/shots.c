@@ -15,23 +15,25 @@ enum { WIDTH = 960, HEIGHT = 720 };
 
 const arg_option shot_options[] = {
     {"path", 0, "NAME",
-     "render along a path: orbit (around the model), cameras (smoothly through those of PROJECT) or a FILE "
-     "of "
-     "lines time x y z qx qy qz qw, camera to world (TUM)"},
+     "render along a path: orbit (around the model), cameras (a smooth path through those of PROJECT) or a "
+     "FILE of lines time x y z qx qy qz qw, camera to world (TUM)"},
     {"frames", 0, "N",
-     "pictures of the path; default: 240 of an orbit, --fps between two cameras, as a FILE's times say"},
+     "number of pictures; default: 240 for an orbit, --fps between two cameras, by the times of a FILE"},
     {"fps", 0, "N", "pictures a second, 1..1000 (30)"},
-    {"size", 0, "WxH", "of the pictures; default: those of PROJECT, else 960x720"},
-    {"fov", 0, "DEGREES", "from a picture's top to its bottom; default: as in PROJECT, else 50"},
-    {"keyframes", 0, "N", "cameras: go through so many of them, evenly chosen, 2..10000 (16)"},
-    {"up", 0, "AXIS", "orbit: x, -x, y, -y, z or -z; default: as in the cameras, else off the model's plane"},
+    {"size", 0, "WxH", "size of the pictures; default: that of PROJECT's, else 960x720"},
+    {"fov", 0, "DEGREES", "vertical field of view; default: as in PROJECT, else 50"},
+    {"keyframes", 0, "N",
+     "cameras: number of PROJECT's cameras that the path passes, evenly chosen, 2..10000 (16)"},
+    {"up", 0, "AXIS",
+     "orbit: x, -x, y, -y, z or -z; default: as the cameras, else the normal of the model's main plane"},
     {"cameras", 0, "FILE",
-     "orbit: cameras.json of the fit, for its up, distance and elevation (beside the model)"},
+     "orbit: cameras.json of the fit, from which up, distance and elevation are taken (beside the model)"},
     {"distance", 0, "X",
-     "orbit: from the model's middle, world units; 0: look around from there; default: the cameras' median, "
-     "else 0 in a model that is empty there and lies all around, else 2 radii"},
+     "orbit: distance from the model's center, world units; 0: look around from the center; default: the "
+     "cameras' median, else 0 if the model surrounds an empty center, else 2 radii"},
     {"elevation", 0, "DEGREES",
-     "orbit: above the model's middle, at 0 that of the look; default: the cameras' median, else 20, at 0 0"},
+     "orbit: angle of the camera above the model's center, at distance 0 that of the line of sight; default: "
+     "the cameras' median, else 20, at distance 0 0"},
     {0},
 };
 

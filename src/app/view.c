@@ -11,12 +11,13 @@
 enum { VIEWS = 60, WIDTH = 960, HEIGHT = 720 };
 
 static const arg_option own_options[] = {
-    {"listen", 0, "ADDRESS:PORT", "serve the page there (127.0.0.1:8090; where that is taken, another port)"},
+    {"listen", 0, "ADDRESS:PORT", "serve the page there (127.0.0.1:8090; if that is taken, another port)"},
     {"token", 0, "TEXT",
-     "what the page's address must hold; default: made at random for other addresses than loopback"},
+     "a secret that the page's address must contain; default: random, but no token on a loopback address"},
     {"cameras", 0, "FILE",
-     "cameras.json: views to begin at (cameras.json beside the model, where there is one)"},
-    {"up", 0, "AXIS", "x, -x, y, -y, z or -z; default: as in the cameras, else off the model's plane"},
+     "cameras.json: the initial view and a list of views (cameras.json beside the model, if it exists)"},
+    {"up", 0, "AXIS",
+     "x, -x, y, -y, z or -z; default: as the cameras, else the normal of the model's main plane"},
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
     {0},
 };
@@ -106,11 +107,9 @@ const command command_view = {
     .name = "view",
     .synopsis = "MODEL [OPTIONS]",
     .summary = "Shows a model (.ply, .spz, .splat, .glb, .gltf, .sog) on a page that it serves. It prints "
-               "the page's address "
-               "for a browser, "
-               "with the token that others than this machine need, and ends with SIGINT (Ctrl-C) or SIGTERM. "
-               "Colours "
-               "depend on the direction there as in a render, but for SH values beyond -1..1.",
+               "the page's address for a browser, with the token that other machines need, and ends with "
+               "SIGINT (Ctrl-C) or SIGTERM. Colours depend on the direction as in a render, except for SH "
+               "values beyond -1..1.",
     .tables = tables,
     .least = 1,
     .most = 1,

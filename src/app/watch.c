@@ -1,4 +1,4 @@
-/* watch.c - what fit notes down on the way: held-out quality at given moments, snapshots, its own clock. */
+/* watch.c - the training log of fit: held-out quality at given times, snapshots, a clock without these. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include "watch.h"
 
@@ -14,7 +14,7 @@ const arg_option watch_options[] = {
     {"eval-at", 0, "LIST", "and at these seconds since the program's start, for example 1,2,5,10"},
     {"snapshots", 0, "DIR", "write the first held-out view at 1, 2, 5, 10, 30 and 60 s as PNG"},
     {"eval-train", 0, NULL, "also evaluate the training views at the end, for the log's result"},
-    {"label", 0, "TEXT", "what to call this run in charts, for the log"},
+    {"label", 0, "TEXT", "name of this run in charts, for the log"},
     {0},
 };
 

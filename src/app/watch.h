@@ -1,4 +1,4 @@
-/* watch.h - what fit notes down on the way: held-out quality at given moments, snapshots, its own clock. */
+/* watch.h - the training log of fit: held-out quality at given times, snapshots, a clock without these. */
 #ifndef APP_WATCH_H
 #define APP_WATCH_H
 
@@ -13,8 +13,8 @@ enum { WATCH_TIMES = 64 };
 /* Options of the command line that it reads. */
 extern const arg_option watch_options[];
 
-/* The clock is the wall's since the program's start, with reading pictures and set-up, without the time that
- * the watch itself took for looking. */
+/* The clock is wall-clock time since the program's start, with reading of pictures and set-up, without the
+ * time of evaluations and snapshots. */
 typedef struct watch {
     const args *a;
     sf_context *ctx;

@@ -15,7 +15,7 @@ sf_status sf_read_file(sf_context *ctx, const char *path, uint64_t limit, uint8_
 
 /* The same of a file of text: a byte order mark (UTF-8's EF BB BF) at its start is left out. */
 sf_status sf_read_text(sf_context *ctx, const char *path, uint64_t limit, uint8_t **data, size_t *size);
-/* How many bytes of the start are such a mark: 3 or 0. */
+/* The length of a byte order mark at the start of the bytes: 3 or 0. */
 size_t sf_text_mark(const uint8_t *data, size_t size);
 
 /* The first bytes of a regular file, at most `most`; returns how many, 0 also where it cannot be read. */
@@ -25,7 +25,7 @@ size_t sf_read_start(const char *path, uint8_t *data, size_t most);
 typedef struct sf_writer {
     sf_context *ctx;
     int fd;
-    int lock;     /* says that the writer lives, -1: none (temporary.h) */
+    int lock;     /* a lock that is held while the writer lives, -1: not locked (temporary.h) */
     int unsynced; /* the commit does not wait for the disk */
     int direct;   /* a device, a pipe or standard output: written as it is */
     char *path, *temporary;
@@ -40,7 +40,7 @@ void sf_writer_printf(sf_writer *w, const char *format, ...) SF_PRINTF(2, 3);
 /* Flushes, syncs and renames; or, after any failure (also of an earlier put), removes the temporary file.
  * Ends the writer in both cases and returns its status. */
 sf_status sf_writer_commit(sf_writer *w);
-/* Ends the writer and leaves nothing. */
+/* Ends the writer and removes the temporary file. */
 void sf_writer_abandon(sf_writer *w);
 
 #endif

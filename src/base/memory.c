@@ -6,7 +6,7 @@
 
 enum { LINE = 512, KILO = 1024 };
 
-/* The number behind `key` in a file of lines "key: number kB"; 0 if there is none. */
+/* The number behind `key` in a file of lines "key: number kB"; 0 if the key is missing. */
 static uint64_t kilobytes_of(const char *path, const char *key) {
     char line[LINE];
     unsigned long long number = 0;
@@ -96,7 +96,7 @@ uint64_t sf_memory_budget(uint64_t asked) {
 uint64_t sf_memory_resident(void) { return kilobytes_of("/proc/self/status", "VmRSS:"); }
 
 sf_status sf_memory_check(sf_context *ctx, const char *path, const char *field, uint64_t bytes) {
-    enum { LARGE = 1 << 28 }; /* what is left is looked up only for these */
+    enum { LARGE = 1 << 28 }; /* smaller allocations are not checked */
     uint64_t left = bytes < LARGE ? 0 : sf_memory_free();
     if (!left || bytes <= left / 5 * 4) return SF_OK;
     return sf_fail(ctx, SF_ERR_MEMORY, "%s: %s: %llu bytes are more than the memory that is left, %llu", path,

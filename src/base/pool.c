@@ -149,7 +149,7 @@ static void *worker(void *start_pointer) {
     }
 }
 
-/* Starts one worker with all signals blocked, so that the program's handlers run on threads of its own. */
+/* Starts one worker with all signals blocked, so that signal handlers run on the program's threads. */
 static int start_worker(struct sf_pool *pool, int thread) {
     worker_start start = {pool, thread};
     sigset_t all, old;
@@ -232,7 +232,7 @@ void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg) {
     pthread_mutex_unlock(&pool->turn);
 }
 
-/* CPUs that the quota of the control group allows, rounded up; 0 if there is none. Version 2, then version 1.
+/* CPUs that the quota of the control group allows, rounded up; 0: no quota. Version 2, then version 1.
  */
 static int quota_cpus(void) {
     double quota = -1, period = 0;

@@ -4,14 +4,14 @@
 
 #include "context.h"
 
-/* An option "name=value": a number, or where `text` is set a text. A name that ends in a dot stands for all
- * that begin with it; the caller reads these itself. */
+/* An option "name=value": a number, or a text if `text` is not NULL. A name that ends in a dot accepts all
+ * options that begin with it; the caller reads these itself. */
 typedef struct sf_query_option {
     const char *name;
-    double value; /* the default, then what was asked for */
+    double value; /* in: the default; out: the value in the name */
     double least, most;
     int whole;  /* no fraction */
-    char *text; /* text_size bytes: the default, then what was asked for */
+    char *text; /* text_size bytes; in: the default; out: the value in the name */
     size_t text_size;
 } sf_query_option;
 

@@ -8,7 +8,7 @@
 /* Bytes that a temporary name takes beyond the path of its target, with the 0. */
 enum { SF_TEMPORARY_EXTRA = 64 };
 
-/* Opens a new file beside `path` to write to, under a name of its own, [size] bytes with the 0, and locks it.
+/* Opens a new file beside `path` to write to, under a unique name, [size] bytes with the 0, and locks it.
  * As long as *lock or the file returned is open, others see that its writer lives; the caller closes both.
  * -1: errno says why. */
 int sf_temporary_open(const char *path, mode_t mode, char *name, size_t size, int *lock);

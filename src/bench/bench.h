@@ -1,4 +1,4 @@
-/* bench.h - what splatfit bench measures, and the report that it fills in. */
+/* bench.h - the measurements of splatfit bench, and its report. */
 #ifndef BENCH_BENCH_H
 #define BENCH_BENCH_H
 
@@ -21,10 +21,10 @@ enum {
 };
 
 typedef struct bench_options {
-    const char *isa; /* this level beside scalar alone; NULL: all of this machine */
-    int quick;       /* small scenes and few rounds: whether all of it works, not how fast */
-    int brief;       /* full scenes, but few rounds and one size of steps: a minute or so */
-    FILE *progress;  /* says what is being measured; NULL: silent */
+    const char *isa; /* measure only this level and scalar; NULL: all levels of this machine */
+    int quick;       /* small scenes and few rounds: tests that all works, the times mean nothing */
+    int brief;       /* full scenes, but few rounds and one size of steps: about a minute */
+    FILE *progress;  /* names the running measurement; NULL: silent */
 } bench_options;
 
 /* A kernel at a level, one thread. */
@@ -38,7 +38,7 @@ typedef struct bench_kernel {
     double instructions; /* a unit, as counted under valgrind; 0: not counted */
 } bench_kernel;
 
-/* The scene of the kernels, and how much work it is. */
+/* The scene for the kernels, and its numbers of pairs. */
 typedef struct bench_load {
     size_t gaussians;
     int width, height; /* px */

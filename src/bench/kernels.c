@@ -217,7 +217,7 @@ static const struct {
     sf_task_fn direct; /* one of the two */
     sf_status (*stage)(bench_lab *lab);
     double operations; /* a pair evaluated, or a pixel of a channel */
-    int every;         /* measured every so many rounds */
+    int every;         /* measured in every n-th round */
 } items[] = {
     {"project", SF_KERNEL_project, UNIT_GAUSSIAN, run_project, NULL, 0, 1},
     {"spans", SF_KERNEL_spans, UNIT_GAUSSIAN, run_spans, NULL, 0, 1},
@@ -366,7 +366,7 @@ static void describe(const bench_lab *lab, const bench_level *level, bench_kerne
     rows[PAIRS_ALONE].operations = BENCH_BLEND_OPERATIONS * pairs.evaluated;
 }
 
-/* Whether a level has a kernel of its own: where it has not, the one of a lower level stands in its table. */
+/* Whether a level has a separate version of a kernel; otherwise its table holds that of a lower level. */
 static int has_own(const bench_level *level, int item) {
     if (items[item].stage == run_cull && !level->variant[BENCH_CULL].blend) return 0;
     return !strcmp(level->kernels.level[items[item].kernel], level->name);

@@ -22,7 +22,7 @@ void bench_machine_describe(bench_machine *machine, int threads);
  * keeps it as a sample. Takes about a millisecond. */
 double bench_machine_clock(bench_machine *machine);
 
-/* The median of all samples from `first` on, GHz; 0 if there is none. */
+/* The median of all samples from `first` on, GHz; 0: no samples. */
 double bench_machine_ghz(const bench_machine *machine, int first);
 
 /* Load average over the last minute; negative if it is not known. */

@@ -24,7 +24,7 @@ sf_status bench_read_instructions(sf_context *ctx, const char *path, bench_repor
 sf_status bench_chart_accuracy(sf_context *ctx, const bench_report *report, const char *path);
 sf_status bench_chart_roofs(sf_context *ctx, const bench_report *report, const char *path);
 
-/* Figures that the tables, the JSON and the charts share; 0 where there is none. */
+/* Figures that the tables, the JSON and the charts share; 0: not measured. */
 double bench_kernel_ghz(const bench_report *report);
 double bench_roof_share(const bench_report *report, int level, const bench_kernel *kernel);
 double bench_floor(const bench_report *report, const bench_step_times *step, int stage);

@@ -44,7 +44,7 @@ typedef struct chart_run {
     double seed, load_start, load_end;
     double steps, seconds, setup_seconds, evaluation_seconds, gaussians, needles; /* at the end */
     chart_series
-        series;   /* "series"; where there is none auto by options.size, caps by other caps of its label */
+        series;   /* the log's "series"; without it, auto by options.size, caps by other caps of its label */
     int timed;    /* drawn against time: what is no pruning and none of several caps */
     double cap;   /* options.max_gaussians; 0: not known */
     double bytes; /* of the model's file; 0: not known */
@@ -68,10 +68,10 @@ typedef struct chart_ablation {
     size_t count;
 } chart_ablation;
 
-/* What size was chosen for scenes of a known one. */
+/* Chosen numbers of Gaussians for scenes that consist of a known number of Gaussians. */
 typedef struct chart_choice {
     char series[CHART_TEXT];
-    double complexity, gaussians; /* that the scene has, and the model */
+    double complexity, gaussians; /* Gaussians of the scene, and of the model */
 } chart_choice;
 
 typedef struct chart_choices {
@@ -96,7 +96,7 @@ typedef struct chart_input {
 sf_status chart_read(chart_input *input, const char *path);
 void chart_free(chart_input *input);
 
-/* curve.c: what the runs of one label and scene do together. */
+/* curve.c: the mean over the runs of one label and scene. */
 typedef struct chart_sample {
     double seconds, gaussians; /* mean of the runs */
     double mean, least, most;  /* of the quality */
@@ -128,7 +128,7 @@ void chart_scene_free(chart_scene *scene);
 double chart_best(const chart_scene *scene, chart_metric metric);
 double chart_time_to(const chart_curve *curve, double target);
 
-/* size.c: what the runs of a scene say about size. */
+/* size.c: quality against size over the runs of a scene. */
 typedef enum chart_size { CHART_GAUSSIANS, CHART_BYTES, CHART_SIZES } chart_size;
 
 typedef struct chart_size_point {
@@ -152,7 +152,7 @@ void chart_sizes_free(chart_sizes *sizes);
 int chart_sizes_known(const chart_sizes *sizes, chart_size size);
 int chart_gap_known(const chart_sizes *sizes);
 
-/* Quality falls by so much at the knee, dB. */
+/* PSNR at the knee is below the best by this, dB. */
 #define CHART_KNEE 0.1
 /* The least size with which the caps come within CHART_KNEE of the best PSNR of them (*plateau), between runs
  * over the logarithm of size. 0: less than two caps are there. */
@@ -186,7 +186,7 @@ void chart_draw_choices(const chart_choices *choices, sf_writer *out);
 size_t chart_degree_rows(const chart_input *input, const chart_run *first);
 void chart_draw_degrees(const chart_input *input, const chart_run *first, sf_writer *out);
 
-/* page.c: index.html and each of its charts as an .svg of its own, in a folder that exists. */
+/* page.c: index.html and each of its charts as a separate .svg, in a folder that exists. */
 sf_status chart_write_page(const chart_input *input, const char *folder);
 /* A page of charts up to its heading, which is its title; and its end. */
 void chart_page_begin(sf_writer *out, const char *title);

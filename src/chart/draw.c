@@ -170,7 +170,7 @@ sf_status chart_draw_quality(const chart_scene *scene, chart_metric metric, sf_w
     return SF_OK;
 }
 
-/* Below the best by so much. Darker the nearer, so that the three are told apart without colour. */
+/* dB below the best quality. The nearer to the best, the darker, so that the three differ without colour. */
 static const struct { double below, opacity; } targets[] = {{1, 0.25}, {0.5, 0.55}, {0.1, 1}};
 enum { TARGETS = sizeof targets / sizeof *targets, GROUP = TARGETS * (CHART_BAR + 3) + 26 };
 

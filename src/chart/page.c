@@ -1,4 +1,4 @@
-/* page.c - the page that holds all charts and needs nothing else, and each chart as a file of its own. */
+/* page.c - the page with all charts, which needs no other file, and each chart as a separate file. */
 #include "chart.h"
 
 #include <ctype.h>

@@ -58,7 +58,7 @@ static sf_status inside(const place *p, const char *name, const char *where, pla
     return json_is_object(in->object) ? SF_OK : wrong(p, name, "is not an object");
 }
 
-/* The last name before a place in JSON, which stands there for what could not be parsed; "" if there is none.
+/* The last name before an offset in JSON, which names the value that could not be parsed; "" without a name.
  */
 static void name_before(const char *json, size_t at, char *name, size_t size) {
     *name = 0;

@@ -11,7 +11,7 @@ typedef struct svg_box {
 } svg_box;
 
 typedef struct svg {
-    sf_writer *out, own;       /* own: the file, where the picture is one of its own */
+    sf_writer *out, own;       /* own: the picture's file, if it has a separate one */
     svg_box taken[SVG_LABELS]; /* by dots and labels of dots */
     int count;
 } svg;

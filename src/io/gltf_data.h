@@ -20,7 +20,7 @@ typedef struct sf_gltf {
     uint8_t *file;
     size_t size;
     json_t *root;
-    const uint8_t *bin; /* of a .glb; NULL: there is none */
+    const uint8_t *bin; /* the binary chunk of a .glb; NULL: no such chunk */
     size_t bin_size;
     sf_gltf_buffer buffers[SF_GLTF_BUFFERS];
     uint64_t loaded; /* bytes of the buffers that have been asked for */
@@ -40,11 +40,11 @@ typedef struct sf_gltf_column {
 sf_status sf_gltf_open(sf_gltf *in, sf_context *ctx, const char *path);
 void sf_gltf_close(sf_gltf *in);
 
-/* The item of a list of the root that an index names; SF_ERR_FORMAT: there is none. */
+/* The item of a list of the root object at an index; SF_ERR_FORMAT: no such item. */
 sf_status sf_gltf_item(const sf_gltf *in, const json_t *index, const char *list, const json_t **item);
 
-/* The column of an accessor of so many components; messages name the attribute. Its buffer is loaded: from
- * the .glb, from base64, or from a file beside this one. */
+/* The column of an accessor with the given number of components; messages name the attribute. Loads its
+ * buffer from the .glb, from base64, or from a file beside this one. */
 sf_status sf_gltf_find_column(sf_gltf *in, const json_t *accessor, const char *name, int components,
                               sf_gltf_column *column);
 

@@ -101,7 +101,7 @@ static sf_status load_from(sf_project *p, const char *path, const sf_load_option
 
 /* In an archive. */
 
-/* The name of the only entry of a folder; 0: there is none, or another. */
+/* The name of the only entry of a folder; 0: the folder is empty or has more entries. */
 static int only_entry(const char *path, char name[NAME_MAX + 1]) {
     DIR *folder = opendir(path);
     const struct dirent *e;

@@ -51,7 +51,7 @@ static sf_status find_for(sf_context *ctx, const char *folder, sf_entry *e, size
     return status;
 }
 
-/* A missing folder is none: NULL. */
+/* NULL if the folder does not exist. */
 static sf_status find_folder(sf_project *p, const char *wanted, char **folder) {
     *folder = sf_path_join(p->ctx, p->folder, wanted ? wanted : "masks");
     if (!*folder) return SF_ERR_MEMORY;
@@ -120,8 +120,8 @@ static sf_status make_weights(sf_context *ctx, sf_picture *p) {
     return SF_OK;
 }
 
-/* COLMAP ignores 0 and takes what is not, so masks of 0 and 1, or of the numbers of labels, are in use: one
- * without a value that counts for a half is such a one. */
+/* COLMAP ignores 0 and uses all other values, so masks of 0 and 1, or of label numbers, exist. A mask without
+ * a value of 128 or more is read in this way. */
 static void spread_labels(sf_picture *mask) {
     size_t n = (size_t)mask->width * (size_t)mask->height;
     for (size_t i = 0; i < n; i++)

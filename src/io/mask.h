@@ -9,7 +9,7 @@
 
 #include "dataset.h"
 
-/* Gives each entry without a mask of its own the one in the folder that the options name, or, where they
+/* Gives each entry without a mask the one in the folder that the options name, or, where they
  * name none, in masks/. For the picture images/a/b.jpg those are, in this order, a/b.jpg.png, a/b.png,
  * a/b.jpg, a/b.jpeg, a/b_mask.png or .jpg, a/b.jpg.mask.png and a/b.mask.png, with images/ in front or
  * without. Takes all masks away where the options want none. SF_ERR_IO: the folder that the options name is

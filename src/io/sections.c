@@ -207,7 +207,7 @@ void sf_sections_close(sf_sections_in *in) {
     in->fd = -1;
 }
 
-/* Index of a section; in->count if there is none. */
+/* Index of a section; in->count: no such section. */
 static size_t find(const sf_sections_in *in, const char *name) {
     size_t i = 0;
     while (i < in->count && strcmp(in->sections[i].name, name)) i++;

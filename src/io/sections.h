@@ -55,7 +55,8 @@ typedef struct sf_sections_in {
  * is damaged; SF_ERR_UNSUPPORTED: of another version. `path` must stand until the close. */
 sf_status sf_sections_open(sf_sections_in *in, sf_context *ctx, const char *path,
                            const sf_sections_kind *kind);
-/* Elements of a section; SF_ERR_FORMAT, naming it, where there is none or its elements have another size. */
+/* Elements of a section; SF_ERR_FORMAT, naming it: the section is missing or its elements have another size.
+ */
 sf_status sf_sections_count(const sf_sections_in *in, const char *name, size_t size, uint64_t *count);
 /* Reads a section that must have `count` elements of `size` bytes. SF_ERR_FORMAT, naming it: it is missing,
  * has another size, is damaged. */

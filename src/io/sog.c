@@ -23,7 +23,7 @@ enum {
     PALETTE_MOST = 1 << 16,
     PACKED_A_BYTE = 1032, /* the most that deflate packs into one */
     COUNT_FREE = 1 << 16, /* Gaussians that any file may have, */
-    COUNT_RATIO = 200     /* or so many times its bytes */
+    COUNT_RATIO = 200     /* or this many times its bytes */
 };
 
 static const uint64_t META_MOST = 1 << 24, PICTURE_MOST = (uint64_t)1 << 31;

@@ -21,7 +21,7 @@ enum {
     STREAMS_HEADER = 32,
     STREAM_ENTRY = 16,       /* of the table of streams: packed and unpacked bytes */
     UNPACKED_FREE = 1 << 24, /* bytes that any file may unpack to, */
-    UNPACKED_RATIO = 200     /* or so many times itself: Gaussians that differ pack by 2 to 4 */
+    UNPACKED_RATIO = 200     /* or this many times the packed size; real models have a ratio of 2 to 4 */
 };
 
 /* The type of the extension that says which axes there are, in a uint32: SPZ_ADOBE_coordinate_system. */

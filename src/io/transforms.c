@@ -186,7 +186,7 @@ static sf_status find_lens(const frame *f, sf_entry *e) {
 
 /* Pose. */
 
-/* The inverse's transpose; NaN where there is none. */
+/* The transpose of the inverse; NaN for a singular matrix. */
 static void cofactors_over_det(const double M[9], double out[9]) {
     double C[9] = {M[4] * M[8] - M[5] * M[7], M[5] * M[6] - M[3] * M[8], M[3] * M[7] - M[4] * M[6],
                    M[2] * M[7] - M[1] * M[8], M[0] * M[8] - M[2] * M[6], M[1] * M[6] - M[0] * M[7],

@@ -13,7 +13,7 @@ static int margin(const sf_optics *o, double extent, double focal) {
     return (int)lround(focal * tan(angle) - fmax(extent, 0));
 }
 
-/* Lenses that no camera has get no frame of their own: it would be much larger than the picture. */
+/* Extreme lenses, which no camera has, keep the picture's size: theirs would be much larger. */
 sf_undistorted sf_undistort_frame(const sf_optics *o, int width, int height) {
     sf_undistorted same = {width, height, o->cx, o->cy}, f;
     double most = fmax(fmax(o->fx, o->fy), fmax(fabs(o->cx), fabs(o->cy)));

@@ -61,7 +61,7 @@ static sf_status entry_fail(const archive *a, const char *name, sf_status status
 
 /* Which entries. */
 
-/* Pictures, models, lists. What macOS and editors add begins with a point or stands in a folder of its own.
+/* Pictures, models, lists. Files of macOS and of editors begin with a dot or lie in a separate folder.
  */
 static int is_wanted(const char *name) {
     static const char *const endings[] = {".png", ".jpg", ".jpeg", ".json", ".bin", ".txt", ".ply"};
@@ -79,7 +79,8 @@ static int is_link(const archive *a, zip_uint64_t index) {
     return system == UNIX && (attributes >> 16 & S_IFMT) == S_IFLNK;
 }
 
-/* The name with / for \, which some tools write; SF_ERR_FORMAT: it leads out, or is none. */
+/* The name with / for \, which some tools write; SF_ERR_FORMAT: it leads out of the folder, or is not a name.
+ */
 static sf_status take_name(const archive *a, const char *from, char name[MAX_NAME]) {
     if (!from || strlen(from) >= MAX_NAME)
         return entry_fail(a, "a name", SF_ERR_FORMAT, "is missing or too long");

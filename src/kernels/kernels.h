@@ -77,7 +77,7 @@ static inline size_t sf_at(size_t i, int components, int c) {
     return (i / SF_LANES * (size_t)components + (size_t)c) * SF_LANES + i % SF_LANES;
 }
 
-/* A camera as the kernels take it; everything that is constant over a picture is worked out once. */
+/* The camera constants of a view, as the kernels take them: everything that is the same for all Gaussians. */
 typedef struct sf_eye {
     float R[9], t[3];       /* world to camera */
     float center[3];        /* in the world */
@@ -90,8 +90,10 @@ typedef struct sf_eye {
 } sf_eye;
 
 /* A projected Gaussian. Offsets d are pixel centre minus mean. In whitened form t = l00 dx + l01 dy, s = m
- * dy: o g = exp2(log2_opacity - t^2 - s^2) (M.1). The covered part of the row at dy is slope dy +- sqrt(reach
- * - squeeze dy^2) about u; its right end is farthest right at dy = lean, its left end farthest left at -lean.
+ * dy: o g = exp2(log2_opacity - t^2 - s^2) (M.1). slope, reach, squeeze and lean are the row-interval
+ * coefficients: the row at dy is covered from u + slope dy - sqrt(reach - squeeze dy^2) to u + slope dy +
+ * sqrt(reach - squeeze dy^2). Its right end is farthest right at dy = lean, its left end farthest left at
+ * -lean.
  */
 typedef struct sf_splat {
     float u, v;         /* mean, px */
@@ -330,7 +332,8 @@ void sf_kernels_init(sf_kernels *kernels, unsigned mask);
 /* The levels of this machine. */
 unsigned sf_cpu_detect(void);
 
-/* The level of that name and those below it. SF_ERR_ARGUMENT: there is none; SF_ERR_UNSUPPORTED: not here. */
+/* The level of that name and those below it. SF_ERR_ARGUMENT: no such level; SF_ERR_UNSUPPORTED: this machine
+ * cannot run it. */
 sf_status sf_cpu_choose(const char *name, unsigned *mask);
 
 /* In arch/, one a folder: each overwrites what it does better. */

@@ -15,7 +15,7 @@ typedef struct sf_preview_address {
     int any;      /* all addresses of this machine */
 } sf_preview_address;
 
-/* Takes "ADDRESS:PORT" or "PORT" apart. SF_ERR_ARGUMENT: it is none. */
+/* Splits "ADDRESS:PORT" or "PORT". SF_ERR_ARGUMENT: the text is neither. */
 sf_status sf_preview_address_read(sf_context *ctx, const char *listen, sf_preview_address *address);
 
 /* An address by which others reach a server that listens on all; "127.0.0.1" where there is no other. */

@@ -80,7 +80,7 @@ sf_status sf_preview_set_model(sf_preview *preview, const sf_model *model, int s
  * minute can afford. */
 int sf_preview_sh_within(size_t count, size_t bytes);
 
-/* Takes the oldest command that a client gave and nobody took: 1, or 0 where there is none. At most 16 wait;
+/* Takes the oldest waiting command of a client: returns 1, or 0 if no command waits. At most 16 wait;
  * the page is told of those beyond. */
 int sf_preview_take_command(sf_preview *preview, sf_preview_command *command);
 

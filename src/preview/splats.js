@@ -10,7 +10,7 @@ const VERTEX = `#version 300 es
 precision highp float;
 precision highp usampler2D;
 uniform usampler2D records, harmonics;
-uniform int degree;        // of the harmonics; 0: there are none
+uniform int degree;        // of the spherical harmonics; 0: constant colours
 uniform mat3 R;            // world to camera
 uniform vec3 t;
 uniform vec2 focal, middle, size; // px

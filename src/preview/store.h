@@ -90,7 +90,7 @@ char *sf_store_history_json(sf_preview_store *s);
 sf_status sf_store_jpeg(sf_preview_store *s, sf_preview_part part, uint8_t **jpeg, size_t *size,
                         uint64_t *version);
 
-/* Version of the newest model, 0 where there is none. */
+/* Version of the newest model, 0: no model yet. */
 uint64_t sf_store_model(sf_preview_store *s);
 
 /* Size of a piece of the model of that version, 0: no longer here. */

@@ -1,9 +1,9 @@
-/* bin.c - which Gaussians touch which tile, near to far.
+/* bin.c - makes the tile lists: for each tile the Gaussians that touch it, near to far.
  *
- * A Gaussian is cut into strips, one for each row of tiles that it touches. The strips are dealt out to their
- * rows in the order of the model; each row then sorts its own by depth and deals them out to its tiles. So
- * memory is read and written in order, or within what a cache holds; and chunks of Gaussians, then rows, are
- * tasks of their own.
+ * A Gaussian is cut into strips, one for each row of tiles that it touches. The strips are distributed to
+ * their rows in the order of the model; each row then sorts its strips by depth and distributes them to its
+ * tiles. Memory is therefore accessed in order or within a cache. First chunks of Gaussians, then rows are
+ * parallel tasks.
  *
  * Every pair of Gaussian and tile is an entry of the tile's list and owns a slot, numbered Gaussian by
  * Gaussian. The backward pass writes its sums into the slots, and the Gaussians read theirs in order: no
@@ -40,7 +40,7 @@ static size_t end_of_chunk(const bin_job *job, size_t chunk) {
     return end < job->ws->count ? end : job->ws->count;
 }
 
-/* A Gaussian counts where its strips begin and where they end; the sums are made afterwards. */
+/* Counts a Gaussian at the rows where its strips begin and end; prefix sums follow later. */
 static void count_strips_task(void *job_pointer, size_t chunk, int thread) {
     (void)thread;
     const bin_job *job = job_pointer;
@@ -256,7 +256,7 @@ sf_status sf_stage_bin(sf_workspace *ws) {
     sf_pool_run(pool, job.chunks, count_strips_task, &job);
     uint64_t strips = prefix_sum(job.spans, job.chunks);
     if (strips > INT32_MAX) return too_many(ws, strips, "row of tiles");
-    status = strip_room(ws, (size_t)strips + 1); /* tasks point into the strips even where there is none */
+    status = strip_room(ws, (size_t)strips + 1); /* tasks point into the array even if there are no strips */
     if (status) return status;
     place_strips(&job);
 

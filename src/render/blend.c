@@ -1,4 +1,5 @@
-/* blend.c - every tile, front to back, and back to the sums of each pair of Gaussian and tile. */
+/* blend.c - blends every tile, front to back; and its gradient: the sums of each pair of Gaussian and tile.
+ */
 #include "workspace.h"
 
 #include "../base/pool.h"

@@ -1,4 +1,4 @@
-/* loss.c - L1 + SSIM of a picture, its gradient, and the figures of merit. */
+/* loss.c - L1 (or Huber) + SSIM of a picture, and its gradient. */
 #include "workspace.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-/* project.c - all Gaussians to the screen, and the gradient from there to the raw parameters. */
+/* project.c - projects all Gaussians to the screen, and its gradient by the raw parameters. */
 #include "workspace.h"
 
 #include <string.h>
@@ -100,7 +100,7 @@ static sf_params grads_of(const sf_workspace *ws, int thread, int degree) {
     return grads;
 }
 
-/* What lacks a band but shares the last block of it has no gradient there. */
+/* Clears the gradients of lanes that lack a band but share its last block. */
 static void clear_lacking(const sf_workspace *ws, const sf_params *grads, int degree, size_t first,
                           size_t end) {
     for (int band = 1; band <= degree; band++) {

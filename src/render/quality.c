@@ -1,4 +1,4 @@
-/* quality.c - figures of merit that are no loss. */
+/* quality.c - PSNR, and PSNR with exposure corrected. */
 #include "workspace.h"
 
 #include <math.h>
@@ -13,11 +13,11 @@ static double weight_at(const sf_workspace *ws, size_t at) {
     return ws->has_weight ? (double)ws->weight[at] : 1.0;
 }
 
-/* Half a step of 8 bits below white: of what is there a picture says only that it is no darker. */
+/* Half a step of 8 bits below white. Above it a pixel may be overexposed: its true value is unknown. */
 #define WHITE (1 - 0.5 / 255)
 
-/* Fits target = gain x + bias by least squares to the columns left of `end`, but for what is white in the
- * target; returns the sum of weights. */
+/* Fits target = gain x + bias by least squares to the columns left of `end`, without pixels where the target
+ * is white; returns the sum of weights. */
 static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain, double *bias) {
     sf_line_sums s = {0};
     for (size_t row = 0; row < (size_t)ws->eye.height; row++)

@@ -169,7 +169,7 @@ sf_status sf_loss(sf_renderer *renderer, const sf_image_pair *pair, double lambd
     return SF_OK;
 }
 
-/* A camera that lets in less light sees what is brighter than white to this one. */
+/* The render is clamped at 2, not 1, because a darker exposure may show detail above white. */
 #define BRIGHTEST 2.0f
 
 /* The planes within 0..most, and 0 where they are no number. */

@@ -1,4 +1,4 @@
-/* workspace.c - room for a step, made once and grown when a picture or a model outgrows it. */
+/* workspace.c - the arrays of a step, allocated once and enlarged for a larger picture or model. */
 #include "workspace.h"
 
 #include <string.h>
@@ -56,8 +56,8 @@ static void set_eye(sf_eye *eye, const sf_camera *camera, float near_plane) {
     eye->tiles_y = (camera->height + SF_TILE - 1) / SF_TILE;
 }
 
-/* The low-pass of the large picture, and the variance of where its pixels stand in a square. Each with its
- * own 0.3 px^2, a model that suits the small picture is too thin in the large one. */
+/* The low-pass of the full picture in coarse pixels, plus the variance of the full picture's pixel centres
+ * within a coarse pixel. With 0.3 px^2 at every size, a model fitted to small pictures would be too thin. */
 void sf_workspace_reduced(sf_workspace *ws, int factor) {
     double square = (double)factor * factor;
     ws->eye.low_pass = SF_LOW_PASS / square + (1 - 1 / square) / 12;

@@ -84,8 +84,8 @@ void sf_workspace_free(sf_workspace *ws);
 
 /* Chooses the camera and makes room for its picture. */
 sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float near_plane);
-/* The camera's picture stands for one of `factor` times the size, averaged over squares of that side:
- * Gaussians are drawn as they are in those averages. */
+/* The camera's picture is compared with one of `factor` times its size, box-averaged by `factor`: adapts the
+ * low-pass so that Gaussians look as they do after averaging. */
 void sf_workspace_reduced(sf_workspace *ws, int factor);
 /* Makes room for the loss's planes of the present picture. */
 sf_status sf_workspace_loss_room(sf_workspace *ws);
@@ -104,7 +104,8 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_
                    int with_gradient, sf_loss_value *value);
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws);
-/* The sums of blend_importance in the slots, of ws->d_rgb and ws->weight, which is 0 beyond the picture. */
+/* Runs blend_importance: its sums go to the slots; it reads ws->d_rgb and ws->weight, which is 0 outside the
+ * picture. */
 sf_status sf_stage_blend_importance(sf_workspace *ws);
 /* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
  * grads' arrays, of which those are NULL whose band none of these blocks has; lanes that lack a band have 0.

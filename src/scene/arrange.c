@@ -1,7 +1,7 @@
 /* arrange.c - Gaussians in the order of falling SH degree, and other orders of them.
  *
- * One field's array at a time goes to a scratch and back, so that at the peak there is one array more and not
- * another model.
+ * One field's array at a time is copied to scratch memory and back, so that the peak is one more array, not a
+ * second model.
  */
 #include "gaussians.h"
 
@@ -33,7 +33,7 @@ sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *places, size_t 
     return SF_OK;
 }
 
-/* The blocks of a band that change, but for those that nobody has afterwards. */
+/* The blocks of a band that change, without those that hold no Gaussian afterwards. */
 static void changed_blocks(const sf_order *order, int band, size_t *first, size_t *end) {
     size_t count = order->banded[band];
     *first = (order->unmoved < count ? order->unmoved : count) / SF_LANES;

@@ -1,4 +1,4 @@
-/* first.c - the first Gaussians, from sparse points, from a sweep or at random. */
+/* first.c - initialises Gaussians from sparse points, from plane-sweep stereo or at random. */
 #include "first.h"
 
 #include <math.h>
@@ -33,8 +33,8 @@ static uint32_t central(const float *xyz, const uint32_t *points, size_t n) {
     return nearest;
 }
 
-/* Leaves `most` of more points, in their order: a curve through space is cut into as many parts, and each
- * part leaves its central one, so that no place is left without by chance. */
+/* Thins points to `most`, in their order: Hilbert's curve through the points is cut into as many parts, and
+ * the central point of each part is kept, so that no region is left empty by chance. */
 static sf_status thin_points(sf_context *ctx, size_t most, sf_cloud *c) {
     uint32_t *curve;
     sf_status status = sf_curve_order(ctx, c->xyz, c->n, NULL, &curve);
@@ -80,7 +80,7 @@ static sf_status hold_views(sf_scene *scene, sf_view ***views, size_t *n) {
     return status;
 }
 
-/* Points that the views agree on; none where they are too few to start from, which is said. */
+/* Points from plane-sweep stereo; an empty cloud, and a log line, if there are too few to start from. */
 static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size_t n,
                               const sf_first_options *options, sf_cloud *c) {
     size_t most = options->max_gaussians;
@@ -96,7 +96,8 @@ static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size
     return SF_OK;
 }
 
-/* Those, and random ones where they leave the pictures open; random ones alone where they are asked for. */
+/* Points from plane-sweep stereo plus random ones in uncovered parts of the pictures; with SF_FIRST_RANDOM
+ * only random points. */
 static sf_status points_from_views(sf_context *ctx, const sf_view *const *views, size_t n,
                                    const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
     sf_cloud swept = {0};

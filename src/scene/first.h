@@ -1,4 +1,4 @@
-/* first.h - the first Gaussians of a fit. */
+/* first.h - the initialisation of a fit's Gaussians. */
 #ifndef SF_SCENE_FIRST_H
 #define SF_SCENE_FIRST_H
 
@@ -21,9 +21,10 @@ typedef struct sf_first_options {
 
 /* Makes a model from points, as options->from says: the scene's sparse ones, those that a sweep finds
  * (sweep.h), or random ones along the rays of the training views. Colour from the point, scale from the mean
- * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes what there is enough of, in
- * that order, but sparse points only where they lie on what the pictures show; a sweep that finds too little
- * gives way to random ones. SF_ERR_EMPTY: no training view, or SF_FIRST_POINTS in a scene without points. */
+ * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes the first of these that has
+ * enough points, and sparse points only if they lie on the surfaces that the pictures show; random points
+ * replace a sweep that finds too few. SF_ERR_EMPTY: no training view, or SF_FIRST_POINTS in a scene without
+ * points. */
 sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
 
 /* Gaussian i of a model becomes that of a point: a ball of standard deviation `scale`, world units,

@@ -13,11 +13,12 @@ enum {
     MOST_TRIALS = 100,
 };
 
-/* Where a point of a view falls in a neighbour, the neighbour's depth is the same within this share of it,
- * and its own point falls back within so many pixels. */
+/* Forward-backward check: where a point of a view projects into a neighbour, the neighbour's depth agrees to
+ * this fraction, and the neighbour's point projects back to within this many pixels. */
 #define MOST_DEPTH_ERROR 0.01
 #define MOST_PIXEL_ERROR 1.0
-/* Thinning starts with one point a pixel, and takes at least this much larger cells until it is enough. */
+/* Thinning starts with voxels of one pixel and makes them larger by at least this factor until few enough
+ * points are left. */
 #define COARSER 1.05
 
 typedef struct candidate {
@@ -116,8 +117,8 @@ static uint64_t mix(uint64_t hash, int64_t value) {
     return hash ^ (hash >> 29);
 }
 
-/* The voxel of a point, `size` pixels wide: by steps of two in the span of a pixel, so that what is far away
- * is as dense in the pictures as what is near. */
+/* The voxel of a point, `size` pixels wide. A pixel's span grows with depth in powers of two, so that far
+ * points are as dense in the pictures as near ones. */
 static uint64_t voxel_of(const candidate *c, double size) {
     int level = ilogbf(c->pixel);
     double side = ldexp(size, level);

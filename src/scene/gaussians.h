@@ -33,8 +33,7 @@ struct sf_model {
                                   sf_model_note_change */
 };
 
-/* What is known of the model's values and arrays holds no longer. Steps of a fit, whose model no caller has,
- * do not say so. */
+/* Marks the model as changed. Training steps do not call this, since no caller can hold a fit's model. */
 void sf_model_note_change(sf_model *model);
 
 /* Components of a field, whether a model of a degree stores it, and the band that it goes with. */
@@ -58,8 +57,8 @@ static inline size_t sf_field_values(int field, size_t count) {
 sf_status sf_params_create(sf_context *ctx, const size_t room[SF_BANDS], int sh_degree, sf_params *params);
 void sf_params_destroy(sf_context *ctx, sf_params *params);
 
-/* A new blocked array of values of 4 bytes, so many components a Gaussian: room for `room` Gaussians, the
- * first `used` as they were, the others 0. On failure the old one stays. */
+/* Reallocates a blocked array of 4-byte values with the given number of components for each Gaussian, to
+ * `room` Gaussians. The first `used` keep their values, the others are 0. On failure the old array stays. */
 sf_status sf_blocked_resize(sf_context *ctx, int components, void *array_pointer, size_t used, size_t room);
 
 /* A model of neutral Gaussians, banded[b] of them with band b, with room for `capacity` >= banded[0]; of the
@@ -100,7 +99,7 @@ typedef struct sf_remap_entry {
 typedef struct sf_order {
     uint32_t *from;          /* [banded[0]] */
     size_t banded[SF_BANDS]; /* afterwards */
-    size_t unmoved;          /* the first so many stay where they are */
+    size_t unmoved;          /* the first `unmoved` Gaussians keep their places */
     void *scratch;           /* room for the array of any field, from unmoved's block on */
 } sf_order;
 

@@ -371,7 +371,7 @@ static void conclude(const sweep *s, const sf_match_range *range, float *inverse
             float after = state[BEST_AFTER * BLOCK];
             size_t to = y * width + x;
             inverse_depth[to] = score[to] = 0;
-            /* a peak at an end, or beside a plane without a score, is none */
+            /* a peak at the first or last plane, or beside a plane without a score, does not count */
             if (best < LEAST_SCORE || best < state[RIVAL * BLOCK] + LEAST_LEAD) continue;
             if (before < -1 || after < -1) continue;
             double plane =

@@ -20,7 +20,7 @@ sf_status sf_grey_create(sf_context *ctx, const sf_view *view, int factor, sf_gr
 void sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey);
 void sf_grey_destroy(sf_context *ctx, sf_grey *grey);
 
-/* What a sweep looks for. */
+/* The parameters of a sweep. */
 typedef struct sf_match_range {
     double first, last; /* inverse depths (1 / camera z, 1 / world units), 0 <= first < last */
     int planes;         /* evenly between, >= 3 */
@@ -35,7 +35,7 @@ size_t sf_match_scratch(const sf_camera *camera);
 
 /* The inverse depth of every pixel of `reference` whose surroundings look like those at its place in one of
  * 1..SF_MATCH_NEIGHBOURS neighbours (in two of them where there are two), by normalised cross-correlation:
- * inverse_depth [height][width], 0 where there is none: too little texture, too low a correlation, or another
+ * inverse_depth [height][width], 0: not found, for too little texture, too low a correlation, or another
  * depth that is nearly as good. score [height][width]: the correlation, 0..1. */
 void sf_match(const sf_grey *reference, const sf_grey *const *neighbours, size_t count,
               const sf_match_range *range, float *scratch, float *inverse_depth, float *score);

@@ -97,7 +97,7 @@ static int is_chosen(const size_t *chosen, size_t count, size_t i) {
     return count > 0;
 }
 
-/* The fittest that is not chosen yet; n if there is none. */
+/* The best candidate that is not chosen yet; n: all are chosen. */
 static size_t fittest(const sf_camera *const *cameras, size_t n, size_t self, double distance,
                       const size_t *chosen, size_t count, int want_apart) {
     size_t best = n;

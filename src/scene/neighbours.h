@@ -1,4 +1,4 @@
-/* neighbours.h - what cameras look at, and which of them see the same from somewhere else. */
+/* neighbours.h - the common focus of cameras, and the choice of neighbour views for matching. */
 #ifndef SF_SCENE_NEIGHBOURS_H
 #define SF_SCENE_NEIGHBOURS_H
 

@@ -1,4 +1,4 @@
-/* random.c - random points: a pixel that no point covers, a depth that other views have nothing against. */
+/* random.c - random points: behind pixels that no point covers, at depths that agree with other views. */
 #include "random.h"
 
 #include <limits.h>
@@ -9,11 +9,11 @@
 #include "neighbours.h"
 
 enum {
-    AROUND = 5,            /* pixels that stand for a point's surroundings */
-    SPREAD = 120,          /* of the longest side: how far they are apart */
-    DEPTHS = 20,           /* of a point, to choose from */
-    LOOKS = 8,             /* views that are asked about its colour */
-    MOST_DRAWN = 64,       /* for them: few views may see the place */
+    AROUND = 5,            /* pixels that sample a point's surroundings */
+    SPREAD = 120,          /* their distance is the longest side / SPREAD */
+    DEPTHS = 20,           /* random depths tried for a point */
+    LOOKS = 8,             /* views with which its colour is compared */
+    MOST_DRAWN = 64,       /* views drawn to find these: few may see the place */
     MOST_DIFFERENCE = 120, /* of two colours, the sum over the channels, of 3 x 255 */
     CELLS = 24,            /* across and down a picture: what a point in them covers */
     TRIALS = 1000,         /* pixels drawn for one that is not covered; points that are asked about */
@@ -46,7 +46,7 @@ static void behind_pixel(const sf_camera *c, size_t x, size_t y, double depth, f
         xyz[k] = (float)(c->R_cw[k] * p[0] + c->R_cw[3 + k] * p[1] + c->R_cw[6 + k] * p[2]);
 }
 
-/* Whether a pixel counts: what a mask hides is of no scene. */
+/* Whether a pixel has a weight: masked pixels do not. */
 static int counts(const sf_view *view, size_t x, size_t y) {
     return !view->weight || view->weight[y * (size_t)view->camera.width + x] > 0;
 }
@@ -70,7 +70,7 @@ static int difference(const sf_view *view, const float *xyz, const uint8_t *rgb)
 
 static size_t clamped(int at, int size) { return (size_t)(at < 0 ? 0 : at < size ? at : size - 1); }
 
-/* A pixel and a few about it, and other views that are asked about their colours. */
+/* A pixel and a few around it, and the views with which their colours are compared. */
 typedef struct question {
     const sf_view *view, *others[LOOKS];
     size_t xs[AROUND], ys[AROUND];

@@ -15,9 +15,9 @@
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud);
 
-/* Whether points, of which there are none or more, lie on what the n > 0 views show: for a fifth of those
- * that are looked at, at random but always the same, no other depth behind their pixels agrees better with
- * other views. Where next to no point is in a picture, nothing is held against them. */
+/* Whether points (possibly zero of them) lie on the surfaces that the n > 0 views show: for a fifth of a
+ * fixed random sample of the points, no other depth behind their pixels agrees better with other views. Where
+ * next to no point is in a picture, nothing is held against them. */
 int sf_points_agree(const sf_view *const *views, size_t n, const sf_cloud *cloud);
 
 #endif

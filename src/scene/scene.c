@@ -125,7 +125,7 @@ sf_status sf_scene_add_view(sf_scene *scene, const char *name, const sf_camera *
     return status;
 }
 
-/* Index of a view; view_count if there is none. With the lock held. */
+/* Index of a view; view_count: no such view. With the lock held. */
 static size_t find(const sf_scene *scene, uint32_t id) {
     size_t i = 0;
     while (i < scene->view_count && scene->views[i]->id != id) i++;

@@ -16,8 +16,8 @@ typedef struct sf_lens_note {
     int undistorted;
 } sf_lens_note;
 
-/* A picture and its camera; const once it is in a scene. Counted: a step holds the view that it works on, so
- * that a removal from another thread takes nothing away from it. */
+/* A picture and its camera; const once it is in a scene. Reference-counted: a training step holds a reference
+ * to its view, so that another thread can remove the view from the scene meanwhile. */
 typedef struct sf_view {
     sf_context *ctx;
     atomic_int references;
@@ -55,13 +55,13 @@ void sf_view_release(sf_view *view);
 /* Whether no pixel of the view counts: a mask or transparency hides all. */
 int sf_view_is_hidden(const sf_view *view);
 
-/* Whether a pinhole camera shows less, by three degrees or more. */
+/* Whether the pinhole picture has lost three degrees or more of the lens's field of view. */
 int sf_lens_is_cropped(const sf_lens_note *lens);
 
 /* Gives the caller's reference to the scene; sets view->id. On failure the view is released. */
 sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
 
-/* A new reference to view `id`, NULL if there is none. */
+/* A new reference to view `id`; NULL: no such view. */
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
 /* New references to all views, or to the training views, in order, and the end of them; after a failure, too,
  * it may be called. */

@@ -1,5 +1,5 @@
-/* sweep.c - points by matching: every view against its neighbours, first coarsely for the depths that there
- * are, then finely; what the depths of several views agree on becomes points. */
+/* sweep.c - plane-sweep stereo: matches every view with its neighbours, first coarsely for the range of
+ * depths, then finely; depths that several views agree on are fused to points. */
 #include "sweep.h"
 
 #include <math.h>
@@ -24,7 +24,7 @@ enum {
 
 /* The inverse depth of the farthest plane of the coarse sweep, in 1 / extents: all but infinity. */
 #define FARTHEST 0.01
-/* Shares of the depths found that may lie outside of the range, and what is added to it on both sides. */
+/* The fraction of the coarse depths that may lie outside the range, and the margin added on both sides. */
 #define OUTLIERS   0.02
 #define RANGE_ROOM 0.15
 

@@ -167,7 +167,7 @@ static sf_status bake(sf_baked *baked, int object, int face, double texel) {
     return SF_OK;
 }
 
-/* How near the eyes come to an object. */
+/* The least distance of the cameras to an object. */
 static double nearest(const sf_studio *studio, int object, const sf_vec3 *eyes, size_t count) {
     const double room = 4.2, least = 0.4; /* the walls at hand are behind the camera */
     if (object == ROOM) return room;

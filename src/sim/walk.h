@@ -8,7 +8,7 @@
 
 enum { SF_WALK_SECONDS = 60, SF_WALK_WAVES = 18, SF_WALK_JERKS = 12 };
 
-/* What one walk has of its own: the sway and the jerks of the hand. */
+/* The random part of one walk: the sway and the jerks of the hand. */
 typedef struct sf_walk {
     double phase[SF_WALK_WAVES];
     struct {

@@ -91,7 +91,7 @@ boot_board() {
     fi
 }
 
-# A folder of its own, for another libcamera than the tree is built with.
+# A separate folder, for another libcamera than the tree is built with.
 boot_libcamera() {
     local folder file
     for file in "$LIBCAMERA"/lib/pkgconfig/libcamera.pc "$LIBCAMERA"/lib/*/pkgconfig/libcamera.pc; do

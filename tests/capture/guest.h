@@ -1,4 +1,4 @@
-/* guest.h - tests that run inside the emulated board: each in a process of its own, with a time limit. */
+/* guest.h - tests that run inside the emulated board: each in a separate process, with a time limit. */
 #ifndef GUEST_H
 #define GUEST_H
 

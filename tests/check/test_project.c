@@ -112,7 +112,7 @@ static void make_gaussian(check *c, const scene *s, size_t i) {
             *param(s, field, i, k) = (float)(0.5 * sf_rng_normal(&c->rng));
 }
 
-/* One parameter that no fit should come to. */
+/* One parameter with a value that no fit should reach. */
 static void spoil(check *c, const scene *s, size_t i) {
     static const float values[] = {NAN,     INFINITY, -INFINITY, 1e38f, -1e38f, 1e-40f,
                                    -1e-40f, 0,        100,       -100,  1e4f,   -1e4f};

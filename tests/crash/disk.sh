@@ -3,7 +3,7 @@
 # or as it should be, nothing half-written is left, and a line names the file and the reason. The same with a
 # limit on the size of files. And memory ends at about a hundred allocations of each: no crash, nothing half-written left.
 #
-# EVERY             of the calls, and of the hundred allocations, one in so many (29)
+# EVERY             every n-th of the calls and of the hundred allocations fails in turn (29)
 # SHIM              the library of shim.c; without: nothing can be tested
 # SPLATFIT_PROGRAM  the program (build/splatfit)
 set -u
@@ -28,7 +28,7 @@ fail() {
     failures=$((failures + 1))
 }
 
-# Times and speeds differ from run to run: of such a file only its end and its size are known.
+# Times and speeds differ from run to run: only the end and the size of such a file are compared.
 is_whole() { # FILE EXPECTED
     case $1 in
     *.json | *.svg | *.html) tail -c 2 "$1" | tr -d '\n' | grep -q '[]}>]$' ;;

@@ -1,5 +1,5 @@
 # shellcheck shell=sh
-# apt.sh - for other scripts: apt with sources, lists and a status of its own, which needs no root rights and leaves
+# apt.sh - for other scripts: apt with separate sources, lists and status, which needs no root rights and leaves
 # this system's as they are.
 #
 # MIRROR and SUITE choose another Debian than the one in use here.

@@ -18,7 +18,7 @@ new=$(realpath "$new")
 . "$here/apt.sh"
 begin_apt "$new/apt" deb-src "$(dpkg --print-architecture)"
 (cd "$new/source" && private_apt --download-only source libspng)
-# Debian has no patches of its own for it.
+# Debian does not patch it.
 tar -x -C "$new/source" --strip-components=1 -f "$new"/source/*.orig.tar.*
 mkdir "$new/done"
 cp "$new/source/spng/spng.c" "$new/source/spng/spng.h" "$new/source/LICENSE" "$new/done"

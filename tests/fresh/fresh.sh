@@ -2,7 +2,7 @@
 # fresh.sh [SUITE/START...] - the README's two commands, as written, on fresh Debian systems: each first go, without a warning,
 # and with the same parts built in.
 #
-# Each system is a root of its own, made by debootstrap; roots share downloaded packages and nothing else. SUITE is bookworm,
+# Each system is a separate root, made by debootstrap; roots share downloaded packages and nothing else. SUITE is bookworm,
 # trixie or sid. START is what is there before the commands:
 #   bare      minbase with git, make and gcc
 #   desktop   that with g++ and pkg-config

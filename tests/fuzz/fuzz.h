@@ -63,7 +63,7 @@ typedef struct fuzz_section {
     size_t at, element, count; /* of its header in the file; bytes of an element; elements */
 } fuzz_section;
 
-/* The section whose header is at `at`, as long as the rest allows; 0: there is none. */
+/* The section whose header is at `at`, its length limited to the rest; 0: no section. */
 int fuzz_section_at(const uint8_t *data, size_t size, size_t at, fuzz_section *s);
 /* Where the next begins. */
 size_t fuzz_section_end(const fuzz_section *s);

@@ -28,7 +28,7 @@ test_outcome test_outcome_of(sf_context *ctx, sf_renderer *renderer, const test_
 /* The same with another dL/dimage, [pixels][3]. */
 test_outcome test_outcome_with(sf_context *ctx, sf_renderer *renderer, const test_ref_scene *scene,
                                const float *d_rgb);
-/* As test_outcome_of, with a context of its own. */
+/* As test_outcome_of, with a new context. */
 test_outcome test_outcome_alone(const test_ref_scene *scene, int threads);
 
 /* The same of the reference. */

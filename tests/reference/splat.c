@@ -102,7 +102,7 @@ static void flatten(const sf_eye *eye, shape *s) {
     s->det = b_add(s->nn, b_add(b_mul(low, b_add(aa, cc)), b_of(eye->low_pass * eye->low_pass)));
 }
 
-/* 0: a parameter that is none. */
+/* 0: not a parameter. */
 static int shape_of(const sf_project_args *a, size_t i, shape *s) {
     double logit = param(a, SF_FIELD_logit_opacity, i, 0), square = 0;
     for (int k = 0; k < 4; k++) square += pow(param(a, SF_FIELD_quat, i, k), 2);

@@ -60,7 +60,7 @@ static bounded dimmed(bounded T, bounded alpha) {
     return (bounded){left, e + FLOAT_UNIT * (taken + 2 * left)};
 }
 
-/* The next pair of a pixel. Returns 0 when there is none left, or the pixel has stopped. */
+/* The next pair of a pixel. Returns 0 when no pair is left, or the pixel has stopped. */
 typedef struct walk {
     const sf_blend_args *a;
     int x, y;

@@ -1,5 +1,5 @@
 #!/bin/sh
-# fast_math.sh FOLDER - what becomes of a build with -ffast-math, in a folder of its own: prints "refused 1" if it does
+# fast_math.sh FOLDER - tests a build with -ffast-math, in a separate folder: prints "refused 1" if it does
 # not compile, and "noticed N of M" programs of the check that fail where it is made to.
 #
 # MAKE, CC   as for the Makefile
