@@ -1,6 +1,7 @@
 # programs.mk - the programs of the tests: their files, and what each is linked with. TESTS names some; all are made without it.
 
-tests_in  = $(wildcard $(if $(TESTS),$(TESTS:%=tests/$(1)/test_%.c),tests/$(1)/test_*.c))
+# A name stands for all programs that begin with it: "ply" for test_ply.c and test_ply_values.c.
+tests_in  = $(sort $(wildcard $(if $(TESTS),$(foreach t,$(TESTS),tests/$(1)/test_$(t).c tests/$(1)/test_$(t)_*.c),tests/$(1)/test_*.c)))
 UNIT_SRC  := $(call tests_in,unit)
 GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
@@ -25,6 +26,10 @@ LONG      := $(LONG_SRC:%.c=$(O)/%)
 
 TEST_OBJ  := $(addprefix $(O)/tests/,testing.o blobs.o disturb.o)
 REF_OBJ   := $(REF_SRC:%.c=$(O)/%.o)
+# What several programs of tests/unit share: a library, so that each takes only what it calls.
+FIXTURES  := $(O)/tests/unit/fixtures.a
+FIXTURE_OBJ := $(patsubst %.c,$(O)/%.o,$(wildcard tests/unit/*_fixture.c))
+$(FIXTURES): $(FIXTURE_OBJ) ; $(Q)rm -f $@ && $(AR) rcs $@ $^
 # What starts the program.
 PROGRAM_OBJ := $(O)/tests/program.o
 # What the programs of tests/check share.
@@ -37,19 +42,20 @@ FUZZ_OBJ  := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildc
 
 # A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
+$(UNIT): $(FIXTURES)
 $(CHECK): $(CHECK_OBJ)
 $(STAB) $(STABILITY): $(STAB_OBJ) $(CHART_OBJ)
-$(addprefix $(O)/tests/unit/test_,archive cli commands outputs) $(PAGES): $(PROGRAM_OBJ)
-$(O)/tests/unit/test_bench: $(BENCH_OBJ)
-$(O)/tests/unit/test_chart: $(CHART_OBJ)
-$(O)/tests/unit/test_hostile: $(FUZZ_OBJ)
-$(O)/tests/unit/test_preview $(PAGES): $(PREVIEW_OBJ)
+$(filter $(addprefix $(O)/tests/unit/test_,archive cli% commands outputs),$(UNIT)) $(PAGES): $(PROGRAM_OBJ)
+$(filter $(O)/tests/unit/test_bench%,$(UNIT)): $(BENCH_OBJ)
+$(filter $(O)/tests/unit/test_chart%,$(UNIT)): $(CHART_OBJ)
+$(filter $(O)/tests/unit/test_hostile%,$(UNIT)): $(FUZZ_OBJ)
+$(filter $(O)/tests/unit/test_preview%,$(UNIT)) $(PAGES): $(PREVIEW_OBJ)
 $(PAGES): $(O)/tests/preview/browser.o
-$(addprefix $(O)/tests/unit/test_,hostile preview) $(PAGES): PREVIEW_LIBS = $(CIVETWEB)
+$(filter $(addprefix $(O)/tests/unit/test_,hostile% preview%),$(UNIT)) $(PAGES): PREVIEW_LIBS = $(CIVETWEB)
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
 	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
-	    $(filter %.o,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
+	    $(filter %.o,$^) $(filter %/fixtures.a,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
 
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers and no counts
 # of lines to be written in the end.

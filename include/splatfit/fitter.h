@@ -20,19 +20,19 @@ typedef enum sf_background {
 } sf_background;
 
 /* Where the initial Gaussians come from. */
-typedef enum sf_first {
-    SF_FIRST_AUTO,   /* the first of the following that yields enough Gaussians */
-    SF_FIRST_POINTS, /* the scene's sparse points */
-    SF_FIRST_SWEEP,  /* points from plane-sweep stereo; random where it finds too few */
-    SF_FIRST_RANDOM  /* init_random Gaussians behind random pixels of the views */
-} sf_first;
+typedef enum sf_init {
+    SF_INIT_AUTO,   /* the first of the following that yields enough Gaussians */
+    SF_INIT_POINTS, /* the scene's sparse points */
+    SF_INIT_SWEEP,  /* points from plane-sweep stereo; random where it finds too few */
+    SF_INIT_RANDOM  /* init_random Gaussians behind random pixels of the views */
+} sf_init;
 
 /* How Gaussians are densified. */
-typedef enum sf_growth {
-    SF_GROWTH_GRADIENT, /* Gaussians with the largest mean screen gradients are cloned or split */
-    SF_GROWTH_ERROR,    /* Gaussians that share in the error of several training views are cloned or split */
-    SF_GROWTH_RELOCATE  /* faint Gaussians move to others, and new ones are added there (3DGS-MCMC) */
-} sf_growth;
+typedef enum sf_densification {
+    SF_DENSIFY_GRADIENT, /* Gaussians with the largest mean screen gradients are cloned or split */
+    SF_DENSIFY_ERROR,    /* Gaussians that share in the error of several training views are cloned or split */
+    SF_DENSIFY_RELOCATE  /* faint Gaussians move to others, and new ones are added there (3DGS-MCMC) */
+} sf_densification;
 
 /* How many Gaussians a fit ends with. */
 typedef enum sf_size {
@@ -101,14 +101,14 @@ typedef enum sf_moment_format {
     REAL(lr_mean, 4.5e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "",                                                                   \
          "rate of the means at the end, as a fraction of lr_mean; exponential between")                      \
-    REAL(lr_settle, 0.8, 0, 1, "of the run", "start of the cool-down, in which all learning rates fall")     \
-    REAL(lr_settled, 0.1, 1e-9, 1, "",                                                                       \
+    REAL(cool_down, 0.8, 0, 1, "of the run", "start of the cool-down, in which all learning rates fall")     \
+    REAL(cool_down_rate, 0.1, 1e-9, 1, "",                                                                   \
          "factor on all learning rates at the end of the cool-down; exponential between")                    \
     REAL(lr_sh0, 0.013, 0, 1, "", "learning rate of SH band 0")                                              \
     REAL(lr_sh_rest, 0.001, 0, 1, "", "learning rate of the higher SH bands")                                \
     REAL(lr_opacity, 0.07, 0, 1, "", "learning rate of the logit-opacities")                                 \
     REAL(lr_scale, 0.015, 0, 1, "", "learning rate of the log-scales")                                       \
-    REAL(lr_haste, 0, 0, 100, "",                                                                            \
+    REAL(lr_boost, 0, 0, 100, "",                                                                            \
          "factor on the learning rates of scales, higher SH bands and a background; those of means, "        \
          "quaternions and opacities get its square root; 0: chosen by plan_steps")                           \
     REAL(lr_quat, 0.003, 0, 1, "", "learning rate of the quaternions")                                       \
@@ -117,7 +117,7 @@ typedef enum sf_moment_format {
     FLAG(refine_poses, 0, "correct the poses of the training views")                                         \
     FLAG(refine_intrinsics, 0, "correct the focal lengths, which the views of a camera share")               \
     REAL(refine_start, 0.2, 0, 1, "of the run", "poses are corrected from here on")                          \
-    FLAG(hold_two_poses, 0,                                                                                  \
+    FLAG(fix_gauge, 0,                                                                                       \
          "with refine_poses: fix the gauge by two poses, far apart, in place of the mean of all poses")      \
     REAL(lr_gain, 0.04, 0, 1, "",                                                                            \
          "learning rate of the exposures' gains (of their logarithms) at the start")                         \
@@ -136,10 +136,10 @@ typedef enum sf_moment_format {
     ENUM(moments, 0, "float|half",                                                                           \
          "format of Adam's moments: 8 bytes a parameter, or 4 with stochastic rounding; does not affect "    \
          "higher SH bands")                                                                                  \
-    INT(mean_steps, 0, 0, 100000, "",                                                                        \
+    INT(ema_steps, 0, 0, 100000, "",                                                                         \
         "show and save a moving average over about this many steps, except of higher SH bands; 0: the "      \
         "values of the last step")                                                                           \
-    ENUM(first, 0, "auto|points|sweep|random",                                                               \
+    ENUM(init, 0, "auto|points|sweep|random",                                                                \
          "initialisation: from the scene's points, from points found by plane-sweep stereo, or at random")   \
     REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the initial Gaussians")                             \
     REAL(init_scale, 0.8, 0.001, 1000, "",                                                                   \
@@ -153,26 +153,27 @@ typedef enum sf_moment_format {
     REAL(pyramid_ratio, 0.25, 0.01, 1, "", "end of a coarser level, as a fraction of the next finer one's")  \
     REAL(sh_end, 0, 0, 1, "of the run",                                                                      \
          "highest SH degree from here on, lower degrees in even intervals before; 0: chosen by plan_steps")  \
-    ENUM(growth, 0, "gradient|error|relocate",                                                               \
+    ENUM(densify, 0, "gradient|error|relocate",                                                              \
          "densification: by mean screen gradient; by error seen in several views; or relocate, which moves " \
          "faint Gaussians to others (3DGS-MCMC)")                                                            \
     INT(error_views, 8, 1, 1000, "",                                                                         \
-        "growth error: training views that are sampled before each densification")                           \
+        "densify error: training views that are sampled before each densification")                          \
     REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
-         "growth relocate: noise added to the means of faint Gaussians, in covariances (square extents) "    \
+         "densify relocate: noise added to the means of faint Gaussians, in covariances (square extents) "   \
          "times the means' rate")                                                                            \
     REAL(reg_opacity, 0, 0, 1e6, "",                                                                         \
          "each step lowers the logit-opacity of a visible Gaussian by this times its opacity times the "     \
          "opacities' learning rate")                                                                         \
     REAL(reg_scale, 0, 0, 1e6, "",                                                                           \
          "each step lowers the log-scales of a visible Gaussian by this times the scales' learning rate")    \
-    REAL(grow_start, 0, 0, 1, "of the run", "first densification")                                           \
-    REAL(grow_end, 0, 0, 1, "of the run", "last densification; 0: chosen by plan_steps")                     \
-    REAL(grow_most, 26, 0, 1e6, "a step", "most Gaussians to add in all, for each step of plan_steps")       \
-    INT(grow_every, 0, 0, 100000000, "steps", "steps between densifications; 0: chosen by plan_steps")       \
-    REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
+    REAL(densify_start, 0, 0, 1, "of the run", "first densification")                                        \
+    REAL(densify_end, 0, 0, 1, "of the run", "last densification; 0: chosen by plan_steps")                  \
+    REAL(densify_per_step, 26, 0, 1e6, "a step",                                                             \
+         "most Gaussians to add in all, for each step of plan_steps")                                        \
+    INT(densify_every, 0, 0, 100000000, "steps", "steps between densifications; 0: chosen by plan_steps")    \
+    REAL(densify_threshold, 0, 0, 1e9, "",                                                                   \
          "least mean screen gradient (device units) or error (px) of a Gaussian that is densified")          \
-    REAL(grow_rate, 0.5, 0, 1, "",                                                                           \
+    REAL(densify_rate, 0.5, 0, 1, "",                                                                        \
          "most Gaussians that one densification adds, as a fraction of those that exist")                    \
     REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
@@ -221,6 +222,10 @@ typedef struct sf_option_info {
 /* Description of option `index`; SF_ERR_END past the last. */
 SF_API sf_status sf_fit_option_info(size_t index, sf_option_info *info);
 
+/* The name that an option (as in the struct) had in version 0.1.0, NULL if it had the same or none. Functions
+ * that take a name, and the command line, still accept it. */
+SF_API const char *sf_fit_option_former(const char *name);
+
 /* Sets an option by name (with - or _) from text. SF_ERR_ARGUMENT: no such name, not a number, out of range;
  * the message is in sf_last_error, `options` is unchanged. */
 SF_API sf_status sf_fit_options_set(sf_context *context, sf_fit_options *options, const char *name,
@@ -254,7 +259,7 @@ typedef struct sf_fit_progress {
     double eta_seconds;      /* to the end */
     int level;               /* halvings of the picture in the last step */
     int sh_degree;           /* in use */
-    int gone_on;             /* warm start: the fit started from a model */
+    int warm_start;          /* warm start: the fit started from a model */
     uint64_t skipped_values; /* updates of a Gaussian that were skipped for a value that is not finite */
     int64_t diverged;    /* times that the fit diverged (its loss jumped or was not finite), went back to an
                             earlier model and continued with half the learning rates */
@@ -270,7 +275,7 @@ typedef struct sf_fitter sf_fitter;
 
 /* Prepares a fit of `scene`, which stays the caller's and outlives the fitter. If `from` is not NULL, the fit
  * starts from a copy of it (a warm start), its SH degree raised to the options'; otherwise Gaussians are
- * initialised as options->first says. options NULL: the defaults. SF_ERR_ARGUMENT: an option out of range
+ * initialised as options->init says. options NULL: the defaults. SF_ERR_ARGUMENT: an option out of range
  * (named), `from` larger than max_gaussians; SF_ERR_MEMORY: the start does not fit into options->memory;
  * SF_ERR_EMPTY: no training view, or first is points and the scene has none. */
 SF_API sf_status sf_fitter_create(sf_context *context, sf_scene *scene, const sf_model *from,
@@ -349,14 +354,14 @@ SF_API void sf_fitter_resume(sf_fitter *fitter);
  * evaluation, does not count against time_limit. Negative values add to the run's time. */
 SF_API void sf_fitter_skip_time(sf_fitter *fitter, double seconds);
 
-/* Between steps: adds Gaussians at new points, made as SF_FIRST_POINTS makes them: xyz [count][3] and radius
+/* Between steps: adds Gaussians at new points, made as SF_INIT_POINTS makes them: xyz [count][3] and radius
  * [count] (standard deviations) in world units, rgb [count][3]. Points that are not finite, that have a
  * radius of 0 or less, or that would exceed max_gaussians are left out; *added (may be NULL): how many were
  * added. SF_ERR_MEMORY: the model is unchanged. */
 SF_API sf_status sf_fitter_add_points(sf_fitter *fitter, size_t count, const float *xyz, const uint8_t *rgb,
                                       const float *radius, size_t *added);
 
-/* A copy of the current model, or of its moving average (mean_steps); the caller destroys it. */
+/* A copy of the current model, or of its moving average (ema_steps); the caller destroys it. */
 SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);
 
 /* Renders the model that sf_fitter_snapshot would copy, with the fit's background and near plane; as

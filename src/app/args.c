@@ -34,12 +34,14 @@ static int find_option(const command *cmd, const char *typed, size_t n, char let
                 return 1;
             }
     sf_option_info info;
-    for (size_t i = 0; cmd->with_fit_options && !letter && !sf_fit_option_info(i, &info); i++)
-        if (same_name(info.name, typed, n)) {
+    for (size_t i = 0; cmd->with_fit_options && !letter && !sf_fit_option_info(i, &info); i++) {
+        const char *former = sf_fit_option_former(info.name);
+        if (same_name(info.name, typed, n) || (former && same_name(former, typed, n))) {
             int flag = info.kind == SF_KIND_FLAG;
             *out = (found){info.name, !flag, flag};
             return 1;
         }
+    }
     return 0;
 }
 

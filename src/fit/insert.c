@@ -1,7 +1,7 @@
 /* insert.c - Gaussians at points that were found while the fit goes on. */
 #include <math.h>
 
-#include "../scene/first.h"
+#include "../scene/init.h"
 #include "fitter.h"
 #include "reorder.h"
 #include "select_merge.h"

@@ -1,7 +1,7 @@
 /* moving_average.c - the model without the noise of single steps.
  *
  * Each step pleases one view, and who looks between two steps sees that. A fit that ends lets its rates fall;
- * one that is watched and tracked against while it goes on shows means of its last steps (mean_steps).
+ * one that is watched and tracked against while it goes on shows means of its last steps (ema_steps).
  */
 #include "moving_average.h"
 

@@ -32,10 +32,10 @@ int sf_moment_values(const sf_optimizer_state *moments, int sh_degree);
 /* Whether steps go on in the direction of those before: those of the higher SH do not. */
 static inline int sf_has_momentum(int field) { return field <= SF_FIELD_sh0; }
 
-/* Without arrays: what there would be. A mean is kept of `mean_steps` steps, if that is above 1. */
-sf_optimizer_state sf_optimizer_moments(int format, int64_t mean_steps);
+/* Without arrays: what there would be. A mean is kept of `ema_steps` steps, if that is above 1. */
+sf_optimizer_state sf_optimizer_moments(int format, int64_t ema_steps);
 /* Zeros, with room for as many as the model has room for. On failure none is left. */
-sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps,
+sf_status sf_optimizer_create(const sf_model *model, int format, int64_t ema_steps,
                               sf_optimizer_state *moments);
 void sf_optimizer_destroy(sf_context *ctx, sf_optimizer_state *moments);
 

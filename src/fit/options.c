@@ -49,7 +49,7 @@ sf_status sf_fit_options_preset(sf_context *ctx, const char *name, sf_fit_option
     } else if (!strcmp(name, "high")) {
         preset.steps = 4000;
         preset.max_gaussians = 400000;
-        preset.grow_most = 52;
+        preset.densify_per_step = 52;
         preset.quality = 4;
     } else if (strcmp(name, "standard") != 0) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "preset: \"%s\" is none of draft|standard|high", name);
@@ -76,12 +76,41 @@ sf_status sf_fit_option_info(size_t index, sf_option_info *info) {
     return SF_OK;
 }
 
+/* Names that options had in version 0.1.0, and have now. */
+static const struct {
+    const char *former, *name;
+} renamed[] = {
+    {"first", "init"},
+    {"grow_end", "densify_end"},
+    {"grow_every", "densify_every"},
+    {"grow_most", "densify_per_step"},
+    {"grow_rate", "densify_rate"},
+    {"grow_start", "densify_start"},
+    {"grow_threshold", "densify_threshold"},
+    {"growth", "densify"},
+    {"hold_two_poses", "fix_gauge"},
+    {"lr_haste", "lr_boost"},
+    {"lr_settle", "cool_down"},
+    {"lr_settled", "cool_down_rate"},
+    {"mean_steps", "ema_steps"},
+};
+
+const char *sf_fit_option_former(const char *name) {
+    for (size_t i = 0; i < sizeof renamed / sizeof *renamed; i++)
+        if (!strcmp(renamed[i].name, name)) return renamed[i].former;
+    return NULL;
+}
+
 /* Names are equal with - for _. */
+static int is_same_name(const char *a, const char *b) {
+    while (*a && (*a == *b || (*a == '_' && *b == '-'))) a++, b++;
+    return !*a && !*b;
+}
+
 static const option *find(const char *name) {
     for (size_t i = 0; i < OPTION_COUNT; i++) {
-        const char *a = options_table[i].info.name, *b = name;
-        while (*a && (*a == *b || (*a == '_' && *b == '-'))) a++, b++;
-        if (!*a && !*b) return &options_table[i];
+        const char *present = options_table[i].info.name, *former = sf_fit_option_former(present);
+        if (is_same_name(present, name) || (former && is_same_name(former, name))) return &options_table[i];
     }
     return NULL;
 }

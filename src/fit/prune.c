@@ -248,7 +248,7 @@ static sf_fit_options refit_options(const pruner *p) {
     o.steps = o.plan_steps = p->options->refit_steps;
     o.seed = (int64_t)(p->options->seed & INT64_MAX);
     o.max_gaussians = (int64_t)p->fitter->model->count;
-    o.grow_every = o.steps + 1; /* nothing comes or goes */
+    o.densify_every = o.steps + 1; /* nothing comes or goes */
     o.validate = 0;
     o.size = SF_SIZE_CAP;
     o.sh_degree = p->kept->sh_degree;

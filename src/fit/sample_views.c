@@ -42,7 +42,7 @@ sf_status sf_sample_views(sf_fitter *f, size_t wanted, int others, sf_sample_fn 
     if (!wanted || wanted > kept) wanted = kept;
     double shift = 0;
     if (others && wanted < kept) /* a fitter that only weighs has no plan, thus no time between growths */
-        shift = fmod(SF_GOLDEN * (double)(f->step / f->options.grow_every), 1);
+        shift = fmod(SF_GOLDEN * (double)(f->step / f->options.densify_every), 1);
     for (size_t k = 0; k < wanted && !status; k++) {
         size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
         status = look_at(f, ids[at < kept ? at : kept - 1], look, user);

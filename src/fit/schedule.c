@@ -20,7 +20,7 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* SH degree 1 starts at this part of sh_end. */
 #define SH_START 0.33
 
-/* This part of lr_settle is the last before the rates fall: where a run without an end stays. */
+/* This part of cool_down is the last before the rates fall: where a run without an end stays. */
 #define UNSETTLED 0.999
 
 /* Growths are so many steps apart, and nearer where that would be more than this part of the run. */
@@ -53,7 +53,7 @@ static int is_short(const sf_fitter *f, double steps) {
 
 /* Most Gaussians to grow in a run of so many steps. */
 static double most_grown(const sf_fitter *f, double steps) {
-    return f->options.grow_most * (f->select.growth_scale > 0 ? f->select.growth_scale : 1) * steps;
+    return f->options.densify_per_step * (f->select.growth_scale > 0 ? f->select.growth_scale : 1) * steps;
 }
 
 double sf_steps_in(const sf_fitter *f, double seconds, double step) {
@@ -88,12 +88,12 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
-    if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
+    if (!o->densify_every) o->densify_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
     double missing = f->warm_start ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
-    if (!(o->lr_haste > 0))
-        o->lr_haste = f->warm_start ? 1 : fmin(fmax(pow(STEADY_STEPS / planned, HASTE_POWER), 1), HASTE_MOST);
-    o->grow_end = chosen(o->grow_end, GROW_STEPS, GROW_MOST, planned);
+    if (!(o->lr_boost > 0))
+        o->lr_boost = f->warm_start ? 1 : fmin(fmax(pow(STEADY_STEPS / planned, HASTE_POWER), 1), HASTE_MOST);
+    o->densify_end = chosen(o->densify_end, GROW_STEPS, GROW_MOST, planned);
 }
 
 /* Where time alone ends a run its phases go by the planned steps, too, up to the settling: the coarse
@@ -104,14 +104,14 @@ double sf_fraction_at(const sf_fitter *f, double time) {
     if (o->steps > 0)
         fraction = (double)f->step / (double)o->steps;
     else if (o->time_limit > 0 && !is_short(f, (double)o->plan_steps))
-        fraction = fmin((double)f->step / (double)o->plan_steps, UNSETTLED * o->lr_settle);
+        fraction = fmin((double)f->step / (double)o->plan_steps, UNSETTLED * o->cool_down);
     fraction = fmin(fmax(fraction, time), 1);
-    return o->open_end ? fmin(fraction, UNSETTLED * o->lr_settle) : fraction;
+    return o->open_end ? fmin(fraction, UNSETTLED * o->cool_down) : fraction;
 }
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
-int sf_cools_down_early(const sf_fitter *f) { return f->cool_down.from < f->options.lr_settle; }
+int sf_cools_down_early(const sf_fitter *f) { return f->cool_down.from < f->options.cool_down; }
 
 void sf_cool_down_early(sf_fitter *f, double fraction, double length) {
     f->cool_down.from = fraction;
@@ -175,23 +175,23 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
     const sf_fit_options *o = &f->options;
     switch (field) {
     case SF_FIELD_mean:
-        return o->lr_mean * sqrt(o->lr_haste) * f->extent * pow(o->lr_mean_final, fraction);
+        return o->lr_mean * sqrt(o->lr_boost) * f->extent * pow(o->lr_mean_final, fraction);
     case SF_FIELD_log_scale:
-        return o->lr_scale * o->lr_haste;
+        return o->lr_scale * o->lr_boost;
     case SF_FIELD_quat:
-        return o->lr_quat * sqrt(o->lr_haste);
+        return o->lr_quat * sqrt(o->lr_boost);
     case SF_FIELD_logit_opacity:
-        return o->lr_opacity * sqrt(o->lr_haste);
+        return o->lr_opacity * sqrt(o->lr_boost);
     case SF_FIELD_sh0:
         return o->lr_sh0;
     default:
-        return o->lr_sh_rest * o->lr_haste;
+        return o->lr_sh_rest * o->lr_boost;
     }
 }
 
 /* At the end all rates fall: what is left of the noise of single views settles. */
 double sf_cooled_rate(const sf_fitter *f, double fraction, double rate) {
-    return f->recovery.lr_scale * rate * pow(f->options.lr_settled, settled_part(f, fraction));
+    return f->recovery.lr_scale * rate * pow(f->options.cool_down_rate, settled_part(f, fraction));
 }
 
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
@@ -201,16 +201,16 @@ double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
 /* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */
 int sf_densification_is_due(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
-    double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->cool_down.from) : o->grow_end;
+    double end = o->densify == SF_DENSIFY_RELOCATE ? fmax(o->densify_end, f->cool_down.from) : o->densify_end;
     if (sf_cools_down_early(f)) end = fmin(end, f->cool_down.from);
-    return f->step % o->grow_every == 0 && fraction >= o->grow_start && fraction <= end;
+    return f->step % o->densify_every == 0 && fraction >= o->densify_start && fraction <= end;
 }
 
 size_t sf_planned_count(const sf_fitter *f, double fraction) {
     double first = (double)f->first_count, grown = most_grown(f, (double)f->options.plan_steps);
     double most = fmin((double)f->options.max_gaussians, first + grown);
-    double span = f->options.grow_end - f->options.grow_start;
-    double part = span > 0 ? fmin((fraction - f->options.grow_start) / span, 1) : 1;
+    double span = f->options.densify_end - f->options.densify_start;
+    double part = span > 0 ? fmin((fraction - f->options.densify_start) / span, 1) : 1;
     return (size_t)(first + fmax(most - first, 0) * part);
 }
 

@@ -140,7 +140,7 @@ sf_status sf_measure_validation(sf_fitter *f, double *psnr, size_t *views) {
 /* When growth and coarse pictures are over. */
 static double learned_by(const sf_fitter *f) {
     const sf_fit_options *o = &f->options;
-    return o->pyramid_levels && !f->warm_start ? fmax(o->grow_end, o->pyramid_end) : o->grow_end;
+    return o->pyramid_levels && !f->warm_start ? fmax(o->densify_end, o->pyramid_end) : o->densify_end;
 }
 
 /* Whether the run has learned what it can: nothing was gained for long, and neither more Gaussians nor finer

@@ -142,6 +142,33 @@ static void test_names(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A former name sets the option of the present one, reads it, and is no other option's name. */
+static void test_former_names(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_option_info info, other;
+    size_t found = 0;
+    for (size_t i = 0; !sf_fit_option_info(i, &info); i++) {
+        const char *former = sf_fit_option_former(info.name);
+        if (!former) continue;
+        found++;
+        for (size_t k = 0; !sf_fit_option_info(k, &other); k++) assert_string_not_equal(former, other.name);
+        sf_fit_options options = sf_fit_options_default();
+        char set[64], present[64], read[64];
+        const char *text = info.kind == SF_KIND_ENUM ? strchr(info.unit, '|') + 1 : "1";
+        snprintf(set, sizeof set, "%.*s", (int)strcspn(text, "|"), text);
+        assert_ok(ctx, sf_fit_options_set(ctx, &options, former, set));
+        assert_int_equal(sf_fit_options_get(&options, info.name, present, sizeof present), SF_OK);
+        assert_int_equal(sf_fit_options_get(&options, former, read, sizeof read), SF_OK);
+        assert_string_equal(present, set);
+        assert_string_equal(read, set);
+    }
+    assert_int_equal(found, 13);
+    assert_null(sf_fit_option_former("steps"));
+    assert_string_equal(sf_fit_option_former("cool_down"), "lr_settle");
+    sf_context_destroy(&ctx);
+}
+
 static void test_numbers(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -271,17 +298,12 @@ static void test_steps_or_time(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_list),
-        cmocka_unit_test(test_defaults_as_text),
-        cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_reals_are_exact),
-        cmocka_unit_test(test_names),
-        cmocka_unit_test(test_numbers),
-        cmocka_unit_test(test_not_a_number),
-        cmocka_unit_test(test_out_of_range),
-        cmocka_unit_test(test_enums),
-        cmocka_unit_test(test_get_needs_room),
-        cmocka_unit_test(test_check_names_the_field),
+        cmocka_unit_test(test_list),           cmocka_unit_test(test_defaults_as_text),
+        cmocka_unit_test(test_round_trip),     cmocka_unit_test(test_reals_are_exact),
+        cmocka_unit_test(test_names),          cmocka_unit_test(test_former_names),
+        cmocka_unit_test(test_numbers),        cmocka_unit_test(test_not_a_number),
+        cmocka_unit_test(test_out_of_range),   cmocka_unit_test(test_enums),
+        cmocka_unit_test(test_get_needs_room), cmocka_unit_test(test_check_names_the_field),
         cmocka_unit_test(test_steps_or_time),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

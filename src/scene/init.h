@@ -1,6 +1,6 @@
-/* first.h - the initialisation of a fit's Gaussians. */
-#ifndef SF_SCENE_FIRST_H
-#define SF_SCENE_FIRST_H
+/* init.h - the initialisation of a fit's Gaussians. */
+#ifndef SF_SCENE_INIT_H
+#define SF_SCENE_INIT_H
 
 #include "../base/rng.h"
 #include "gaussians.h"
@@ -8,8 +8,8 @@
 
 #include <splatfit/fitter.h>
 
-typedef struct sf_first_options {
-    sf_first from;
+typedef struct sf_init_options {
+    sf_init from;
     size_t max_gaussians; /* a random choice of the points where there are more */
     size_t random_count;  /* of those at random */
     int sh_degree;
@@ -17,15 +17,15 @@ typedef struct sf_first_options {
     double scale;   /* standard deviation, in mean distances to the 3 nearest */
     double extent;  /* of the scene, world units */
     double nearest; /* camera z from which on a sweep looks for surfaces, world units */
-} sf_first_options;
+} sf_init_options;
 
 /* Makes a model from points, as options->from says: the scene's sparse ones, those that a sweep finds
  * (sweep.h), or random ones along the rays of the training views. Colour from the point, scale from the mean
- * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes the first of these that has
+ * distance to its 3 nearest neighbours, identity rotation. SF_INIT_AUTO takes the first of these that has
  * enough points, and sparse points only if they lie on the surfaces that the pictures show; random points
- * replace a sweep that finds too few. SF_ERR_EMPTY: no training view, or SF_FIRST_POINTS in a scene without
+ * replace a sweep that finds too few. SF_ERR_EMPTY: no training view, or SF_INIT_POINTS in a scene without
  * points. */
-sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
+sf_status sf_init_gaussians(sf_scene *scene, const sf_init_options *options, sf_rng *rng, sf_model **model);
 
 /* Gaussian i of a model becomes that of a point: a ball of standard deviation `scale`, world units,
  * of the point's colour; neutral bands stay so. */
