@@ -1,5 +1,4 @@
-/* checkpoint_read.c - a fit from a checkpoint, after all that could be wrong with the file has been checked.
- */
+/* checkpoint_read.c - restores a fit from a checkpoint, and checks all that the file holds. */
 #include "checkpoint.h"
 
 #include <math.h>
@@ -13,7 +12,7 @@
 #include "schedule.h"
 #include "time_trace.h"
 
-/* The options that a run may be gone on with differently. */
+/* The options that may differ when a run continues. */
 static const char *const free_options[] = {"steps", "time_limit", "memory"};
 
 static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_model *model) {
@@ -38,7 +37,7 @@ static sf_status take_moments(sf_sections_in *in, const sf_optimizer_state *mome
 
 /* Options. */
 
-/* The line at *at, which loses its newline, must be `info`'s. */
+/* Takes the line at *at, which must set the option `info`; its newline is overwritten. */
 static sf_status take_option(sf_sections_in *in, const sf_option_info *info, char **at,
                              sf_fit_options *options) {
     char *line = *at, *end = strchr(line, '\n'), *space = strchr(line, ' '), what[256];
@@ -152,8 +151,8 @@ static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
                : SF_OK;
 }
 
-/* How many Gaussians have each band, at most max_gaussians. The numbers are believed only where the file is
- * long enough for them. *none: they are -1. */
+/* Reads the number of Gaussians with each band, at most `most`, and checks it against the length of the
+ * parameters before memory is allocated. *none: the numbers are -1. */
 static sf_status take_banded(sf_sections_in *in, const char *prefix, int sh_degree, size_t most,
                              size_t banded[SF_BANDS], int *none) {
     int64_t kept[SF_BANDS];
@@ -206,15 +205,15 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     return status;
 }
 
-/* Pairs on trial, and what they are judged by. */
-static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
+/* The tentative merges, and the errors before them. */
+static sf_status take_merges(sf_sections_in *in, sf_fitter *f) {
     sf_merges *t = &f->merges;
     size_t n = f->model->count, words;
     sf_status status =
-        sf_sections_take_new(in, "trials", &t->list, &words, n * TRIAL_WORDS, sizeof(uint32_t));
+        sf_sections_take_new(in, "trials", &t->list, &words, n * MERGE_WORDS, sizeof(uint32_t));
     if (status) return status;
-    if (words % TRIAL_WORDS) return sf_checkpoint_bad(in, "trials", "has another length");
-    t->count = t->capacity = words / TRIAL_WORDS;
+    if (words % MERGE_WORDS) return sf_checkpoint_bad(in, "trials", "has another length");
+    t->count = t->capacity = words / MERGE_WORDS;
     for (size_t k = 0; k < t->count; k++)
         if (t->list[k].a >= n || t->list[k].b >= n || t->list[k].leader >= n)
             return sf_checkpoint_bad(in, "trials", "names a Gaussian that is none");
@@ -223,8 +222,8 @@ static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
     return status;
 }
 
-/* The best model so far, or one to go back to, if there is one. */
-static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
+/* The restore point, if there is one. */
+static sf_status take_restore_point(sf_sections_in *in, sf_fitter *f) {
     double psnr[2];
     size_t banded[SF_BANDS];
     int none, degree = f->model->sh_degree;
@@ -252,13 +251,13 @@ static sf_status take_state(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = sf_sections_take(in, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
     if (!status) status = take_plan(in, f);
     if (!status) status = take_model(in, f);
-    if (!status) status = take_trials(in, f);
-    if (!status) status = take_best(in, f);
+    if (!status) status = take_merges(in, f);
+    if (!status) status = take_restore_point(in, f);
     if (!status) status = sf_checkpoint_take_learned(in, f);
     return status;
 }
 
-/* Other kernels or another program go on with the run, but not to the same bytes. */
+/* Warns if another program or other kernels wrote the checkpoint: the bytes will differ. */
 static sf_status check_origin(sf_sections_in *in) {
     const char *names[] = {"program", "isa"}, *mine[] = {sf_version(), sf_context_isa(in->ctx)};
     for (int i = 0; i < 2; i++) {

@@ -1,4 +1,4 @@
-/* fitter_access.c - what the public interface reads from a fitter, and sets in it, between two steps. */
+/* fitter_access.c - reads and changes a fitter between two steps, for the public interface. */
 #include "fitter.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
 #include "schedule.h"
 #include "select_merge.h"
 
-/* Of the last steps, as far as it is known; 0: of none. */
+/* Mean of the known losses of the last steps; 0: none is known. */
 static double mean_loss(const sf_fitter *f) {
     double sum = 0, known = 0;
     for (int64_t i = 0; i < f->step && i < SF_LOSS_WINDOW; i++)

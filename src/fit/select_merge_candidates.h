@@ -1,4 +1,4 @@
-/* select_merge_candidates.h - which two Gaussians one Gaussian can stand for. */
+/* select_merge_candidates.h - finds pairs of Gaussians that one Gaussian can replace. */
 #ifndef SF_FIT_SELECT_MERGE_CANDIDATES_H
 #define SF_FIT_SELECT_MERGE_CANDIDATES_H
 
