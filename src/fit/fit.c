@@ -26,9 +26,8 @@
 #include "validation.h"
 
 enum {
-    ROUNDS = 3, /* renders to time a step */
-    LEAST_GAUSSIANS =
-        1000 /* initial Gaussians of a cold start that must fit into memory, if max_gaussians allows */
+    ROUNDS = 3,            /* renders to time a step */
+    LEAST_GAUSSIANS = 1000 /* initial Gaussians of a cold start that must fit into memory */
 };
 
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
@@ -115,8 +114,8 @@ static void update_others(sf_fitter *f, sf_view_state *state, const step_grads *
 
 /* Seconds of a step at full resolution, without the update. */
 static sf_status time_step(sf_fitter *f, double *seconds) {
-    const sf_rng before =
-        f->rng; /* restored below: a run that replays this one's time trace does not time a step */
+    /* all is restored: a run that replays a time trace does not time a step */
+    const sf_rng before = f->rng;
     const double start_before = f->sampler.start;
     sf_view *view;
     sf_status status = sf_next_view(f, &view);

@@ -153,9 +153,8 @@ static double beyond_chance(double mean, double error2) {
 /* Common part of all corrections. Errors of given poses are independent; what all corrections have in common
  * is drift of the model. */
 typedef struct shared_part {
-    double turn[3],
-        shift[3]; /* mean rotation in the cameras' frames; mean displacement of the centres in the world */
-    double growth, from[3]; /* scale change of the distances from the mean centre `from` */
+    double turn[3], shift[3]; /* mean rotation in the camera frames, mean displacement of the centres */
+    double growth, from[3];   /* scale change of the distances from the mean centre `from` */
 } shared_part;
 
 static void find_shared(const sf_view_states *views, shared_part *shared) {

@@ -11,9 +11,9 @@ sf_status sf_fitter_start_room(sf_fitter *fitter, size_t count);
 sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
 /* Replaces the Gaussians by entries[0..n-1], sorted stably by falling degree (at most the model's sh_degree):
  * each is a copy of Gaussian `from`, with its optimizer state and statistics. Bands above its degree are
- * dropped; new bands and their optimizer state are 0. where[k] (may be NULL): the new index of entries[k].
+ * dropped; new bands and their optimizer state are 0. moved_to[k] (may be NULL): the new index of entries[k].
  * Makes room, and frees what is no longer needed. SF_ERR_MEMORY: nothing has changed. */
-sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *where);
+sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *moved_to);
 /* Sorts the Gaussians of each degree along a space-filling curve: then invisible Gaussians fill whole blocks,
  * which a step skips, and those of one tile are close in memory. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_fitter_sort(sf_fitter *fitter);

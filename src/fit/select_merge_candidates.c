@@ -200,52 +200,53 @@ static float value_of(const sf_model *m, int field, size_t i, int c) {
     return i < m->banded[sf_field_band(field)] ? *sf_value(&m->params, field, i, c) : 0;
 }
 
-void sf_apply_merge(sf_fitter *f, const sf_merge_candidate *pair) {
+void sf_apply_merge(sf_fitter *f, const sf_merge_candidate *candidate) {
     const sf_model *m = f->model;
     const sf_params *p = &m->params;
-    blob a = blob_of(p, pair->a), b = blob_of(p, pair->b), one = merged_of(&a, &b);
+    blob a = blob_of(p, candidate->a), b = blob_of(p, candidate->b), one = merged_of(&a, &b);
     float part = (float)(a.mass / (a.mass + b.mass));
     for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT; field++)
-        for (int c = 0; pair->a < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++) {
-            float *x = sf_value(p, field, pair->a, c);
-            *x = part * *x + (1 - part) * value_of(m, field, pair->b, c);
+        for (int c = 0; candidate->a < m->banded[sf_field_band(field)] && c < sf_field_components(field);
+             c++) {
+            float *x = sf_value(p, field, candidate->a, c);
+            *x = part * *x + (1 - part) * value_of(m, field, candidate->b, c);
         }
-    set_shape(p, pair->a, &one);
-    sf_optimizer_restart(&f->moments, m, pair->a);
+    set_shape(p, candidate->a, &one);
+    sf_optimizer_restart(&f->moments, m, candidate->a);
 }
 
 /* Keeps the pairs of the least rise so that each Gaussian is in one at most; returns their number. */
-static size_t choose(sf_merge_candidate *pairs, size_t count, uint8_t *taken) {
+static size_t choose(sf_merge_candidate *candidates, size_t count, uint8_t *taken) {
     size_t n = 0, chosen = 0;
     for (size_t i = 0; i < count; i++)
-        if (pairs[i].rise < INFINITY) pairs[n++] = pairs[i];
-    qsort(pairs, n, sizeof *pairs, by_rise);
+        if (candidates[i].rise < INFINITY) candidates[n++] = candidates[i];
+    qsort(candidates, n, sizeof *candidates, by_rise);
     for (size_t k = 0; k < n; k++) {
-        if (taken[pairs[k].a] || taken[pairs[k].b]) continue;
-        taken[pairs[k].a] = taken[pairs[k].b] = 1;
-        pairs[chosen++] = pairs[k];
+        if (taken[candidates[k].a] || taken[candidates[k].b]) continue;
+        taken[candidates[k].a] = taken[candidates[k].b] = 1;
+        candidates[chosen++] = candidates[k];
     }
     return chosen;
 }
 
 sf_status sf_find_merge_candidates(sf_fitter *f, double misfit, const float *score,
-                                   sf_merge_candidate **pairs, size_t *count) {
+                                   sf_merge_candidate **candidates, size_t *count) {
     size_t all = f->model->count;
     float *points = sf_alloc(f->ctx, all, 3 * sizeof *points);
     sf_nearest *nearest = sf_alloc(f->ctx, all, NEIGHBOURS * sizeof *nearest);
     uint8_t *taken = sf_calloc(f->ctx, all, 1);
     uint32_t *mergeable = sf_alloc(f->ctx, all, sizeof *mergeable);
-    *pairs = sf_alloc(f->ctx, all, sizeof **pairs);
-    sf_status status = points && nearest && *pairs && taken && mergeable ? SF_OK : SF_ERR_MEMORY;
+    *candidates = sf_alloc(f->ctx, all, sizeof **candidates);
+    sf_status status = points && nearest && *candidates && taken && mergeable ? SF_OK : SF_ERR_MEMORY;
     size_t n = status ? 0 : list_mergeable(f, score, mergeable, points);
     if (!status) status = sf_find_nearest(f->ctx, points, n, NEIGHBOURS, nearest);
     if (!status) {
-        merge_job job = {f, mergeable, n, nearest, score, misfit, *pairs};
+        merge_job job = {f, mergeable, n, nearest, score, misfit, *candidates};
         sf_pool_run(f->ctx->pool, (n + CHUNK - 1) / CHUNK, find_task, &job);
-        *count = choose(*pairs, n, taken);
+        *count = choose(*candidates, n, taken);
     } else {
-        sf_free(f->ctx, *pairs);
-        *pairs = NULL;
+        sf_free(f->ctx, *candidates);
+        *candidates = NULL;
     }
     sf_free(f->ctx, points);
     sf_free(f->ctx, nearest);

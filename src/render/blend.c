@@ -1,4 +1,5 @@
-/* blend.c - every tile, front to back, and back to the sums of each pair of Gaussian and tile. */
+/* blend.c - blends all tiles front to back; backwards, sums the gradients of each pair of Gaussian and tile.
+ */
 #include "workspace.h"
 
 #include "../base/pool.h"

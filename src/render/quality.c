@@ -1,4 +1,4 @@
-/* quality.c - figures of merit that are no loss. */
+/* quality.c - quality metrics that are no part of the loss. */
 #include "workspace.h"
 
 #include <math.h>
@@ -6,18 +6,19 @@
 #include "../base/statistics.h"
 
 double sf_psnr_of(double mse) {
-    return -10 * log10(mse < 1e-10 ? 1e-10 : mse); /* a target that is not finite stays seen */
+    return -10 * log10(mse < 1e-10 ? 1e-10
+                                   : mse); /* NaN is passed on: a target that is not finite must be noticed */
 }
 
 static double weight_at(const sf_workspace *ws, size_t at) {
     return ws->has_weight ? (double)ws->weight[at] : 1.0;
 }
 
-/* Half a step of 8 bits below white: of what is there a picture says only that it is no darker. */
+/* White, half an 8-bit step below 1: a saturated value is only a lower bound. */
 #define WHITE (1 - 0.5 / 255)
 
-/* Fits target = gain x + bias by least squares to the columns left of `end`, but for what is white in the
- * target; returns the sum of weights. */
+/* Fits target = gain x + bias by least squares in the columns left of `end`, without pixels that are white in
+ * the target; returns the sum of weights. */
 static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain, double *bias) {
     sf_line_sums s = {0};
     for (size_t row = 0; row < (size_t)ws->eye.height; row++)
@@ -28,7 +29,7 @@ static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain,
             s.w += weight, s.x += weight * value, s.y += weighted;
             s.xx += weight * value * value, s.xy += weighted * value;
         }
-    sf_line_fit(&s, 1e-9 * s.w * s.xx, gain, bias); /* rounding is no spread */
+    sf_line_fit(&s, 1e-9 * s.w * s.xx, gain, bias); /* a smaller variance is rounding */
     return s.w;
 }
 

@@ -1,4 +1,4 @@
-/* workspace.c - room for a step, made once and grown when a picture or a model outgrows it. */
+/* workspace.c - the buffers of a step, allocated once and enlarged for a larger picture or model. */
 #include "workspace.h"
 
 #include <string.h>
@@ -56,8 +56,9 @@ static void set_eye(sf_eye *eye, const sf_camera *camera, float near_plane) {
     eye->tiles_y = (camera->height + SF_TILE - 1) / SF_TILE;
 }
 
-/* The low-pass of the large picture, and the variance of where its pixels stand in a square. Each with its
- * own 0.3 px^2, a model that suits the small picture is too thin in the large one. */
+/* Low-pass of a reduced picture: that of the full picture, plus the variance of its pixels' positions in a
+ * square. With 0.3 px^2 at each resolution a model fitted to the reduced picture would be too thin in the
+ * full one. */
 void sf_workspace_reduced(sf_workspace *ws, int factor) {
     double square = (double)factor * factor;
     ws->eye.low_pass = SF_LOW_PASS / square + (1 - 1 / square) / 12;

@@ -1,4 +1,4 @@
-/* first.c - the first Gaussians, from sparse points, from a sweep or at random. */
+/* first.c - initialisation: Gaussians from sparse points, from plane-sweep stereo or at random. */
 #include "first.h"
 
 #include <math.h>
@@ -13,11 +13,11 @@
 #define SH_C0 0.28209479177387814f
 
 enum {
-    ENOUGH = 100,       /* points to start from */
-    MOST_SWEPT = 20000, /* growth adds where more are needed */
+    ENOUGH = 100,       /* the fewest points to initialise from */
+    MOST_SWEPT = 20000, /* densification adds more where they are needed */
 };
 
-/* Of points in that order the one nearest to their mean. */
+/* The point nearest to the mean of the given points. */
 static uint32_t central(const float *xyz, const uint32_t *points, size_t n) {
     double mean[3] = {0}, least = INFINITY;
     uint32_t nearest = points[0];
@@ -33,8 +33,8 @@ static uint32_t central(const float *xyz, const uint32_t *points, size_t n) {
     return nearest;
 }
 
-/* Leaves `most` of more points, in their order: a curve through space is cut into as many parts, and each
- * part leaves its central one, so that no place is left without by chance. */
+/* Reduces the points to `most`, in their order. A space-filling curve is cut into that many parts, and the
+ * central point of each part is kept: a random choice could leave gaps. */
 static sf_status thin_points(sf_context *ctx, size_t most, sf_cloud *c) {
     uint32_t *curve;
     sf_status status = sf_curve_order(ctx, c->xyz, c->n, NULL, &curve);
@@ -59,7 +59,7 @@ static sf_status thin_points(sf_context *ctx, size_t most, sf_cloud *c) {
     return status;
 }
 
-/* All points, or `most` of them. */
+/* The scene's points, at most `most` of them. */
 static sf_status choose_points(sf_scene *scene, size_t most, sf_cloud *c) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
@@ -73,14 +73,14 @@ static sf_status choose_points(sf_scene *scene, size_t most, sf_cloud *c) {
     return status;
 }
 
-/* The training views of a scene, for sf_scene_release_all. */
+/* Retains the training views, for sf_scene_release_all. SF_ERR_EMPTY: there is none. */
 static sf_status hold_views(sf_scene *scene, sf_view ***views, size_t *n) {
     sf_status status = sf_scene_retain_training(scene, views, n);
     if (!status && !*n) status = sf_fail(scene->ctx, SF_ERR_EMPTY, "scene: no training view");
     return status;
 }
 
-/* Points that the views agree on; none where they are too few to start from, which is said. */
+/* Points from plane-sweep stereo; none, with a message, if they are too few to initialise from. */
 static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size_t n,
                               const sf_first_options *options, sf_cloud *c) {
     size_t most = options->max_gaussians;
@@ -96,7 +96,8 @@ static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size
     return SF_OK;
 }
 
-/* Those, and random ones where they leave the pictures open; random ones alone where they are asked for. */
+/* Points of a sweep, and random ones where these leave the pictures uncovered; random ones only if asked for.
+ */
 static sf_status points_from_views(sf_context *ctx, const sf_view *const *views, size_t n,
                                    const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
     sf_cloud swept = {0};
@@ -116,7 +117,7 @@ static sf_status points_from_views(sf_context *ctx, const sf_view *const *views,
     return status;
 }
 
-/* The scene's own points, none where they are too few or lie nowhere in particular. */
+/* The scene's sparse points; none if they are too few or do not agree with the pictures. */
 static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, size_t n,
                                  const sf_first_options *options, sf_cloud *c) {
     sf_scene_info info;

@@ -1,4 +1,4 @@
-/* first.h - the first Gaussians of a fit. */
+/* first.h - initialisation: the first Gaussians of a fit. */
 #ifndef SF_SCENE_FIRST_H
 #define SF_SCENE_FIRST_H
 
@@ -10,24 +10,25 @@
 
 typedef struct sf_first_options {
     sf_first from;
-    size_t max_gaussians; /* a random choice of the points where there are more */
-    size_t random_count;  /* of those at random */
+    size_t max_gaussians; /* at most this many points are used, evenly chosen */
+    size_t random_count;  /* number of random points */
     int sh_degree;
     double opacity;
     double scale;   /* standard deviation, in mean distances to the 3 nearest */
     double extent;  /* of the scene, world units */
-    double nearest; /* camera z from which on a sweep looks for surfaces, world units */
+    double nearest; /* least depth at which a sweep looks for surfaces, camera z, world units */
 } sf_first_options;
 
-/* Makes a model from points, as options->from says: the scene's sparse ones, those that a sweep finds
+/* Makes a model from points, as options->from says: the scene's sparse points, points from plane-sweep stereo
  * (sweep.h), or random ones along the rays of the training views. Colour from the point, scale from the mean
- * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes what there is enough of, in
- * that order, but sparse points only where they lie on what the pictures show; a sweep that finds too little
- * gives way to random ones. SF_ERR_EMPTY: no training view, or SF_FIRST_POINTS in a scene without points. */
+ * distance to its 3 nearest neighbours, identity rotation. SF_FIRST_AUTO takes the first kind in that order
+ * of which there are enough; sparse points only if they agree with the pictures. A sweep that finds too few
+ * is replaced by random points. SF_ERR_EMPTY: no training view, or SF_FIRST_POINTS in a scene without points.
+ */
 sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_model **model);
 
-/* Gaussian i of a model becomes that of a point: a ball of standard deviation `scale`, world units,
- * of the point's colour; neutral bands stay so. */
+/* Sets Gaussian i of a model from a point: a sphere of standard deviation `scale`, world units, of the
+ * point's colour; other bands are not changed. */
 void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], const uint8_t rgb[3],
                        double scale, double opacity);
 
