@@ -98,7 +98,7 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
     for (int i = 0; i < INTEGERS && !status; i++) {
         if (integers[i] < 0) status = sf_checkpoint_bad(in, "integers", "one is below 0");
         if (integers[i] > (int64_t)SF_CHECKPOINT_MOST)
-            status = sf_checkpoint_bad(in, "integers", "one is more than anything counts");
+            status = sf_checkpoint_bad(in, "integers", "one is out of range");
     }
     if (status) return status;
         /* some are kept in less than 64 bits */
@@ -110,13 +110,12 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
     if (f->first_count > (size_t)f->options.max_gaussians)
         return sf_checkpoint_bad(in, "integers", "first_count is more than max_gaussians");
     if (f->sampler.at > f->sampler.count)
-        return sf_checkpoint_bad(in, "integers", "order_at lies behind the order");
-    if (f->end >= SF_FIT_END_COUNT)
-        return sf_checkpoint_bad(in, "integers", "end is none that a run can have");
+        return sf_checkpoint_bad(in, "integers", "sampler.at is beyond the pass");
+    if (f->end >= SF_FIT_END_COUNT) return sf_checkpoint_bad(in, "integers", "end is out of range");
     if (f->recovery.since > f->step)
-        return sf_checkpoint_bad(in, "integers", "guard_since lies behind the step");
+        return sf_checkpoint_bad(in, "integers", "recovery.since is after the step");
     if (f->optimizer_restart > f->step)
-        return sf_checkpoint_bad(in, "integers", "adam_before lies behind the step");
+        return sf_checkpoint_bad(in, "integers", "optimizer_restart is after the step");
     return SF_OK;
 }
 
@@ -125,7 +124,7 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
     sf_status status = sf_sections_take(in, "reals", reals, REALS, sizeof *reals);
     for (int i = 0; i < REALS && !status; i++)
         if (!(isfinite(reals[i]) && reals[i] >= 0))
-            status = sf_checkpoint_bad(in, "reals", "one is not a number above 0");
+            status = sf_checkpoint_bad(in, "reals", "one is below 0 or not finite");
     if (!status) status = sf_sections_take(in, "seconds", &seconds, 1, sizeof seconds);
     if (!status && !(isfinite(seconds) && seconds >= 0))
         status = sf_checkpoint_bad(in, "seconds", "is not a time");
@@ -133,8 +132,8 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
 #define VALUE(name) f->name = *at++;
     STATE_REALS(VALUE)
 #undef VALUE
-    if (f->merges.part > 1) return sf_checkpoint_bad(in, "reals", "trials.part is more than the whole");
-    if (f->sampler.start >= 1) return sf_checkpoint_bad(in, "reals", "pass_start lies behind the views");
+    if (f->merges.part > 1) return sf_checkpoint_bad(in, "reals", "merges.part is above 1");
+    if (f->sampler.start >= 1) return sf_checkpoint_bad(in, "reals", "sampler.start is not below 1");
     f->rate_time = sf_clock();
     f->rate_step = f->step;
     f->start = f->rate_time - seconds;
@@ -216,7 +215,7 @@ static sf_status take_merges(sf_sections_in *in, sf_fitter *f) {
     t->count = t->capacity = words / MERGE_WORDS;
     for (size_t k = 0; k < t->count; k++)
         if (t->list[k].a >= n || t->list[k].b >= n || t->list[k].leader >= n)
-            return sf_checkpoint_bad(in, "trials", "names a Gaussian that is none");
+            return sf_checkpoint_bad(in, "trials", "an index is out of range");
     status = sf_sections_take_new(in, "trials.tiles", &t->tiles, &t->tile_count, INT32_MAX, sizeof *t->tiles);
     t->tile_capacity = t->tile_count;
     return status;

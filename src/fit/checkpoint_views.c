@@ -177,7 +177,7 @@ static sf_status take_indices(sf_sections_in *in, const char *name, uint32_t **i
     for (size_t i = 0; i < *n && !status; i++) {
         uint32_t index = (*ids)[i];
         if (index != UINT32_MAX && index >= count)
-            status = sf_checkpoint_bad(in, name, "names a view that is none");
+            status = sf_checkpoint_bad(in, name, "an index is out of range");
         else
             (*ids)[i] = index == UINT32_MAX ? 0 : views[index]->id;
     }
@@ -317,9 +317,9 @@ static sf_status take_states(const sf_sections_in *in, sf_fitter *f, const uint3
             if (!isfinite(row[k]))
                 return sf_checkpoint_bad(in, "learned.views", "holds a value that is not finite");
         if (indices[i] >= count || !(row[0] >= 0 && row[0] < (double)v->lens_count))
-            return sf_checkpoint_bad(in, "learned.views", "names a view or a lens that is none");
+            return sf_checkpoint_bad(in, "learned.views", "an index is out of range");
         if (!is_whole(row[2], SF_CHECKPOINT_MOST) || !is_whole(row[3], SF_CHECKPOINT_MOST))
-            return sf_checkpoint_bad(in, "learned.views", "a number of steps is none");
+            return sf_checkpoint_bad(in, "learned.views", "a number of steps is out of range");
         if (v->count && views[indices[i]]->id <= v->states[v->count - 1].id)
             return sf_checkpoint_bad(in, "learned.places", "names a view twice, or before an earlier one");
         sf_view_state *s = &v->states[v->count++];
@@ -344,7 +344,7 @@ static sf_status take_lenses(sf_sections_in *in, sf_fitter *f) {
         const double *row = rows + LENS_ROW * i;
         if (!is_whole(row[0], INT32_MAX) || !is_whole(row[1], INT32_MAX) ||
             !is_whole(row[2], SF_CHECKPOINT_MOST)) {
-            status = sf_checkpoint_bad(in, "learned.lenses", "a size or a number of steps is none");
+            status = sf_checkpoint_bad(in, "learned.lenses", "a size or a number of steps is out of range");
             break;
         }
         v->lenses[v->lens_count] = (sf_view_lens){0};

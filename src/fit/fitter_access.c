@@ -77,7 +77,9 @@ sf_status sf_fitter_set_pose(sf_fitter *f, uint32_t id, const double R_cw[9], co
     sf_camera camera = state->given;
     memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
     memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
-    if (sf_camera_check(&camera)) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "pose: of view %u: is none", id);
+    if (sf_camera_check(&camera))
+        return sf_fail(f->ctx, SF_ERR_ARGUMENT, "pose: of view %u: not a rotation and a finite translation",
+                       id);
     state->given = camera;
     memcpy(state->R_cw, R_cw, sizeof state->R_cw);
     memcpy(state->t_cw, t_cw, sizeof state->t_cw);

@@ -154,7 +154,7 @@ static double beyond_chance(double mean, double error2) {
  * is drift of the model. */
 typedef struct shared_part {
     double turn[3], shift[3]; /* mean rotation in the camera frames, mean displacement of the centres */
-    double growth, from[3];   /* scale change of the distances from the mean centre `from` */
+    double scaling, from[3];  /* scale change of the distances from the mean centre `from` */
 } shared_part;
 
 static void find_shared(const sf_view_states *views, shared_part *shared) {
@@ -180,8 +180,8 @@ static void find_shared(const sf_view_states *views, shared_part *shared) {
         }
     }
     if (!(far > 0)) return;
-    double growth = along / far;
-    shared->growth = beyond_chance(growth, (left / far - growth * growth) / (3 * n - 4));
+    double scaling = along / far;
+    shared->scaling = beyond_chance(scaling, (left / far - scaling * scaling) / (3 * n - 4));
 }
 
 void sf_hold_mean(sf_view_states *views) {
@@ -198,7 +198,7 @@ void sf_hold_mean(sf_view_states *views) {
         sf_camera now;
         pose_in_use(view, &now);
         sf_camera_center(&now, o);
-        for (int k = 0; k < 3; k++) o[k] = shared.shift[k] - o[k] + shared.growth * (o[k] - shared.from[k]);
+        for (int k = 0; k < 3; k++) o[k] = shared.shift[k] - o[k] + shared.scaling * (o[k] - shared.from[k]);
         sf_mat3_mul(back, now.R_cw, R);
         memcpy(view->R_cw, R, sizeof R);
         sf_mat3_vec(R, o, view->t_cw);

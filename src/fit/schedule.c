@@ -1,4 +1,4 @@
-/* schedule.c - what holds at a fraction of the run. */
+/* schedule.c - resolution, SH degree, learning rates and number of Gaussians at a fraction of the run. */
 #include "schedule.h"
 
 #include <limits.h>

@@ -100,8 +100,8 @@ static int is_invisible(const sf_errors *e) {
     return e->squares < BARELY_VISIBLE * VISIBLE * VISIBLE * e->values;
 }
 
-/* Where errors are invisible only Gaussians with a share in them are densified. Elsewhere the screen gradient
- * chooses better. */
+/* Where errors are invisible, clears the score of Gaussians with a small error share, so that only the others
+ * are densified. Where errors are visible the screen gradient chooses better. */
 static sf_status densify_erring_only(sf_fitter *f) {
     sf_importance w;
     sf_status status = sf_measure_importance(f, IMPORTANCE_VIEWS, &w);
@@ -116,8 +116,8 @@ static sf_status densify_erring_only(sf_fitter *f) {
     return status;
 }
 
-/* squares: mean squared error of a value, measured at the resolution level of training, since what coarse
- * pictures teach does not lower the error of fine ones. */
+/* squares: mean squared error of a value at the resolution level of training: steps on coarse pictures do not
+ * lower the error of fine ones. */
 static void judge_densification(sf_fitter *f, int level, double squares) {
     int compares = f->select.min_error > 0 && level == f->select.min_error_level;
     int gained = compares && squares < f->select.min_error * (1 - GROWTH_GAIN);
@@ -168,9 +168,9 @@ static sf_status measure_without(sf_fitter *f, prune_candidate *list, size_t n, 
     return status;
 }
 
-/* Marks Gaussians below the threshold for removal, the least important first: at most half of all where that
- * is visible, and no more at once than `rise` allows. Where many Gaussians do the same each has a low score,
- * and those that stay gain importance. */
+/* Marks Gaussians below the threshold for removal, the least important first: at most half of all where
+ * errors are visible, and no more at once than `rise` allows. Redundant Gaussians have a low score each; when
+ * some of them are removed, the importance of the others rises. */
 static sf_status mark_pruned(sf_fitter *f, double fraction, double threshold, const sf_importance *w) {
     sf_errors before, after;
     double rise = fraction > prune_until(f) ? LATE_RISE : is_invisible(&w->errors) ? INVISIBLE_RISE : RISE;
@@ -204,9 +204,9 @@ static void exclude_visible_errors(sf_importance *w) {
             w->score[i] = INFINITY;
 }
 
-/* Each Gaussian's best degree minimises the score of the bands above it plus the threshold, by the float, of
- * those up to it. Where that is below its degree it loses one band: the bands that stay make up for part of
- * it. */
+/* Lowers the degree of Gaussians by one where a lower degree is best. The best degree minimises the score of
+ * the bands above it plus the threshold for the floats up to it. Only one band is removed, since the others
+ * make up for part of it. */
 static void lower_degrees(const sf_importance *w, double threshold, uint8_t *degrees) {
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
@@ -221,8 +221,8 @@ static void lower_degrees(const sf_importance *w, double threshold, uint8_t *deg
     }
 }
 
-/* Whether selection is due for merges alone and a few views show that no merge would hold; the vain round is
- * counted. Then only floaters are removed. */
+/* Whether selection is due for merges only and a few views show that no merge would hold; counts the vain
+ * round. Then only floaters are removed. */
 static int skip(sf_fitter *f, double fraction) {
     sf_errors errors;
     if (prune_is_due(f, fraction) || f->merges.count) return 0;
@@ -253,8 +253,8 @@ sf_status sf_select_mark(sf_fitter *f, double fraction, sf_importance *w, uint8_
 static sf_status merge(sf_fitter *f, double fraction, size_t removed, sf_importance *w) {
     sf_status status = SF_OK;
     if (!w->views || !may_merge(f, fraction)) return SF_OK;
-    if (!is_invisible(
-            &w->errors)) { /* pictures of a camera: their noise is visible, and merges would not hold */
+    /* the noise of a camera's pictures is visible, and merges would not hold */
+    if (!is_invisible(&w->errors)) {
         f->merges.in_vain++;
         return SF_OK;
     }
@@ -267,8 +267,7 @@ static sf_status merge(sf_fitter *f, double fraction, size_t removed, sf_importa
     return status ? status : sf_merges_begin(f, w);
 }
 
-/* The statistics of densification are not needed any more: gradient_sum carries the scores through the
- * removal.
+/* The statistics of densification are no longer needed: gradient_sum carries the scores through the removal.
  */
 static sf_status prune_and_merge(sf_fitter *f, double fraction, uint8_t *degrees, int *changed) {
     sf_importance w = {0};

@@ -7,8 +7,8 @@
 
 enum { SF_MERGE_STEPS = 100 /* in which the neighbours adapt before merges are judged */ };
 
-/* Whether merges are worth measuring importance for; if not, they are tried only when it is measured anyway.
- */
+/* Whether it pays to measure importance for merges alone; if not, merges are tried only when it is measured
+ * anyway. */
 int sf_merges_promise(const sf_merges *merges);
 
 /* Begins a round: merges the candidates with the least expected rise of the error. importance: of the model

@@ -37,8 +37,7 @@ typedef struct merge_job {
     const sf_nearest *nearest; /* [count][NEIGHBOURS], indices into `mergeable` */
     const float *score;
     double misfit;
-    sf_merge_candidate
-        *best; /* [count] the candidate of the least rise of each; its rise is INFINITY if there is none */
+    sf_merge_candidate *best; /* [count] the best candidate of each; its rise is INFINITY if there is none */
 } merge_job;
 
 static double determinant(const double C[9]) {

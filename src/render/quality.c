@@ -5,10 +5,8 @@
 
 #include "../base/statistics.h"
 
-double sf_psnr_of(double mse) {
-    return -10 * log10(mse < 1e-10 ? 1e-10
-                                   : mse); /* NaN is passed on: a target that is not finite must be noticed */
-}
+/* NaN stays NaN: a target that is not finite must be noticed. */
+double sf_psnr_of(double mse) { return -10 * log10(mse < 1e-10 ? 1e-10 : mse); }
 
 static double weight_at(const sf_workspace *ws, size_t at) {
     return ws->has_weight ? (double)ws->weight[at] : 1.0;

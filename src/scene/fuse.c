@@ -159,9 +159,7 @@ static sf_status thin(sf_context *ctx, candidate *c, size_t n, size_t wanted, sf
     double size = 1;
     size_t kept = keep_best(c, n, size, slots, slot_count);
     for (int i = 0; kept > wanted && i < MOST_TRIALS; i++) {
-        size *= fmax(COARSER,
-                     sqrt((double)kept /
-                          (double)wanted)); /* points lie on surfaces: their number falls with the square */
+        size *= fmax(COARSER, sqrt((double)kept / (double)wanted)); /* points lie on surfaces */
         kept = keep_best(c, n, size, slots, slot_count);
     }
     if (kept > wanted) kept = wanted; /* voxels around the origin and of different sides always remain */

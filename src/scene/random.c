@@ -18,10 +18,8 @@ enum {
     CELLS = 24,            /* cells across and down a picture in which covered pixels are recorded */
     TRIALS = 1000,         /* attempts to find an uncovered pixel; points that are tested */
     FEWEST_ASKED = 50,     /* the fewest points in a picture to judge by */
-    NO_MATTER =
-        3 * 2 * AROUND *
-        LOOKS, /* a depth is good if no other has a difference lower by more than this: 2 levels a value */
-    AS_GOOD = NO_MATTER * 3 / 4, /* two depths whose differences are this close are equally good */
+    NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a depth is good if no other is better by more: 2 levels a value */
+    AS_GOOD = NO_MATTER * 3 / 4,        /* two depths whose differences are this close are equally good */
 };
 #define ASIDE 1.25 /* factor by which a point may be nearer or farther than its neighbours */
 /* The least part of the points that must agree: a fifth to a quarter of wrong points do, more than half of

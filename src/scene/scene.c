@@ -165,7 +165,8 @@ sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], 
     memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
     memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
     sf_status status = sf_camera_check(&camera)
-                           ? sf_fail(scene->ctx, SF_ERR_ARGUMENT, "pose: of view %u: is none", id)
+                           ? sf_fail(scene->ctx, SF_ERR_ARGUMENT,
+                                     "pose: of view %u: not a rotation and a finite translation", id)
                            : copy_view(old, &camera, &new);
     sf_view_release(old);
     if (status) return status;
