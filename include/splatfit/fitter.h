@@ -20,19 +20,19 @@ typedef enum sf_background {
 } sf_background;
 
 /* Where the first Gaussians come from. */
-typedef enum sf_first {
-    SF_FIRST_AUTO,   /* the first of the others that there is enough of */
-    SF_FIRST_POINTS, /* the scene's sparse points */
-    SF_FIRST_SWEEP,  /* points found by matching the views; at random where too few are found */
-    SF_FIRST_RANDOM  /* init_random of them behind random pixels of the views */
-} sf_first;
+typedef enum sf_init {
+    SF_INIT_AUTO,   /* the first of the others that there is enough of */
+    SF_INIT_POINTS, /* the scene's sparse points */
+    SF_INIT_SWEEP,  /* points found by matching the views; at random where too few are found */
+    SF_INIT_RANDOM  /* init_random of them behind random pixels of the views */
+} sf_init;
 
 /* How the number of Gaussians grows. */
-typedef enum sf_growth {
-    SF_GROWTH_GRADIENT, /* what has the largest mean screen gradient is cloned or split */
-    SF_GROWTH_ERROR,    /* what has a part in the error of several training views is */
-    SF_GROWTH_RELOCATE  /* faint ones move to live ones, and new ones join them (3DGS-MCMC) */
-} sf_growth;
+typedef enum sf_densification {
+    SF_DENSIFY_GRADIENT, /* what has the largest mean screen gradient is cloned or split */
+    SF_DENSIFY_ERROR,    /* what has a part in the error of several training views is */
+    SF_DENSIFY_RELOCATE  /* faint ones move to live ones, and new ones join them (3DGS-MCMC) */
+} sf_densification;
 
 /* How many Gaussians a fit ends with. */
 typedef enum sf_size {
@@ -97,13 +97,13 @@ typedef enum sf_moment_format {
          "with 1e-9 the loss is L1; 0: as plan_steps suggest, L1 where they are many")                       \
     REAL(lr_mean, 4.5e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "", "that rate at the end, as a fraction; exponential between")       \
-    REAL(lr_settle, 0.8, 0, 1, "of the run", "all learning rates fall from here on")                         \
-    REAL(lr_settled, 0.1, 1e-9, 1, "", "to this fraction at the end; exponential between")                   \
+    REAL(cool_down, 0.8, 0, 1, "of the run", "all learning rates fall from here on")                         \
+    REAL(cool_down_rate, 0.1, 1e-9, 1, "", "to this fraction at the end; exponential between")               \
     REAL(lr_sh0, 0.013, 0, 1, "", "learning rate of SH band 0")                                              \
     REAL(lr_sh_rest, 0.001, 0, 1, "", "learning rate of the higher SH bands")                                \
     REAL(lr_opacity, 0.07, 0, 1, "", "learning rate of the logit-opacities")                                 \
     REAL(lr_scale, 0.015, 0, 1, "", "learning rate of the log-scales")                                       \
-    REAL(lr_haste, 0, 0, 100, "",                                                                            \
+    REAL(lr_boost, 0, 0, 100, "",                                                                            \
          "the rates of scales, higher SH bands and a background are so many times as high, those of "        \
          "means, quaternions and opacities by the root of it; 0: as plan_steps suggest")                     \
     REAL(lr_quat, 0.003, 0, 1, "", "learning rate of the quaternions")                                       \
@@ -112,7 +112,7 @@ typedef enum sf_moment_format {
     FLAG(refine_poses, 0, "correct the poses of the training views")                                         \
     FLAG(refine_intrinsics, 0, "correct the focal lengths, which the views of a camera share")               \
     REAL(refine_start, 0.2, 0, 1, "of the run", "poses are corrected from here on")                          \
-    FLAG(hold_two_poses, 0, "with refine_poses: keep two poses, far apart, not the mean")                    \
+    FLAG(fix_gauge, 0, "with refine_poses: keep two poses, far apart, not the mean")                         \
     REAL(lr_gain, 0.04, 0, 1, "", "learning rate of an exposure's gains (their logarithms) at the start")    \
     REAL(lr_bias, 0.004, 0, 1, "", "that of its biases")                                                     \
     REAL(lr_pose, 0.0015, 0, 1, "rad", "that of poses: turns, and translations in depths of what is seen")   \
@@ -124,9 +124,9 @@ typedef enum sf_moment_format {
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
     ENUM(moments, 0, "float|half",                                                                           \
          "Adam's moments take 8 bytes a parameter, or 4, rounded at random; higher SH have none")            \
-    INT(mean_steps, 0, 0, 100000, "",                                                                        \
+    INT(ema_steps, 0, 0, 100000, "",                                                                         \
         "what is shown and saved is a mean of about so many steps, but of higher SH; 0: the last step")      \
-    ENUM(first, 0, "auto|points|sweep|random",                                                               \
+    ENUM(init, 0, "auto|points|sweep|random",                                                                \
          "first Gaussians: the scene's points, found by matching its views, or at random")                   \
     REAL(init_opacity, 0.3, 0.001, 0.99, "", "opacity of the first Gaussians")                               \
     REAL(init_scale, 0.8, 0.001, 1000, "", "their scale, in mean distances to the 3 nearest points")         \
@@ -138,21 +138,22 @@ typedef enum sf_moment_format {
     REAL(pyramid_ratio, 0.25, 0.01, 1, "", "end of a coarser level, as a fraction of the next finer one's")  \
     REAL(sh_end, 0, 0, 1, "of the run",                                                                      \
          "the highest SH degree from here on, the others evenly before; 0: as plan_steps suggest")           \
-    ENUM(growth, 0, "gradient|error|relocate",                                                               \
+    ENUM(densify, 0, "gradient|error|relocate",                                                              \
          "what grows: by mean screen gradient, by error seen in several views; or faint ones move to live "  \
          "ones")                                                                                             \
-    INT(error_views, 8, 1, 1000, "", "growth error: training views that are looked at before each")          \
+    INT(error_views, 8, 1, 1000, "", "densify error: training views that are looked at before each")         \
     REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
-         "growth relocate: noise of faint means, in covariances (square extents) times the means' rate")     \
+         "densify relocate: noise of faint means, in covariances (square extents) times the means' rate")    \
     REAL(reg_opacity, 0, 0, 1e6, "", "logits of what is seen fall by so many rates, times the opacity")      \
     REAL(reg_scale, 0, 0, 1e6, "", "log-scales of what is seen fall by so many rates")                       \
-    REAL(grow_start, 0, 0, 1, "of the run", "first growth")                                                  \
-    REAL(grow_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                           \
-    REAL(grow_most, 26, 0, 1e6, "a step", "most Gaussians to grow in all, for each step of plan_steps")      \
-    INT(grow_every, 0, 0, 100000000, "steps", "steps between growths; 0: as plan_steps suggest")             \
-    REAL(grow_threshold, 0, 0, 1e9, "",                                                                      \
+    REAL(densify_start, 0, 0, 1, "of the run", "first growth")                                               \
+    REAL(densify_end, 0, 0, 1, "of the run", "last growth; 0: as plan_steps suggest")                        \
+    REAL(densify_per_step, 26, 0, 1e6, "a step",                                                             \
+         "most Gaussians to grow in all, for each step of plan_steps")                                       \
+    INT(densify_every, 0, 0, 100000000, "steps", "steps between growths; 0: as plan_steps suggest")          \
+    REAL(densify_threshold, 0, 0, 1e9, "",                                                                   \
          "least mean screen gradient (device units) or error (px) of what grows")                            \
-    REAL(grow_rate, 0.5, 0, 1, "", "largest growth at once, as a fraction of the Gaussians")                 \
+    REAL(densify_rate, 0.5, 0, 1, "", "largest growth at once, as a fraction of the Gaussians")              \
     REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
@@ -232,7 +233,7 @@ typedef struct sf_fit_progress {
     double eta_seconds;      /* to the end */
     int level;               /* halvings of the picture in the last step */
     int sh_degree;           /* in use */
-    int gone_on;             /* started from a model */
+    int warm_start;          /* started from a model */
     uint64_t skipped_values; /* Gaussian-steps left out for a value that was not finite */
     int64_t diverged;        /* times that the loss jumped, or was not finite: the fit went back to an earlier
                                 model, and on with half the learning rates */
@@ -248,7 +249,7 @@ typedef struct sf_fitter sf_fitter;
 
 /* Prepares a fit of `scene`, which stays the caller's and outlives the fitter. `from` (may be NULL) is copied
  * and gone on from, with its own SH degree raised to the options'; otherwise the first Gaussians are made as
- * options->first says. options NULL: the defaults. SF_ERR_ARGUMENT: an option out of range (named), `from`
+ * options->init says. options NULL: the defaults. SF_ERR_ARGUMENT: an option out of range (named), `from`
  * larger than max_gaussians; SF_ERR_MEMORY: the start does not fit into
  * options->memory; SF_ERR_EMPTY: no training view, or first is points and the scene has none. */
 SF_API sf_status sf_fitter_create(sf_context *context, sf_scene *scene, const sf_model *from,
@@ -327,14 +328,14 @@ SF_API void sf_fitter_resume(sf_fitter *fitter);
  * model does not count against time_limit. Negative: puts them in. */
 SF_API void sf_fitter_skip_time(sf_fitter *fitter, double seconds);
 
-/* Between steps: adds Gaussians at points that were found since, as SF_FIRST_POINTS makes them: xyz
+/* Between steps: adds Gaussians at points that were found since, as SF_INIT_POINTS makes them: xyz
  * [count][3] and radius [count] (standard deviations) in world units, rgb [count][3]. What is not finite, a
  * radius that is not above 0, and what max_gaussians has no room for is left out; *added (may be NULL): how
  * many were not. SF_ERR_MEMORY: the model is what it was. */
 SF_API sf_status sf_fitter_add_points(sf_fitter *fitter, size_t count, const float *xyz, const uint8_t *rgb,
                                       const float *radius, size_t *added);
 
-/* A copy of the model as it is between steps, or of its means (mean_steps); the caller destroys it. */
+/* A copy of the model as it is between steps, or of its means (ema_steps); the caller destroys it. */
 SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);
 
 /* Renders what sf_fitter_snapshot would copy, with the fit's background and near plane; as sf_render. */

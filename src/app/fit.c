@@ -179,7 +179,7 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         app_json_text(r->a->positional[0]), "scene", "train_views", (json_int_t)scene.train_views,
         "test_views", (json_int_t)scene.test_views, "points", (json_int_t)scene.points, "extent",
         scene.extent, "fingerprint", replay_scene_json(r->scene), "options", app_options_json(&in_force),
-        "gone_on", p.gone_on, "plan", replay_plan_json(r->fitter), "result", result);
+        "warm_start", p.warm_start, "plan", replay_plan_json(r->fitter), "result", result);
     sf_model *model = NULL;
     sf_status status = sf_fitter_snapshot(r->fitter, &model);
     if (log) watch_log(&r->watch, log, status ? NULL : model, e);

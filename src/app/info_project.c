@@ -36,7 +36,7 @@ static int forecast(sf_context *ctx, sf_scene *scene, sf_memory_bill *bill) {
     sf_fitter *fitter = NULL;
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
-    options.first = info.points ? SF_FIRST_POINTS : SF_FIRST_RANDOM;
+    options.init = info.points ? SF_INIT_POINTS : SF_INIT_RANDOM;
     app_hold_log(1);
     int fits = !sf_fitter_create(ctx, scene, NULL, &options, &fitter);
     app_hold_log(0);

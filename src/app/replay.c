@@ -183,8 +183,8 @@ int replay_check(const args *a, sf_context *ctx, const json_t *log, sf_scene *sc
         return refuse(a, "isa", "the run was made at another level of the kernels: see --isa");
     if (!is_same(log, "version", sf_version()))
         return refuse(a, "version", "the run was made by another version");
-    if (json_is_true(json_object_get(log, "gone_on")) != (args_value(a, "from") != NULL))
-        return refuse(a, "gone_on",
+    if (json_is_true(json_object_get(log, "warm_start")) != (args_value(a, "from") != NULL))
+        return refuse(a, "warm_start",
                       "the run began with --from, and this one does not, or the other way round");
     uint32_t *ticks;
     size_t count;

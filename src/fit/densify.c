@@ -103,7 +103,7 @@ static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) 
     for (size_t i = 0; i < count; i++) {
         double score =
             f->densify.visible_count[i] ? f->densify.gradient_sum[i] / f->densify.visible_count[i] : 0;
-        if (score > 0 && score >= f->options.grow_threshold)
+        if (score > 0 && score >= f->options.densify_threshold)
             candidates[found++] = (candidate){score, (uint32_t)i};
     }
     qsort(candidates, found, sizeof *candidates, by_score);
@@ -149,16 +149,16 @@ static sf_status add_gaussians(sf_fitter *f, size_t wanted) {
 static size_t wanted_more(const sf_fitter *f, double fraction) {
     size_t count = f->model->count, planned = sf_planned_count(f, fraction);
     size_t wanted = planned > count ? planned - count : 0;
-    size_t most = (size_t)(f->options.grow_rate * (double)count);
+    size_t most = (size_t)(f->options.densify_rate * (double)count);
     if (wanted > most) wanted = most;
     return f->densify.out_of_memory ? 0 : wanted;
 }
 
 sf_status sf_densify_step(sf_fitter *f, double fraction) {
-    int kind = f->options.growth;
-    if (kind == SF_GROWTH_ERROR && sf_densify_score(f))
+    int kind = f->options.densify;
+    if (kind == SF_DENSIFY_ERROR && sf_densify_score(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: densification uses the screen gradient");
-    if (kind == SF_GROWTH_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
+    if (kind == SF_DENSIFY_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (sf_selects(f) && !f->densify.ended && !f->densify.out_of_memory && sf_select_growth(f, fraction))
         sf_densify_end(f);
     sf_status status = sf_remove_marked(f, NULL);

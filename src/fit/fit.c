@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
-#include "../scene/first.h"
+#include "../scene/init.h"
 #include "blur.h"
 #include "densify.h"
 #include "draw_view.h"
@@ -46,15 +46,15 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
     sf_status status = sf_fitter_plan_memory(f, least, (int)o->sh_degree);
     if (status) return status;
-    sf_first_options first = {.from = (sf_first)o->first,
-                              .max_gaussians = (size_t)o->max_gaussians,
-                              .random_count = (size_t)o->init_random,
-                              .sh_degree = (int)o->sh_degree,
-                              .opacity = o->init_opacity,
-                              .scale = o->init_scale,
-                              .extent = f->extent,
-                              .nearest = (double)f->near_plane};
-    return sf_first_gaussians(f->scene, &first, &f->rng, &f->model);
+    sf_init_options first = {.from = (sf_init)o->init,
+                             .max_gaussians = (size_t)o->max_gaussians,
+                             .random_count = (size_t)o->init_random,
+                             .sh_degree = (int)o->sh_degree,
+                             .opacity = o->init_opacity,
+                             .scale = o->init_scale,
+                             .extent = f->extent,
+                             .nearest = (double)f->near_plane};
+    return sf_init_gaussians(f->scene, &first, &f->rng, &f->model);
 }
 
 static void choose_background(sf_fitter *f) {
@@ -173,8 +173,8 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     choose_background(f);
     f->validation.psnr = f->validation.best_psnr = NAN;
     f->recovery.lr_scale = 1;
-    f->cool_down.from = options->lr_settle;
-    f->cool_down.length = 1 - options->lr_settle;
+    f->cool_down.from = options->cool_down;
+    f->cool_down.length = 1 - options->cool_down;
     *out = f;
     return SF_OK;
 }

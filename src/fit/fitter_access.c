@@ -28,7 +28,7 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
                            .steps_per_second = f->steps_per_second,
                            .level = f->level,
                            .sh_degree = f->sh_degree,
-                           .gone_on = f->warm_start,
+                           .warm_start = f->warm_start,
                            .skipped_values = f->skipped_values,
                            .diverged = f->recovery.count,
                            .validation_psnr = f->validation.psnr,

@@ -1,7 +1,7 @@
 /* insert.c - adds Gaussians at given points while a fit runs. */
 #include <math.h>
 
-#include "../scene/first.h"
+#include "../scene/init.h"
 #include "fitter.h"
 #include "reorder.h"
 #include "select_merge.h"

@@ -82,7 +82,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
     double models = 2 * values; /* the model and the restore point */
-    sf_optimizer_state moments = sf_optimizer_moments((int)f->options.moments, f->options.mean_steps);
+    sf_optimizer_state moments = sf_optimizer_moments((int)f->options.moments, f->options.ema_steps);
     models += SF_MOMENT_VALUE * sf_moment_values(&moments, sh_degree);
     if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* the moving average */
     double densifying = DENSIFYING + (f->options.size == SF_SIZE_AUTO ? SELECTING : 0);

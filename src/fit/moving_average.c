@@ -2,7 +2,7 @@
  *
  * Each step fits one view, which shows when the model is rendered between two steps. At the end of a fit the
  * cool-down removes that noise. A model that is displayed and tracked against while it is trained is averaged
- * instead (option mean_steps).
+ * instead (option ema_steps).
  */
 #include "moving_average.h"
 

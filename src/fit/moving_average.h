@@ -4,7 +4,7 @@
 
 #include "fitter.h"
 
-/* The model to show and to track against: its moving average where one is kept (option mean_steps), else the
+/* The model to show and to track against: its moving average where one is kept (option ema_steps), else the
  * model itself, as also where memory is short. The fitter's, to be read until the next step. */
 const sf_model *sf_fitter_average_model(sf_fitter *fitter);
 /* Puts the moving averages into a copy of the model. */

@@ -32,14 +32,13 @@ static int components_of(const sf_optimizer_state *moments, int part, int field,
     return sf_field_stored(field, model->sh_degree) ? sf_moment_components(moments, part, field) : 0;
 }
 
-sf_optimizer_state sf_optimizer_moments(int format, int64_t mean_steps) {
-    return (sf_optimizer_state){.format = format,
-                                .mean_kept = mean_steps > 1 ? 1 - 1 / (float)mean_steps : 0};
+sf_optimizer_state sf_optimizer_moments(int format, int64_t ema_steps) {
+    return (sf_optimizer_state){.format = format, .mean_kept = ema_steps > 1 ? 1 - 1 / (float)ema_steps : 0};
 }
 
-sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps,
+sf_status sf_optimizer_create(const sf_model *model, int format, int64_t ema_steps,
                               sf_optimizer_state *moments) {
-    *moments = sf_optimizer_moments(format, mean_steps);
+    *moments = sf_optimizer_moments(format, ema_steps);
     for (int band = 0; band <= model->sh_degree; band++) {
         sf_status status = sf_optimizer_set_room(moments, model, band, model->capacity[band]);
         if (!status) continue;

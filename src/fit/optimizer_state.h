@@ -31,10 +31,10 @@ int sf_moment_values(const sf_optimizer_state *moments, int sh_degree);
 /* Whether the field has a first moment: the higher SH have none. */
 static inline int sf_has_momentum(int field) { return field <= SF_FIELD_sh0; }
 
-/* A state without arrays. A moving average over `mean_steps` steps is kept if that is above 1. */
-sf_optimizer_state sf_optimizer_moments(int format, int64_t mean_steps);
+/* A state without arrays. A moving average over `ema_steps` steps is kept if that is above 1. */
+sf_optimizer_state sf_optimizer_moments(int format, int64_t ema_steps);
 /* Zeros, with the capacities of the model. On failure nothing is allocated. */
-sf_status sf_optimizer_create(const sf_model *model, int format, int64_t mean_steps,
+sf_status sf_optimizer_create(const sf_model *model, int format, int64_t ema_steps,
                               sf_optimizer_state *moments);
 void sf_optimizer_destroy(sf_context *ctx, sf_optimizer_state *moments);
 

@@ -49,7 +49,7 @@ sf_status sf_fit_options_preset(sf_context *ctx, const char *name, sf_fit_option
     } else if (!strcmp(name, "high")) {
         preset.steps = 4000;
         preset.max_gaussians = 400000;
-        preset.grow_most = 52;
+        preset.densify_per_step = 52;
         preset.quality = 4;
     } else if (strcmp(name, "standard") != 0) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "preset: \"%s\" is none of draft|standard|high", name);

@@ -250,7 +250,7 @@ static sf_fit_options refit_options(const pruner *p) {
     o.steps = o.plan_steps = p->options->refit_steps;
     o.seed = (int64_t)(p->options->seed & INT64_MAX);
     o.max_gaussians = (int64_t)p->fitter->model->count;
-    o.grow_every = o.steps + 1; /* no densification */
+    o.densify_every = o.steps + 1; /* no densification */
     o.validate = 0;
     o.size = SF_SIZE_CAP;
     o.sh_degree = p->kept->sh_degree;

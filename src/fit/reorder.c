@@ -63,7 +63,7 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     sf_status status = SF_OK;
     for (int band = 0; band <= m->sh_degree && !status; band++)
         status = sf_model_set_room(m, band, room_of_band(f, m->banded, band, whole));
-    if (!status) status = sf_optimizer_create(m, (int)f->options.moments, f->options.mean_steps, &f->moments);
+    if (!status) status = sf_optimizer_create(m, (int)f->options.moments, f->options.ema_steps, &f->moments);
     if (status) return status;
     f->densify.gradient_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.gradient_sum);
     f->densify.visible_count = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.visible_count);

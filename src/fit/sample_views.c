@@ -41,8 +41,8 @@ sf_status sf_sample_views(sf_fitter *f, size_t wanted, int others, sf_sample_fn 
     if (there) *there = kept;
     if (!wanted || wanted > kept) wanted = kept;
     double shift = 0;
-    if (others && wanted < kept) /* grow_every is 0 in a fitter that only measures */
-        shift = fmod(SF_GOLDEN * (double)(f->step / f->options.grow_every), 1);
+    if (others && wanted < kept) /* densify_every is 0 in a fitter that only measures */
+        shift = fmod(SF_GOLDEN * (double)(f->step / f->options.densify_every), 1);
     for (size_t k = 0; k < wanted && !status; k++) {
         size_t at = (size_t)(((double)k + shift) * (double)kept / (double)wanted);
         status = measure_view(f, ids[at < kept ? at : kept - 1], measure, user);

@@ -33,8 +33,7 @@ static sf_status take_up_views(sf_fitter *f, uint32_t *ids, size_t *count) {
     sf_status status = sf_assign_views(f, ids, *count);
     *count = without_validation(f, ids, *count);
     if (!status && sf_learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, ids, *count);
-    if (!status && f->options.refine_poses)
-        (f->options.hold_two_poses ? sf_hold_two : sf_hold_mean)(&f->views);
+    if (!status && f->options.refine_poses) (f->options.fix_gauge ? sf_hold_two : sf_hold_mean)(&f->views);
     return status;
 }
 

@@ -20,7 +20,7 @@ enum { LEAST_SIDE = 32 /* px of the shorter side of the coarsest picture */ };
 /* SH degree 1 starts at this part of sh_end. */
 #define SH_START 0.33
 
-/* A run without an end stays at this part of lr_settle, just before the cool-down. */
+/* A run without an end stays at this part of cool_down, just before the cool-down. */
 #define BEFORE_COOL_DOWN 0.999
 
 /* Steps between densifications, at most this part of the run. */
@@ -54,7 +54,7 @@ static int is_short(const sf_fitter *f, double steps) {
 
 /* Gaussians to add in a run of this many steps, at most. */
 static double most_added(const sf_fitter *f, double steps) {
-    return f->options.grow_most * (f->select.growth_scale > 0 ? f->select.growth_scale : 1) * steps;
+    return f->options.densify_per_step * (f->select.growth_scale > 0 ? f->select.growth_scale : 1) * steps;
 }
 
 double sf_steps_in(const sf_fitter *f, double seconds, double step) {
@@ -89,12 +89,12 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     o->pyramid_end = chosen_or_planned(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
     o->pyramid_mix = chosen_or_planned(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
     o->sh_end = chosen_or_planned(o->sh_end, SH_STEPS, SH_MOST, planned);
-    if (!o->grow_every) o->grow_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
+    if (!o->densify_every) o->densify_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
     double missing = f->warm_start ? 0 : fmax(1 / planned - 1 / RATE_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
-    if (!(o->lr_haste > 0))
-        o->lr_haste = f->warm_start ? 1 : fmin(fmax(pow(RATE_STEPS / planned, RATE_POWER), 1), RATE_MOST);
-    o->grow_end = chosen_or_planned(o->grow_end, GROW_STEPS, GROW_MOST, planned);
+    if (!(o->lr_boost > 0))
+        o->lr_boost = f->warm_start ? 1 : fmin(fmax(pow(RATE_STEPS / planned, RATE_POWER), 1), RATE_MOST);
+    o->densify_end = chosen_or_planned(o->densify_end, GROW_STEPS, GROW_MOST, planned);
 }
 
 /* Where time alone ends a run, its phases follow the planned steps as well, up to the cool-down: the coarse
@@ -105,14 +105,14 @@ double sf_fraction_at(const sf_fitter *f, double time) {
     if (o->steps > 0)
         fraction = (double)f->step / (double)o->steps;
     else if (o->time_limit > 0 && !is_short(f, (double)o->plan_steps))
-        fraction = fmin((double)f->step / (double)o->plan_steps, BEFORE_COOL_DOWN * o->lr_settle);
+        fraction = fmin((double)f->step / (double)o->plan_steps, BEFORE_COOL_DOWN * o->cool_down);
     fraction = fmin(fmax(fraction, time), 1);
-    return o->open_end ? fmin(fraction, BEFORE_COOL_DOWN * o->lr_settle) : fraction;
+    return o->open_end ? fmin(fraction, BEFORE_COOL_DOWN * o->cool_down) : fraction;
 }
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
 
-int sf_cools_down_early(const sf_fitter *f) { return f->cool_down.from < f->options.lr_settle; }
+int sf_cools_down_early(const sf_fitter *f) { return f->cool_down.from < f->options.cool_down; }
 
 void sf_cool_down_early(sf_fitter *f, double fraction, double length) {
     f->cool_down.from = fraction;
@@ -177,42 +177,42 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
     const sf_fit_options *o = &f->options;
     switch (field) {
     case SF_FIELD_mean:
-        return o->lr_mean * sqrt(o->lr_haste) * f->extent * pow(o->lr_mean_final, fraction);
+        return o->lr_mean * sqrt(o->lr_boost) * f->extent * pow(o->lr_mean_final, fraction);
     case SF_FIELD_log_scale:
-        return o->lr_scale * o->lr_haste;
+        return o->lr_scale * o->lr_boost;
     case SF_FIELD_quat:
-        return o->lr_quat * sqrt(o->lr_haste);
+        return o->lr_quat * sqrt(o->lr_boost);
     case SF_FIELD_logit_opacity:
-        return o->lr_opacity * sqrt(o->lr_haste);
+        return o->lr_opacity * sqrt(o->lr_boost);
     case SF_FIELD_sh0:
         return o->lr_sh0;
     default:
-        return o->lr_sh_rest * o->lr_haste;
+        return o->lr_sh_rest * o->lr_boost;
     }
 }
 
 /* Learning-rate annealing: it removes the noise that the gradients of single views leave. */
 double sf_cooled_rate(const sf_fitter *f, double fraction, double rate) {
-    return f->recovery.lr_scale * rate * pow(f->options.lr_settled, cooled_part(f, fraction));
+    return f->recovery.lr_scale * rate * pow(f->options.cool_down_rate, cooled_part(f, fraction));
 }
 
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
     return sf_cooled_rate(f, fraction, full_rate(f, schedule_fraction(f, fraction), field));
 }
 
-/* Relocation continues after grow_end, until the cool-down. An early cool-down ends densification. */
+/* Relocation continues after densify_end, until the cool-down. An early cool-down ends densification. */
 int sf_densification_is_due(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
-    double end = o->growth == SF_GROWTH_RELOCATE ? fmax(o->grow_end, f->cool_down.from) : o->grow_end;
+    double end = o->densify == SF_DENSIFY_RELOCATE ? fmax(o->densify_end, f->cool_down.from) : o->densify_end;
     if (sf_cools_down_early(f)) end = fmin(end, f->cool_down.from);
-    return f->step % o->grow_every == 0 && fraction >= o->grow_start && fraction <= end;
+    return f->step % o->densify_every == 0 && fraction >= o->densify_start && fraction <= end;
 }
 
 size_t sf_planned_count(const sf_fitter *f, double fraction) {
     double first = (double)f->first_count, grown = most_added(f, (double)f->options.plan_steps);
     double most = fmin((double)f->options.max_gaussians, first + grown);
-    double span = f->options.grow_end - f->options.grow_start;
-    double part = span > 0 ? fmin((fraction - f->options.grow_start) / span, 1) : 1;
+    double span = f->options.densify_end - f->options.densify_start;
+    double part = span > 0 ? fmin((fraction - f->options.densify_start) / span, 1) : 1;
     return (size_t)(first + fmax(most - first, 0) * part);
 }
 

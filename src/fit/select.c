@@ -52,7 +52,7 @@ enum {
 #define PRUNE_UNTIL 0.25
 
 int sf_selects(const sf_fitter *f) {
-    return f->options.size == SF_SIZE_AUTO && f->options.growth != SF_GROWTH_RELOCATE;
+    return f->options.size == SF_SIZE_AUTO && f->options.densify != SF_DENSIFY_RELOCATE;
 }
 
 /* The steps after a pruning up to here make up for it. */
@@ -60,20 +60,20 @@ static double prune_until(const sf_fitter *f) {
     return f->cool_down.from + PRUNE_UNTIL * (sf_end_of_run(f) - f->cool_down.from);
 }
 
-/* Every grow_every steps; after prune_until only once, between one and two such intervals before the end of
- * the run, so that a run with a time limit still ends in time. */
+/* Every densify_every steps; after prune_until only once, between one and two such intervals before the end
+ * of the run, so that a run with a time limit still ends in time. */
 static int prune_is_due(const sf_fitter *f, double fraction) {
-    double every = (double)f->options.grow_every / fmax((double)f->options.plan_steps, 1);
-    if (f->step % f->options.grow_every || fraction < fmin(PRUNE_FROM, f->cool_down.from)) return 0;
+    double every = (double)f->options.densify_every / fmax((double)f->options.plan_steps, 1);
+    if (f->step % f->options.densify_every || fraction < fmin(PRUNE_FROM, f->cool_down.from)) return 0;
     double left = (sf_end_of_run(f) - fraction) / every; /* in such intervals */
     return fraction <= prune_until(f) || (left >= 1 && left < 2);
 }
 
 /* Whether tentative merges may begin: densification is over, and there is time left to judge them. */
 static int may_merge(const sf_fitter *f, double fraction) {
-    double steps = sf_merges_promise(&f->merges) ? SF_MERGE_STEPS : (double)f->options.grow_every;
+    double steps = sf_merges_promise(&f->merges) ? SF_MERGE_STEPS : (double)f->options.densify_every;
     double merge_time = steps / fmax((double)f->options.plan_steps, 1);
-    return f->options.merge > 0 && (f->densify.ended || fraction > f->options.grow_end) &&
+    return f->options.merge > 0 && (f->densify.ended || fraction > f->options.densify_end) &&
            fraction + merge_time <= prune_until(f);
 }
 

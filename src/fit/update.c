@@ -111,7 +111,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
                           (float)(o->reg_opacity * sf_scheduled_rate(f, fraction, SF_FIELD_logit_opacity)),
                       .shrink = (float)(o->reg_scale * sf_scheduled_rate(f, fraction, SF_FIELD_log_scale))};
     if (o->max_scale > 0) job.most_scale = least_of((float)log(o->max_scale * f->extent), SF_LOG_SCALE_MOST);
-    if (o->growth == SF_GROWTH_RELOCATE)
+    if (o->densify == SF_DENSIFY_RELOCATE)
         job.noise =
             o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean) / (f->extent * f->extent);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
@@ -129,7 +129,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
 }
 
 void sf_update_background(sf_fitter *f, double fraction, const double *gradient) {
-    double step[3], rate = sf_cooled_rate(f, fraction, f->options.lr_background * f->options.lr_haste);
+    double step[3], rate = sf_cooled_rate(f, fraction, f->options.lr_background * f->options.lr_boost);
     sf_small_moments moments = {f->background_m, f->background_v};
     sf_adam_small(&f->options, rate, f->step + 1, 3, gradient, moments, step);
     for (int k = 0; k < 3; k++) f->background[k] = fmin(fmax(f->background[k] - step[k], 0), 1);

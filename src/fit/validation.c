@@ -142,7 +142,7 @@ sf_status sf_measure_validation(sf_fitter *f, double *psnr, size_t *views) {
 /* The fraction at which densification and coarse pictures have ended. */
 static double refined_by(const sf_fitter *f) {
     const sf_fit_options *o = &f->options;
-    return o->pyramid_levels && !f->warm_start ? fmax(o->grow_end, o->pyramid_end) : o->grow_end;
+    return o->pyramid_levels && !f->warm_start ? fmax(o->densify_end, o->pyramid_end) : o->densify_end;
 }
 
 /* Whether to cool down early: no gain for `patience`, and densification and coarse pictures had ended before.

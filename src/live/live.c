@@ -38,16 +38,16 @@ sf_live_options sf_live_options_default(void) {
     o.fit.exposure = 1;
     o.fit.refine_start = 0;
     o.fit.lr_pose = 2e-4;
-    o.fit.first = SF_FIRST_SWEEP;
+    o.fit.init = SF_INIT_SWEEP;
     o.fit.init_random = 1000;
     o.fit.pyramid_levels = 1;  /* what comes late has no time to begin coarsely, */
     o.fit.pyramid_end = 0.001; /* and the model is looked at from the start */
-    o.fit.grow_every = 20;     /* many new Gaussians at once are seen, and tracked against */
+    o.fit.densify_every = 20;  /* many new Gaussians at once are seen, and tracked against */
     o.fit.blur = 0;            /* such frames are no keyframes */
     o.fit.max_scale = 0.2;     /* what is split close to a keyframe would be seen */
-    o.fit.grow_end = 0.9;
-    o.fit.lr_settle = 0.9;
-    o.fit.mean_steps = 30;    /* who looks, tracks or saves on the way sees no single step */
+    o.fit.densify_end = 0.9;
+    o.fit.cool_down = 0.9;
+    o.fit.ema_steps = 30;     /* who looks, tracks or saves on the way sees no single step */
     o.fit.huber_delta = 1e-9; /* L1: what moves, and what tracking is off by, is not to be fitted first */
     return o;
 }

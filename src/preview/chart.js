@@ -69,7 +69,7 @@ class QualityChart {
     };
     this.axes(c);
     this.curve(c, 2, css('--second'), 1.5);
-    this.curve(c, 1, css('--first'), 2.25);
+    this.curve(c, 1, css('--init'), 2.25);
     this.legend(c);
     this.reading(c);
   }
@@ -126,7 +126,7 @@ class QualityChart {
     let at = this.place.right;
     c.textAlign = 'right';
     c.textBaseline = 'top';
-    for (const [column, name, color] of [[2, 'tracked views', '--second'], [1, 'held out', '--first']]) {
+    for (const [column, name, color] of [[2, 'tracked views', '--second'], [1, 'held out', '--init']]) {
       if (!this.points.some(p => p[column] !== null)) continue;
       c.fillStyle = css('--soft');
       c.fillText(name, at, 8);
@@ -151,7 +151,7 @@ class QualityChart {
       c.lineTo(x(p[0]), bottom);
       c.stroke();
       c.setLineDash([]);
-      for (const [column, color] of [[1, '--first'], [2, '--second']]) {
+      for (const [column, color] of [[1, '--init'], [2, '--second']]) {
         if (p[column] === null) continue;
         c.fillStyle = css(color);
         c.beginPath();

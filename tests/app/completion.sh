@@ -39,7 +39,7 @@ check "hyperparameters" has --lr-mean-final fit --lr-m
 check "values of an option" only "draft high standard" fit --preset ''
 check "the beginning of a value" only plain fit --progress pl
 check "a value behind =" only "cap" fit --size = c
-check "values of a hyperparameter" has relocate fit --growth re
+check "values of a hyperparameter" has relocate fit --densify re
 check "levels of this machine" has scalar render m.ply p --isa s
 check "files" has "$scratch/c.txt" fit x --log "$scratch/c"
 check "models alone for --from" only "$scratch/a.ply $scratch/b.spz $scratch/project" fit --from "$scratch/"

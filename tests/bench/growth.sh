@@ -18,8 +18,8 @@ mkdir -p "$dir"
 lengths=('short|--steps 825 --max-gaussians 30000' 'default|--steps 3000'
     'long|--steps 6000 --max-gaussians 80000 --lr-mean 3.2e-4')
 reg='--reg-opacity 0.01 --reg-scale 0.01'
-ways=('gradient|' 'error|--growth error' 'relocate|--growth relocate' "gradient, regularised|$reg"
-    "relocate, regularised|--growth relocate $reg" 'relocate, a tenth of the noise|--growth relocate --relocate-noise 5e4')
+ways=('gradient|' 'error|--densify error' 'relocate|--densify relocate' "gradient, regularised|$reg"
+    "relocate, regularised|--densify relocate $reg" 'relocate, a tenth of the noise|--densify relocate --relocate-noise 5e4')
 seeds=${SEEDS:-1 2 3}
 studio=sim:studio
 if [ "$kind" = quick ]; then
@@ -31,7 +31,7 @@ run() { # LOG PROJECT OPTION...
     local log=$1 project=$2 TIMEFORMAT=%U
     shift 2
     [ -s "$log.cpu" ] && return
-    { time ${RUN:-} "$program" fit "$project" -o /dev/null --cameras none --validate 0 --size cap --grow-most 13 --threads 1 --log "$log" --progress none -q "$@" \
+    { time ${RUN:-} "$program" fit "$project" -o /dev/null --cameras none --validate 0 --size cap --densify-per-step 13 --threads 1 --log "$log" --progress none -q "$@" \
         </dev/null >/dev/null 2>&1; } 2>"$log.time"
     mv "$log.time" "$log.cpu"
 }

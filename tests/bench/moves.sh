@@ -27,9 +27,9 @@ moves=(
     'shorter first moment|--adam-beta1 0.9'
     'opaque at first|--init-opacity 0.1'
     'split for clones too|--split-scale 0.01'
-    'growth in its first half|--grow-end 0.8 --grow-most 1000000'
-    'settling|--lr-settle 1'
-    'rates by the length of the run|--lr-haste 1'
+    'growth in its first half|--densify-end 0.8 --densify-per-step 1000000'
+    'settling|--cool-down 1'
+    'rates by the length of the run|--lr-boost 1'
     'smaller at first|--init-scale 1'
     'squares first|--huber-delta 1e-9'
     'shorter second moment|--adam-beta2 0.999'
@@ -53,7 +53,7 @@ fit() { # PROJECT STEPS OPTION...
     shift 2
     for seed in "${seeds[@]}"; do
         # shellcheck disable=SC2086
-        ${RUN:-} "$program" fit "$project" -o /dev/null --seed "$seed" --steps "$steps" --validate 0 --size cap --grow-most 13 $most --log "$scratch/log.json" \
+        ${RUN:-} "$program" fit "$project" -o /dev/null --seed "$seed" --steps "$steps" --validate 0 --size cap --densify-per-step 13 $most --log "$scratch/log.json" \
             --progress none -q "$@" </dev/null
         awk -v fields="psnr fit_seconds ssim" -f "$here/result.awk" "$scratch/log.json"
     done | awk '{ p += $1; s += $2; q += $3 } END { printf "%.4f %.4f %.4f\n", p / NR, s / NR, q / NR }'

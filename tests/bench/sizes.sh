@@ -52,7 +52,7 @@ for scene in $scenes; do
     case $project in sim:*) ;; *) [ -d "$project" ] || continue ;; esac
     for seed in $seeds; do
         for n in $eighths; do
-            fit "$scene-cap-$n-$seed" "$project" --label caps --size cap --grow-most 1e6 --max-gaussians $((base * n / 8)) --seed "$seed"
+            fit "$scene-cap-$n-$seed" "$project" --label caps --size cap --densify-per-step 1e6 --max-gaussians $((base * n / 8)) --seed "$seed"
             [ "$n $seed" != "8 1" ] || mv "$scratch/model.ply" "$scratch/whole.ply"
         done
         fit "$scene-auto-$seed" "$project" --label auto --size auto --seed "$seed"

@@ -22,7 +22,7 @@ static double fit_at(const char *isa) {
     sf_fit_options options = sf_fit_options_default();
     options.steps = quick ? 40 : 200;
     options.max_gaussians = quick ? 1000 : 8000;
-    options.grow_every = options.steps + 1; /* nothing grows and nothing is pruned */
+    options.densify_every = options.steps + 1; /* nothing grows and nothing is pruned */
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
     double psnr = test_held_out(ctx, scene, fitter).psnr;

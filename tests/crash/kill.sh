@@ -26,7 +26,7 @@ seconds() { date +%s.%N; }
 fit() { # MODEL CHECKPOINT OPTION...
     local model=$1 checkpoint=$2
     shift 2
-    exec "${program[@]}" fit "$scene" --max-gaussians 300 --grow-every 10 --validate 4 --exposure -o "$model" \
+    exec "${program[@]}" fit "$scene" --max-gaussians 300 --densify-every 10 --validate 4 --exposure -o "$model" \
         --checkpoint "$checkpoint" --checkpoint-every 0 --threads 2 --quiet "$@"
 }
 

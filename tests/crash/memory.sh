@@ -30,7 +30,7 @@ fit() { # BUDGET_MB SCENE OPTION...
     shift 2
     # Growth doubles what is there until the cap is reached.
     "$program" fit "$scene" -o m.ply --memory "${budget}M" --max-gaussians 10000000 --size cap --steps 140 \
-        --plan-steps 1000 --grow-most 1e6 --grow-every 8 --grow-rate 1 --grow-end 0.6 --checkpoint c.fit \
+        --plan-steps 1000 --densify-per-step 1e6 --densify-every 8 --densify-rate 1 --densify-end 0.6 --checkpoint c.fit \
         --checkpoint-every 2 --log l.json --compare p.png --progress none "$@" >out 2>said || {
         fail "$scene, $budget MB: $(tail -n 1 said)"
         return
@@ -52,8 +52,8 @@ if [ -z "${SCENES:-}" ]; then
 else
     for budget in 60 120 200; do fit $budget sim:studio; done
     fit 90 sim:studio --moments half --validate 0
-    fit 90 sim:studio --growth error --exposure
-    fit 90 sim:studio --growth relocate
+    fit 90 sim:studio --densify error --exposure
+    fit 90 sim:studio --densify relocate
     if [ -n "${SPLATFIT_DATA:-}" ]; then
         for budget in 120 200; do fit $budget "$SPLATFIT_DATA/fox-centred-270"; done
         for budget in 200 300; do fit $budget "$SPLATFIT_DATA/rbt-tagboard"; done

@@ -34,10 +34,10 @@ static sf_fit_options options_of(int cycle) {
     sf_fit_options o = sf_fit_options_default();
     o.steps = STEPS;
     o.max_gaussians = 3 * POINTS;
-    o.grow_every = 3;
+    o.densify_every = 3;
     o.size = cycle % 2 ? SF_SIZE_CAP : SF_SIZE_AUTO;
     o.moments = cycle / 2 % 2 ? SF_MOMENTS_HALF : SF_MOMENTS_FLOAT;
-    o.growth = cycle % 3;
+    o.densify = cycle % 3;
     o.exposure = o.refine_poses = o.refine_intrinsics = cycle % 5 == 0;
     o.validate = cycle % 7 ? 0 : 3;
     return o;

@@ -188,8 +188,8 @@ static void put_checkpoint(sf_context *ctx, const char *name, const char *const 
 }
 
 #define COMMON                                                                                               \
-    {"steps", "20"}, {"max_gaussians", "24"}, {"init_random", "12"}, {"first", "random"}, {                  \
-        "grow_every", "3"                                                                                    \
+    {"steps", "20"}, {"max_gaussians", "24"}, {"init_random", "12"}, {"init", "random"}, {                   \
+        "densify_every", "3"                                                                                 \
     }
 
 static void put_checkpoints(sf_context *ctx) {
@@ -201,7 +201,7 @@ static void put_checkpoints(sf_context *ctx) {
                                               {"refine_intrinsics", "1"},
                                               {"refine_start", "0"},
                                               {"moments", "half"},
-                                              {"growth", "error"},
+                                              {"densify", "error"},
                                               {"error_views", "2"},
                                               {NULL, NULL}};
     put_checkpoint(ctx, "plain", plain);

@@ -34,7 +34,7 @@ static void finds_the_size(void **state) {
     sf_fitter *fitter;
     sf_fit_options options = sf_fit_options_default();
     sf_fit_progress progress;
-    options.first = SF_FIRST_RANDOM;
+    options.init = SF_INIT_RANDOM;
     options.init_random = FIRST;
     options.steps = STEPS;
     if (!c->blobs) options.background = SF_BACKGROUND_AUTO;

@@ -54,8 +54,8 @@ static void too_fast(stab_run *run) {
     sf_context *ctx = test_context();
     sf_scene *scene = stab_load(ctx, "sim:studio?width=48&height=36&frames=9", 3, 1);
     sf_fit_options options = stab_fit_options(600, 600);
-    options.first = SF_FIRST_RANDOM, options.init_random = 600;
-    options.pyramid_levels = 0, options.grow_end = 0.1, options.lr_sh_rest = 0.05, options.lr_haste = 1;
+    options.init = SF_INIT_RANDOM, options.init_random = 600;
+    options.pyramid_levels = 0, options.densify_end = 0.1, options.lr_sh_rest = 0.05, options.lr_boost = 1;
     stab_fit fit[2];
     for (int validate = 0; validate < 2; validate++) {
         options.validate = validate ? 6 : 0;

@@ -81,7 +81,7 @@ static void growths(stab_run *run) {
     sf_context *ctx = test_context();
     sf_scene *studio = stab_load(ctx, "sim:studio?width=120&height=90&frames=24", 4, 1);
     sf_fit_options options = stab_fit_options(GROWTH_STEPS, 6000);
-    options.validate = 0, options.grow_every = EVERY;
+    options.validate = 0, options.densify_every = EVERY;
     through_growth(run, "studio", ctx, studio, &options, 0.1);
     options.max_gaussians = 20000; /* most of them are new ones */
     through_growth(run, "studio, crowded", ctx, studio, &options, 0.5);
@@ -127,7 +127,8 @@ static void noise(stab_run *run, sf_context *ctx) {
                      (stab_axis){"Gaussians (1)", 0});
     for (int size = SF_SIZE_AUTO; size <= SF_SIZE_CAP; size++) {
         sf_fit_options options = stab_fit_options(1000, CAP);
-        options.size = size, options.init_random = 500, options.grow_most = 1e6, options.grow_every = 20;
+        options.size = size, options.init_random = 500, options.densify_per_step = 1e6,
+        options.densify_every = 20;
         stab_fit fit = stab_fit_scene(ctx, scene, &options, 50, NULL);
         stab_series_begin(run, STAB_OURS, "%s", names[size]);
         for (size_t i = 0; i < fit.looks; i++) stab_point(run, fit.steps[i], fit.gaussians[i]);

@@ -239,7 +239,7 @@ static size_t fit_poisoned(const stab_lab *lab, sf_scene *scene, uint64_t *skipp
     sf_fitter *fitter;
     first.gaussians.means[3 * VICTIM] = NAN;
     sf_model *model = test_model_of(lab->ctx, &first), *result;
-    options.steps = 8, options.validate = 0, options.prune_opacity = 0, options.grow_rate = 0;
+    options.steps = 8, options.validate = 0, options.prune_opacity = 0, options.densify_rate = 0;
     assert_ok(lab->ctx, sf_fitter_create(lab->ctx, scene, model, &options, &fitter));
     assert_ok(lab->ctx, sf_fitter_run(fitter, NULL, NULL));
     sf_fitter_get_progress(fitter, &progress);

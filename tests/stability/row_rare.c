@@ -149,7 +149,7 @@ static stream follow_stream(sf_context *ctx, size_t keep) {
     sf_scene *scene = stab_load(ctx, "sim:studio?width=80&height=60&frames=24", 0, 1); /* its points stay */
     while (!sf_scene_get_view(scene, 0, &view)) assert_ok(ctx, sf_scene_remove_view(scene, view.id));
     sf_fit_options options = stab_fit_options((FRAMES - AT_FIRST + 1) * STEPS_EACH, 3000);
-    options.validate = 0, options.lr_settle = 1;
+    options.validate = 0, options.cool_down = 1;
     for (size_t i = 0; i < FRAMES; i++) {
         assert_ok(ctx, sf_scene_get_view(all, i, &view));
         if (!i) test_copy_view(ctx, all, view, scene, SF_SPLIT_TEST);

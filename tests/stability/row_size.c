@@ -10,7 +10,7 @@
 static stab_fit fit_unknown(sf_context *ctx, sf_scene *scene, int64_t steps, int background) {
     sf_fit_options options = sf_fit_options_default();
     options.steps = steps;
-    options.first = SF_FIRST_RANDOM;
+    options.init = SF_INIT_RANDOM;
     options.init_random = 1000;
     options.background = background;
     return stab_fit_scene(ctx, scene, &options, 0, NULL);

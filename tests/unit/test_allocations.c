@@ -415,8 +415,8 @@ static sf_fit_options all_stages(void) {
     o.plan_steps = 1000;
     o.max_gaussians = 150;
     o.init_random = 60;
-    o.first = SF_FIRST_RANDOM;
-    o.grow_every = 2;
+    o.init = SF_INIT_RANDOM;
+    o.densify_every = 2;
     o.validate = 4;
     o.merge = 0.5;
     o.exposure = o.refine_poses = o.refine_intrinsics = 1;
@@ -456,7 +456,7 @@ static sf_status fit_all_stages(world *w) {
 
 static sf_status fit_by_error(world *w) {
     sf_fit_options o = all_stages();
-    o.growth = SF_GROWTH_ERROR;
+    o.densify = SF_DENSIFY_ERROR;
     o.merge = 0;
     o.steps = 8;
     return fit(w, NULL, &o);
@@ -464,7 +464,7 @@ static sf_status fit_by_error(world *w) {
 
 static sf_status fit_by_relocation(world *w) {
     sf_fit_options o = all_stages();
-    o.growth = SF_GROWTH_RELOCATE;
+    o.densify = SF_DENSIFY_RELOCATE;
     o.moments = SF_MOMENTS_FLOAT;
     o.steps = 8;
     return fit(w, w->model, &o);
@@ -472,7 +472,7 @@ static sf_status fit_by_relocation(world *w) {
 
 static sf_status fit_from_sweep(world *w) {
     sf_fit_options o = all_stages();
-    o.first = SF_FIRST_SWEEP;
+    o.init = SF_INIT_SWEEP;
     o.steps = 1;
     return fit(w, NULL, &o);
 }

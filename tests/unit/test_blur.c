@@ -21,7 +21,7 @@ static sf_fit_options short_fit(void) {
     options.max_gaussians = 1000;
     options.validate = 0;
     options.sh_degree = 1;
-    options.grow_every = 20;
+    options.densify_every = 20;
     return options;
 }
 

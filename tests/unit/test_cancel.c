@@ -29,7 +29,7 @@ static int open_setup(void **state) {
     s.options = sf_fit_options_default();
     s.options.steps = quick ? 60 : 200;
     s.options.max_gaussians = 300;
-    s.options.grow_every = 10;
+    s.options.densify_every = 10;
     s.options.exposure = 1;
     *state = &s;
     return 0;

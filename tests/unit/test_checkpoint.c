@@ -112,7 +112,7 @@ static sf_fit_options short_fit(int64_t steps) {
     options.steps = steps;
     options.max_gaussians = 300;
     options.init_random = 100;
-    options.grow_every = 7;
+    options.densify_every = 7;
     options.background = SF_BACKGROUND_AUTO;
     return options;
 }
@@ -203,7 +203,7 @@ static void test_same_bytes_otherwise(void **state) {
     options.background = SF_BACKGROUND_RANDOM;
     options.sh_degree = 1;
     options.antialiased = 1;
-    options.grow_every = 3;
+    options.densify_every = 3;
     check_interrupted(&options);
 }
 
@@ -211,14 +211,14 @@ static void test_same_bytes_otherwise(void **state) {
 static void test_same_bytes_however_grown(void **state) {
     (void)state;
     test_skip_emulated();
-    for (int growth = SF_GROWTH_ERROR; growth <= SF_GROWTH_RELOCATE; growth++) {
+    for (int growth = SF_DENSIFY_ERROR; growth <= SF_DENSIFY_RELOCATE; growth++) {
         sf_fit_options options = short_fit(whole() / 2);
-        options.growth = growth;
-        options.grow_every = 3;
+        options.densify = growth;
+        options.densify_every = 3;
         options.validate = 4;
         options.exposure = options.refine_poses = options.refine_intrinsics = 1;
         options.reg_opacity = options.reg_scale = 0.01;
-        options.mean_steps = growth == SF_GROWTH_ERROR ? 5 : 0;
+        options.ema_steps = growth == SF_DENSIFY_ERROR ? 5 : 0;
         check_interrupted(&options);
     }
 }
@@ -228,7 +228,7 @@ static void test_same_bytes_with_half_moments(void **state) {
     test_skip_emulated();
     sf_fit_options options = short_fit(whole() / 2);
     options.moments = SF_MOMENTS_HALF;
-    options.grow_every = 3;
+    options.densify_every = 3;
     check_interrupted(&options);
 }
 
@@ -240,7 +240,7 @@ static void test_same_bytes_when_stopped(void **state) {
     sf_fit_options options = short_fit(300);
     options.validate = 3;
     options.patience = 0.05;
-    options.pyramid_end = options.grow_end = 0.1;
+    options.pyramid_end = options.densify_end = 0.1;
     options.size = SF_SIZE_CAP;
     options.lr_mean = 0.05;
     options.lr_mean_final = 1;
@@ -263,7 +263,7 @@ static void check_degrees(int moments) {
     const char *path = test_path("d");
     int64_t half = whole() / 4;
     sf_fit_options options = short_fit(2 * half);
-    options.grow_every = 3;
+    options.densify_every = 3;
     options.validate = 4;
     options.moments = moments;
     content expected = {0};

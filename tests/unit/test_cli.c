@@ -302,7 +302,7 @@ static void test_wrong_paths(void **state) {
 static void test_full_device(void **state) {
     (void)state;
     static const bad_input cases[] = {
-        {FAILED, "/dev/full: ", {"fit", "good", "-o", "/dev/full", "--steps", "1", "--first", "points"}},
+        {FAILED, "/dev/full: ", {"fit", "good", "-o", "/dev/full", "--steps", "1", "--init", "points"}},
         {FAILED, "/dev/full: ", {"eval", "good.ply", "good", "--json", "/dev/full"}},
     };
     struct stat st;
@@ -1058,7 +1058,7 @@ static void test_replay(void **state) {
                   json_pack("{s:i,s:i,s:s}", "ticks", 1 << 24, "steps", 3, "deltas", "5 6"));
     write_changed("optionless.json", a, "options", NULL);
     write_changed("options.json", a, "options", json_object());
-    write_changed("from.json", a, "gone_on", json_true());
+    write_changed("from.json", a, "warm_start", json_true());
     json_decref(a);
     json_decref(b);
     assert_int_equal(rename(work("out/a.json"), work("a.json")), 0);

@@ -354,9 +354,9 @@ static sf_status fit(run *r) {
     sf_fit_options o = sf_fit_options_default();
     o.steps = 3;
     o.max_gaussians = 100;
-    o.grow_start = 0;
-    o.grow_end = 1;
-    o.grow_every = 1;
+    o.densify_start = 0;
+    o.densify_end = 1;
+    o.densify_every = 1;
     o.background = SF_BACKGROUND_AUTO;
     sf_status status = sf_fitter_create(r->ctx, r->scene, NULL, &o, &r->fitter);
     if (!status) status = sf_fitter_run(r->fitter, NULL, NULL);

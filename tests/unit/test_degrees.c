@@ -367,8 +367,8 @@ static sf_fit_options fit_options(int moments) {
     options.steps = 40;
     options.max_gaussians = 400;
     options.init_random = 150;
-    options.first = SF_FIRST_RANDOM;
-    options.grow_every = 1000;
+    options.init = SF_INIT_RANDOM;
+    options.densify_every = 1000;
     options.sh_end = 0.05; /* soon all degrees */
     options.moments = moments;
     return options;
@@ -660,10 +660,10 @@ static void grow(int threads, int growth, const char *path) {
     sf_scene *scene;
     sf_model *model;
     sf_fit_options options = fit_options(SF_MOMENTS_HALF);
-    options.growth = growth;
-    options.grow_every = 4;
-    options.grow_start = 0;
-    options.grow_most = 1e6;
+    options.densify = growth;
+    options.densify_every = 4;
+    options.densify_start = 0;
+    options.densify_per_step = 1e6;
     options.steps = test_is_quick() ? 12 : 30;
     assert_ok(ctx, sf_scene_load(ctx, SCENE, NULL, &scene));
     sf_fitter *f;
@@ -688,7 +688,7 @@ static void grow(int threads, int growth, const char *path) {
 
 static void test_growth(void **state) {
     (void)state;
-    for (int growth = SF_GROWTH_GRADIENT; growth <= SF_GROWTH_RELOCATE; growth++) {
+    for (int growth = SF_DENSIFY_GRADIENT; growth <= SF_DENSIFY_RELOCATE; growth++) {
         size_t size, other;
         grow(1, growth, test_path("one.ply"));
         grow(3, growth, test_path("more.ply"));

@@ -78,7 +78,7 @@ static sf_scene *scene_of(sf_context *ctx, const ball *balls, size_t count, int 
 static sf_fit_options options_of(int growth) {
     sf_fit_options options = sf_fit_options_default();
     options.size = SF_SIZE_CAP;
-    options.growth = growth;
+    options.densify = growth;
     options.steps = 100;
     options.max_gaussians = 64;
     options.sh_degree = 0;
@@ -104,11 +104,11 @@ static double opacity_of(const sf_fitter *f, size_t i) {
 
 /* The first of three balls grows; whatever its size is, as `split_scale` says. */
 static sf_fitter *grown(sf_context *ctx, sf_scene **scene, const ball *balls, double split_scale) {
-    sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
+    sf_fit_options options = options_of(SF_DENSIFY_GRADIENT);
     options.max_gaussians = 4;
-    options.grow_every = 1;
+    options.densify_every = 1;
     options.plan_steps = 1;
-    options.grow_most = 1e6;
+    options.densify_per_step = 1e6;
     options.split_scale = split_scale;
     *scene = scene_of(ctx, balls, 3, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, *scene, balls, 3, &options);
@@ -182,11 +182,11 @@ static void test_error_of_several_views(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene;
-    sf_fit_options options = options_of(SF_GROWTH_ERROR);
+    sf_fit_options options = options_of(SF_DENSIFY_ERROR);
     options.max_gaussians = 4;
-    options.grow_every = 1;
+    options.densify_every = 1;
     options.plan_steps = 1;
-    options.grow_most = 1e6;
+    options.densify_per_step = 1e6;
     sf_fitter *f = disagreeing(ctx, &scene, NULL, &options);
     assert_ok(ctx, sf_densify_score(f));
     assert_true(f->densify.gradient_sum[WRONG] > 5 * f->densify.gradient_sum[SPOILT]);
@@ -204,7 +204,7 @@ static void test_masked_error(void **state) {
     for (int i = 0; i < PIXELS; i++) mask[i] = i / WIDTH > HEIGHT / 2 ? 255 : 0; /* the first is above */
     sf_context *ctx = test_context();
     sf_scene *scene;
-    sf_fit_options options = options_of(SF_GROWTH_ERROR);
+    sf_fit_options options = options_of(SF_DENSIFY_ERROR);
     sf_fitter *f = disagreeing(ctx, &scene, mask, &options);
     assert_ok(ctx, sf_densify_score(f));
     assert_true(f->densify.gradient_sum[WRONG] < 1e-3);
@@ -222,7 +222,7 @@ static void test_hidden(void **state) {
                                  {{0, 0, 50}, 0.2f, 0.9f, 0.4f}};
     enum { COUNT = sizeof balls / sizeof *balls };
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_ERROR);
+    sf_fit_options options = options_of(SF_DENSIFY_ERROR);
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     f->densify.out_of_memory = 1;
@@ -239,7 +239,7 @@ static void test_validation_is_not_looked_at(void **state) {
     double scores[2][APART];
     for (int spoil = 0; spoil < 2; spoil++) {
         sf_context *ctx = test_context();
-        sf_fit_options options = options_of(SF_GROWTH_ERROR);
+        sf_fit_options options = options_of(SF_DENSIFY_ERROR);
         options.validate = 4;
         options.error_views = 100;
         sf_scene *scene = scene_of(ctx, apart, APART, spoil ? 2 : -1, apart[SPOILT].mean, NULL);
@@ -290,7 +290,7 @@ static void test_picture_stays(void **state) {
                                  {{0, 0.5f, 0}, 0.3f, 0.001f, 0.1f},
                                  {{0, 0, 0.5f}, 0.3f, 0.001f, 0.1f}};
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_RELOCATE);
+    sf_fit_options options = options_of(SF_DENSIFY_RELOCATE);
     sf_scene *scene = scene_of(ctx, balls, 4, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, 4, &options);
     f->model->params.field[SF_FIELD_mean][sf_at(3, 3, 0)] = NAN; /* dead too */
@@ -326,9 +326,9 @@ static void test_dead_come_alive(void **state) {
     for (int i = 0; i < COUNT; i++)
         balls[i] = (ball){{0.05f * (float)i, 0, 0}, 0.1f, i % 2 ? 0.001f : 0.5f, 0.5f};
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_RELOCATE);
+    sf_fit_options options = options_of(SF_DENSIFY_RELOCATE);
     options.max_gaussians = MOST;
-    options.grow_most = 1e6;
+    options.densify_per_step = 1e6;
     sf_scene *scene = scene_of(ctx, balls, COUNT, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     for (int round = 0; round < 3; round++) {
@@ -347,7 +347,7 @@ static void test_none_live(void **state) {
     (void)state;
     static const ball balls[] = {{{0, 0, 0}, 0.3f, 0.001f, 0.9f}, {{0, 0, 1}, 0.3f, 0.001f, 0.9f}};
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_RELOCATE);
+    sf_fit_options options = options_of(SF_DENSIFY_RELOCATE);
     sf_scene *scene = scene_of(ctx, balls, 2, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, 2, &options);
     assert_ok(ctx, sf_relocate(f, 0));
@@ -365,7 +365,7 @@ static void test_noise(void **state) {
         balls[i] = (ball){{0, 0, 0}, i < 32 ? 0.1f : 0.2f, i < 16 ? 0.5f : 0.001f, 0.5f};
     double spread[3] = {0, 0, 0};
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_RELOCATE);
+    sf_fit_options options = options_of(SF_DENSIFY_RELOCATE);
     sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, COUNT, &options);
     sf_inject_noise(f, 1, 0, 3);
@@ -388,9 +388,9 @@ static void test_regularisers(void **state) {
     (void)state;
     static const ball balls[] = {{{0, 0, 0}, 0.3f, 0.5f, 0.9f}, {{0, 0, 50}, 0.3f, 0.5f, 0.9f}};
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
+    sf_fit_options options = options_of(SF_DENSIFY_GRADIENT);
     options.reg_opacity = options.reg_scale = 10; /* more than the loss has to say */
-    options.grow_start = 1;
+    options.densify_start = 1;
     sf_scene *scene = scene_of(ctx, balls, 2, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, 2, &options);
     float *scale = f->model->params.field[SF_FIELD_log_scale], unseen = scale[sf_at(1, 3, 0)];
@@ -427,13 +427,13 @@ static uint8_t *fitted(int threads, const sf_fit_options *options, size_t *size)
 
 static void test_same_bytes(void **state) {
     (void)state;
-    for (int growth = SF_GROWTH_ERROR; growth <= SF_GROWTH_RELOCATE; growth++) {
+    for (int growth = SF_DENSIFY_ERROR; growth <= SF_DENSIFY_RELOCATE; growth++) {
         sf_fit_options options = options_of(growth);
         options.steps = getenv("SPLATFIT_QUICK") ? 16 : 40;
         options.max_gaussians = 150;
         options.init_random = 100;
-        options.grow_every = 4;
-        options.grow_most = 1e6;
+        options.densify_every = 4;
+        options.densify_per_step = 1e6;
         options.exposure = options.refine_poses = 1;
         options.reg_opacity = options.reg_scale = 0.01;
         size_t size, other;
@@ -463,10 +463,10 @@ static void test_growth_is_not_seen(void **state) {
     sf_fit_options options = sf_fit_options_default();
     options.size = SF_SIZE_CAP;
     options.steps = 200;
-    options.grow_every = 1000; /* grows when the test says so */
+    options.densify_every = 1000; /* grows when the test says so */
     options.max_gaussians = 100000;
-    options.grow_most = 1e6;
-    options.grow_rate = 0.5;
+    options.densify_per_step = 1e6;
+    options.densify_rate = 0.5;
     options.huber_delta = 0.1;
     sf_fitter *f;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
@@ -498,7 +498,7 @@ static void test_veils_go(void **state) {
     static const int longest[] = {1, 0, 1, 0};
     static const int goes[BALLS] = {0, 1, 0, 0, 1, 1, 0, 0}; /* the last is too near to be drawn */
     sf_context *ctx = test_context();
-    sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
+    sf_fit_options options = options_of(SF_DENSIFY_GRADIENT);
     options.max_gaussians = BALLS;
     sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
     sf_fitter *f = fitter_of(ctx, scene, balls, BALLS, &options);
@@ -545,7 +545,7 @@ static void test_what_stands_before_a_lens_goes(void **state) {
     static const size_t crowds[] = {MOST, FEW};
     for (size_t pass = 0; pass < 2; pass++) {
         size_t crowd = crowds[pass];
-        sf_fit_options options = options_of(SF_GROWTH_GRADIENT);
+        sf_fit_options options = options_of(SF_DENSIFY_GRADIENT);
         options.max_gaussians = (uint32_t)(PLACES + crowd);
         sf_scene *scene = scene_of(ctx, balls, 1, -1, NULL, NULL);
         sf_fitter *f = fitter_of(ctx, scene, balls, PLACES + crowd, &options);
@@ -580,8 +580,8 @@ static void check_newcomers(int format) {
     sf_scene *scene;
     assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=64&height=48&frames=9", NULL, &scene));
     sf_fit_options options = sf_fit_options_default();
-    options.steps = 40, options.grow_every = 1000, options.sh_degree = 0;
-    options.max_gaussians = 700, options.grow_most = 1e6, options.grow_rate = 0.3;
+    options.steps = 40, options.densify_every = 1000, options.sh_degree = 0;
+    options.max_gaussians = 700, options.densify_per_step = 1e6, options.densify_rate = 0.3;
     options.max_scale = 0.015; /* none is a veil */
     options.moments = format;
     sf_fitter *f;

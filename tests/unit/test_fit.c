@@ -132,7 +132,7 @@ static sf_fit_options short_fit(int64_t steps) {
     sf_fit_options options = sf_fit_options_default();
     options.steps = steps;
     options.max_gaussians = 200;
-    options.grow_every = 10;
+    options.densify_every = 10;
     return options;
 }
 
@@ -243,7 +243,7 @@ static void test_from_points(void **state) {
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(300);
-    options.first = SF_FIRST_POINTS;
+    options.init = SF_INIT_POINTS;
     sf_fitter *fitter = start(ctx, scene, &options);
     assert_int_equal(progress_of(fitter).gaussians, TRUE_COUNT);
     double before = psnr_of(ctx, scene, fitter);
@@ -354,10 +354,10 @@ static double psnr_with_moments(int moments, double beta2, int64_t seed) {
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(200);
-    options.first = SF_FIRST_POINTS;
+    options.init = SF_INIT_POINTS;
     options.moments = moments;
     options.adam_beta2 = beta2;
-    options.grow_most = 0;
+    options.densify_per_step = 0;
     options.seed = seed;
     sf_fitter *fitter = start(ctx, scene, &options);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
@@ -454,10 +454,10 @@ static void test_cap_holds(void **state) {
     sf_scene *scene = small_scene(ctx);
     for (size_t i = 0; i < sizeof caps / sizeof *caps; i += getenv("SPLATFIT_QUICK") ? 3 : 1) {
         sf_fit_options options = short_fit(50);
-        options.first = SF_FIRST_POINTS;
+        options.init = SF_INIT_POINTS;
         options.max_gaussians = caps[i];
-        options.grow_every = 2;
-        options.grow_end = 1;
+        options.densify_every = 2;
+        options.densify_end = 1;
         sf_fitter *fitter = start(ctx, scene, &options);
         size_t cap = (size_t)caps[i], most = progress_of(fitter).gaussians;
         assert_int_equal(most, cap < TRUE_COUNT ? cap : TRUE_COUNT);
@@ -475,15 +475,15 @@ static void test_cap_holds(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* No more at once than grow_rate says, and with it there is growth. */
+/* No more at once than densify_rate says, and with it there is growth. */
 static void test_growth_is_gradual(void **state) {
     (void)state;
     test_skip_emulated();
     sf_context *ctx = test_context();
     sf_scene *scene = small_scene(ctx);
     sf_fit_options options = short_fit(40);
-    options.grow_every = 4;
-    options.grow_rate = 0.1;
+    options.densify_every = 4;
+    options.densify_rate = 0.1;
     options.size = SF_SIZE_CAP;
     options.max_gaussians = 1000;
     sf_fitter *fitter = start(ctx, scene, &options);
@@ -897,7 +897,7 @@ static void assert_background(const sf_fitter *fitter, double red, double green,
 /* A fit over a known background. */
 static sf_fitter *fit_over(sf_context *ctx, sf_scene *scene, int background, int64_t steps) {
     sf_fit_options options = short_fit(steps);
-    options.first = SF_FIRST_POINTS;
+    options.init = SF_INIT_POINTS;
     options.background = background;
     options.background_red = 0.25;
     options.background_green = 0.5;
@@ -1108,9 +1108,9 @@ static void check_out_of_memory(int growth) {
     add_tiny_view(ctx, scene, 17, 9);
     add_points(scene);
     sf_fit_options options = short_fit(STEPS);
-    options.grow_every = 2;
-    options.grow_start = 0;
-    options.growth = growth;
+    options.densify_every = 2;
+    options.densify_start = 0;
+    options.densify = growth;
     int idle = atomic_load(&r.held), refused_fitters = 0, refused_steps = 0;
     for (int allowed = 0, done = 0; !done; allowed++) {
         sf_fitter *fitter;
@@ -1144,7 +1144,8 @@ static void check_out_of_memory(int growth) {
 static void test_out_of_memory(void **state) {
     (void)state;
     test_skip_emulated();
-    for (int growth = SF_GROWTH_GRADIENT; growth <= SF_GROWTH_RELOCATE; growth++) check_out_of_memory(growth);
+    for (int growth = SF_DENSIFY_GRADIENT; growth <= SF_DENSIFY_RELOCATE; growth++)
+        check_out_of_memory(growth);
 }
 
 int main(void) {

@@ -1101,7 +1101,7 @@ static void fit_masked(const char *project, float under) {
     sf_fit_options options = sf_fit_options_default();
     load.hold_out = 0;
     options.steps = 20;
-    options.first = SF_FIRST_RANDOM;
+    options.init = SF_INIT_RANDOM;
     options.init_random = 200;
     assert_ok(ctx, sf_scene_load(ctx, test_path(project), &load, &scene));
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitter));

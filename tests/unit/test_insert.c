@@ -44,11 +44,11 @@ static sf_scene *scene_of(sf_context *ctx) {
 static sf_fit_options options_of(int64_t steps) {
     sf_fit_options o = sf_fit_options_default();
     o.steps = steps;
-    o.first = SF_FIRST_POINTS;
+    o.init = SF_INIT_POINTS;
     o.size = SF_SIZE_CAP;
     o.validate = 0;
     o.max_gaussians = POINTS + 5;
-    o.grow_most = 0;
+    o.densify_per_step = 0;
     o.prune_opacity = 0;
     return o;
 }
@@ -200,7 +200,7 @@ static void runs_without_an_end_go_on(void **state) {
     sf_fit_options o = options_of(20);
     o.open_end = 1;
     o.extent = 2.5;
-    o.lr_haste = 1;
+    o.lr_boost = 1;
     sf_fit_progress p;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &o, &fitter));
     assert_true(fabs(fitter->extent - 2.5) < 1e-12);
@@ -211,7 +211,7 @@ static void runs_without_an_end_go_on(void **state) {
     }
     sf_fitter_get_progress(fitter, &p);
     assert_int_equal(p.step, 60);
-    assert_true(p.fraction < o.lr_settle && p.end == SF_FIT_GOES_ON);
+    assert_true(p.fraction < o.cool_down && p.end == SF_FIT_GOES_ON);
     assert_true(fabs(rate - o.lr_opacity) < 1e-12); /* the rates have not fallen */
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);

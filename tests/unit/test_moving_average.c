@@ -10,13 +10,13 @@
 
 enum { WIDTH = 64, HEIGHT = 48, STEPS = 20, MEAN = 5 };
 
-static sf_fitter *fitter_of(sf_context *ctx, int64_t mean_steps, int64_t grow_every, sf_scene **scene) {
+static sf_fitter *fitter_of(sf_context *ctx, int64_t ema_steps, int64_t densify_every, sf_scene **scene) {
     sf_fitter *f;
     sf_fit_options options = sf_fit_options_default();
     options.steps = 100;
     options.max_gaussians = 2000;
-    options.grow_every = grow_every;
-    options.mean_steps = mean_steps;
+    options.densify_every = densify_every;
+    options.ema_steps = ema_steps;
     assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=64&height=48&frames=9", NULL, scene));
     assert_ok(ctx, sf_fitter_create(ctx, *scene, NULL, &options, &f));
     return f;

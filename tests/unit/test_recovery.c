@@ -23,7 +23,7 @@ static int open_setup(void **state) {
     s.options = sf_fit_options_default();
     s.options.steps = getenv("SPLATFIT_QUICK") ? 120 : 240;
     s.options.max_gaussians = 300;
-    s.options.grow_every = 20;
+    s.options.densify_every = 20;
     *state = &s;
     return 0;
 }

@@ -113,7 +113,7 @@ static void focal_length_is_recovered(void **state) {
 static void cameras_are_told(void **state) {
     (void)state;
     sf_fit_options options = small_fit(60);
-    options.refine_poses = options.refine_intrinsics = options.hold_two_poses = 1;
+    options.refine_poses = options.refine_intrinsics = options.fix_gauge = 1;
     fitting f = run("sim:studio?width=64&height=48&frames=12", test_disturbance(0.5, 0.01, 1), &options, 2);
     const char *path = test_path("cameras.json");
     assert_ok(f.ctx, sf_fitter_save_cameras(f.fitter, path));

@@ -30,8 +30,8 @@ static sf_fit_options short_fit(int64_t steps) {
     sf_fit_options options = sf_fit_options_default();
     options.steps = steps;
     options.max_gaussians = 1000;
-    options.first = SF_FIRST_POINTS;
-    options.grow_every = 20;
+    options.init = SF_INIT_POINTS;
+    options.densify_every = 20;
     options.sh_degree = 1;
     return options;
 }
@@ -70,7 +70,7 @@ static void test_longer_runs_have_shorter_phases(void **state) {
     const double ends[][2] = {{brief.pyramid_end, lengthy.pyramid_end},
                               {brief.pyramid_mix, lengthy.pyramid_mix},
                               {brief.sh_end, lengthy.sh_end},
-                              {brief.grow_end, lengthy.grow_end}};
+                              {brief.densify_end, lengthy.densify_end}};
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
         assert_true(ends[i][0] > 0.2 && ends[i][0] < 1);
         assert_true(ends[i][1] > 0 && ends[i][1] < 0.1);
@@ -84,16 +84,16 @@ static void test_brief_runs_make_large_steps(void **state) {
     sf_fit_options plans[3];
     for (int i = 0; i < 3; i++) {
         sf_fit_options options = short_fit(steps[i]);
-        options.grow_every = 0;
+        options.densify_every = 0;
         plans[i] = planned(options);
     }
     sf_fit_options brief = plans[0], usual = plans[1], lengthy = plans[2];
-    assert_true(brief.lr_haste == 6 && fabs(usual.lr_haste - sqrt(8)) < 1e-9 && lengthy.lr_haste == 1);
+    assert_true(brief.lr_boost == 6 && fabs(usual.lr_boost - sqrt(8)) < 1e-9 && lengthy.lr_boost == 1);
     assert_true(brief.huber_delta == 0.4 && fabs(usual.huber_delta - 100.0 / 825 * 0.75) < 1e-9);
     assert_true(lengthy.huber_delta == 0); /* L1 */
-    assert_int_equal(brief.grow_every, 12);
-    assert_int_equal(usual.grow_every, 100);
-    assert_int_equal(lengthy.grow_every, 100);
+    assert_int_equal(brief.densify_every, 12);
+    assert_int_equal(usual.densify_every, 100);
+    assert_int_equal(lengthy.densify_every, 100);
     sf_fit_options options = short_fit(825);
     sf_fitter *f = start(&options);
     assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_log_scale) - sqrt(8) * options.lr_scale) < 1e-9);
@@ -103,7 +103,7 @@ static void test_brief_runs_make_large_steps(void **state) {
     assert_true(fabs(sf_scheduled_rate(f, 0, SF_FIELD_sh0) - options.lr_sh0) < 1e-12);
     sf_fitter *on;
     assert_ok(ctx, sf_fitter_create(ctx, scene, f->model, &options, &on));
-    assert_true(on->options.lr_haste == 1); /* its shapes are what they are */
+    assert_true(on->options.lr_boost == 1); /* its shapes are what they are */
     sf_fitter_destroy(&on);
     sf_fitter_destroy(&f);
 }
@@ -141,9 +141,9 @@ static void test_views_far_apart_follow_one_another(void **state) {
 static void test_what_the_user_chose_stays(void **state) {
     (void)state;
     sf_fit_options options = short_fit(100);
-    options.pyramid_end = 0.31, options.grow_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
+    options.pyramid_end = 0.31, options.densify_end = 0.32, options.sh_end = 0.33, options.plan_steps = 5000;
     options.pyramid_mix = 0.34;
-    options.grow_every = 35, options.validate = 5, options.lr_haste = 1.5, options.huber_delta = 0.25;
+    options.densify_every = 35, options.validate = 5, options.lr_boost = 1.5, options.huber_delta = 0.25;
     sf_fit_options got = planned(options);
     assert_same_options(&got, &options);
 }
@@ -221,7 +221,7 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     (void)state;
     sf_fit_options options = short_fit(100);
     options.max_gaussians = 100000;
-    options.grow_most = 2;
+    options.densify_per_step = 2;
     sf_fitter *fitter = start(&options);
     size_t first = fitter->first_count;
     assert_int_equal(sf_planned_count(fitter, 1), first + 200);
@@ -232,7 +232,7 @@ static void test_growth_is_bounded_by_the_plan(void **state) {
     fitter->select.growth_scale = 2.5;
     assert_int_equal(sf_planned_count(fitter, 1), first + 5 * SF_SHORT_RUN);
     fitter->select.growth_scale = 0;
-    assert_true(sf_planned_count(fitter, fitter->options.grow_end / 2) > first);
+    assert_true(sf_planned_count(fitter, fitter->options.densify_end / 2) > first);
     sf_fitter_destroy(&fitter);
     options.max_gaussians = (int64_t)first + 10;
     fitter = start(&options);
@@ -256,10 +256,10 @@ static void test_resolution_and_rates_follow_the_plan(void **state) {
     assert_int_equal(sf_finest_level(f, o->pyramid_end - 1e-9), 1);
     assert_int_equal(sf_finest_level(f, o->pyramid_end), 0); /* also while every other step is coarser */
     assert_int_equal(sf_scheduled_level(f, 0, 40, 40), 0);   /* never below 32 px */
-    double before = sf_scheduled_rate(f, o->lr_settle, SF_FIELD_sh0),
+    double before = sf_scheduled_rate(f, o->cool_down, SF_FIELD_sh0),
            end = sf_scheduled_rate(f, 1, SF_FIELD_sh0);
     assert_true(before == o->lr_sh0);
-    assert_true(fabs(end - o->lr_settled * o->lr_sh0) < 1e-12);
+    assert_true(fabs(end - o->cool_down_rate * o->lr_sh0) < 1e-12);
     sf_fitter_destroy(&f);
 }
 
@@ -335,7 +335,7 @@ static void test_the_best_model_comes_back(void **state) {
     options.size = SF_SIZE_CAP;
     options.lr_mean = 0.05; /* far too much */
     options.lr_mean_final = 1;
-    options.lr_settle = 1;
+    options.cool_down = 1;
     sf_fitter *fitter = start(&options);
     double best = 0, psnr;
     size_t views;
@@ -375,7 +375,7 @@ static void test_patience_ends_the_run(void **state) {
     options.lr_mean = options.lr_sh0 = options.lr_sh_rest = options.lr_opacity = options.lr_scale = 0;
     options.lr_quat = 0;
     options.max_gaussians = 1;
-    options.grow_end = 0.01;
+    options.densify_end = 0.01;
     options.pyramid_levels = 0;
     sf_fitter *fitter = start(&options);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));

@@ -607,9 +607,9 @@ static void test_a_fit_pays(void **state) {
         sf_importance w;
         options.steps = 600;
         options.plan_steps = 1000;
-        options.grow_every = 20;
+        options.densify_every = 20;
         options.sh_degree = 0;
-        options.first = SF_FIRST_RANDOM;
+        options.init = SF_INIT_RANDOM;
         options.init_random = options.max_gaussians = 1000;
         options.size = size;
         assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
@@ -639,7 +639,7 @@ static void test_trial_goes_on(void **state) {
     sf_fit_options options = sf_fit_options_default();
     sf_fitter *fitters[2];
     options.steps = options.plan_steps = 1000;
-    options.first = SF_FIRST_RANDOM;
+    options.init = SF_INIT_RANDOM;
     options.init_random = 200;
     options.sh_degree = 1;
     assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &fitters[0]));
@@ -678,11 +678,11 @@ static void test_charges_end_early(void **state) {
     for (f->step = 1; f->step <= STEPS; f->step++) {
         double fraction = (double)(f->step - 1) / STEPS;
         if (!sf_selection_is_due(f, fraction)) continue;
-        assert_true(f->step % f->options.grow_every == 0 && fraction > 0.55);
+        assert_true(f->step % f->options.densify_every == 0 && fraction > 0.55);
         due++;
         last = late, late = (int)f->step;
     }
-    assert_int_equal(late, STEPS - f->options.grow_every);
+    assert_int_equal(late, STEPS - f->options.densify_every);
     assert_true(due > 3 && last > 0.8 * STEPS && last < 0.9 * STEPS);
     sf_fitter_destroy(&f);
     sf_scene_destroy(&scene);

@@ -9,7 +9,7 @@
 #include "base/rng.h"
 #include "base/statistics.h"
 #include "sim/sim.h"
-#include "scene/first.h"
+#include "scene/init.h"
 #include "scene/fuse.h"
 #include "scene/neighbours.h"
 #include "scene/sweep.h"

@@ -40,8 +40,8 @@ static sf_fit_options short_fit(int64_t steps) {
     options.validate = 8; /* too few steps for it else */
     options.max_gaussians = 600;
     options.init_random = 600;
-    options.first = SF_FIRST_RANDOM;
-    options.grow_every = 20;
+    options.init = SF_INIT_RANDOM;
+    options.densify_every = 20;
     options.sh_degree = 1;
     return options;
 }
@@ -236,7 +236,7 @@ static void test_who_gains_needs_no_watching(void **state) {
     sf_fit_options options = short_fit(STEPS);
     options.size = SF_SIZE_CAP;
     options.pyramid_levels = 0;
-    options.grow_end = 0.3;
+    options.densify_end = 0.3;
     options.patience = 0.4;
     uint32_t kept_out = studio->views[4]->id;
     sf_fitter *fitter = start(studio, &options);
@@ -279,10 +279,10 @@ static sf_fit_progress fit_few(int64_t validate, int64_t seed, curve *c) {
     sf_fit_options options = short_fit(600);
     options.sh_degree = 3;
     options.lr_sh_rest = 0.05;
-    options.lr_haste = 1, options.huber_delta = 1e-9;
+    options.lr_boost = 1, options.huber_delta = 1e-9;
     options.size = SF_SIZE_CAP;
     options.pyramid_levels = 0;
-    options.grow_end = 0.1;
+    options.densify_end = 0.1;
     options.validate = validate, options.seed = seed;
     c->fitter = start(c->scene, &options);
     assert_ok(ctx, sf_fitter_run(c->fitter, follow, c));

@@ -1,4 +1,4 @@
-/* test_first.c - distances to the nearest points, and the first Gaussians of a fit. */
+/* test_init.c - distances to the nearest points, and the first Gaussians of a fit. */
 #include "testing.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/rng.h"
-#include "scene/first.h"
+#include "scene/init.h"
 #include "scene/nearest.h"
 #include "scene/random.h"
 
@@ -180,13 +180,13 @@ static sf_scene *scene_of(sf_context *ctx, int views) {
     return scene;
 }
 
-static const sf_first_options usual = {.max_gaussians = 1000,
-                                       .random_count = 300,
-                                       .sh_degree = 2,
-                                       .opacity = 0.1,
-                                       .scale = 0.5,
-                                       .extent = 10,
-                                       .nearest = 0.4};
+static const sf_init_options usual = {.max_gaussians = 1000,
+                                      .random_count = 300,
+                                      .sh_degree = 2,
+                                      .opacity = 0.1,
+                                      .scale = 0.5,
+                                      .extent = 10,
+                                      .nearest = 0.4};
 
 /* All that is in a model of degree 2. */
 enum { MOST = 1200, COEFFICIENTS = 9 };
@@ -195,12 +195,12 @@ typedef struct content {
     float means[MOST][3], quats[MOST][4], log_scales[MOST][3], logits[MOST], sh[MOST][COEFFICIENTS][3];
 } content;
 
-static content *make_first(sf_scene *scene, const sf_first_options *options, uint64_t seed) {
+static content *make_first(sf_scene *scene, const sf_init_options *options, uint64_t seed) {
     sf_context *ctx = scene->ctx;
     sf_rng rng;
     sf_model *model;
     sf_rng_seed(&rng, seed);
-    assert_ok(ctx, sf_first_gaussians(scene, options, &rng, &model));
+    assert_ok(ctx, sf_init_gaussians(scene, options, &rng, &model));
     assert_int_equal(sf_model_sh_degree(model), options->sh_degree);
     assert_int_equal(options->sh_degree, 2);
     content *c = calloc(1, sizeof *c);
@@ -224,7 +224,7 @@ static void add_points(sf_scene *scene, place_fn where, size_t n, uint64_t seed)
 }
 
 /* What every first Gaussian has. */
-static void check_common(const content *c, const sf_first_options *options) {
+static void check_common(const content *c, const sf_init_options *options) {
     double logit = log(options->opacity / (1 - options->opacity));
     for (size_t i = 0; i < c->count; i++) {
         assert_memory_equal(c->quats[i], ((float[]){1, 0, 0, 0}), sizeof c->quats[i]);
@@ -280,8 +280,8 @@ static void test_scales_have_limits(void **state) {
             add_points(scene, cases[i].where, cases[i].n, 1);
         else
             assert_ok(ctx, sf_scene_add_points(scene, cases[i].n, cases[i].points, NULL));
-        sf_first_options options = usual;
-        options.from = SF_FIRST_POINTS;
+        sf_init_options options = usual;
+        options.from = SF_INIT_POINTS;
         content *c = make_first(scene, &options, 1);
         assert_int_equal(c->count, cases[i].n);
         for (size_t k = 0; k < c->count; k++)
@@ -312,7 +312,7 @@ static void test_more_points_than_allowed(void **state) {
     static uint8_t rgb[POINTS][3];
     assert_int_equal(sf_scene_get_points(scene, 0, POINTS, &xyz[0][0], &rgb[0][0]), POINTS);
     for (size_t a = 0; a < sizeof allowed / sizeof *allowed; a++) {
-        sf_first_options options = usual;
+        sf_init_options options = usual;
         options.max_gaussians = allowed[a];
         content *c = make_first(scene, &options, 1), *same = make_first(scene, &options, 2);
         assert_int_equal(c->count, allowed[a] < POINTS ? allowed[a] : POINTS);
@@ -338,7 +338,7 @@ static void test_choice_is_even(void **state) {
     sf_scene *line = scene_of(ctx, 1), *clusters = scene_of(ctx, 1);
     add_points(line, place_in_order, POINTS, 1);
     add_points(clusters, place_in_clusters, POINTS, 1);
-    sf_first_options options = usual;
+    sf_init_options options = usual;
     options.max_gaussians = CHOSEN;
     content *c = make_first(line, &options, 1);
     assert_true(c->means[0][0] < 5 && c->means[CHOSEN - 1][0] > POINTS - 6);
@@ -410,7 +410,7 @@ static void test_random_depths(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene = scene_of(ctx, 1);
-    sf_first_options options = usual;
+    sf_init_options options = usual;
     options.extent = 6; /* what a single camera is taken to look at */
     content *c = make_first(scene, &options, 1);
     double least = INFINITY, most = 0;
@@ -477,7 +477,7 @@ static void test_random_count_is_capped(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene = scene_of(ctx, 2);
-    sf_first_options options = usual;
+    sf_init_options options = usual;
     options.max_gaussians = 17;
     content *c = make_first(scene, &options, 1);
     assert_int_equal(c->count, 17);
@@ -496,7 +496,7 @@ static void test_nothing_to_start_from(void **state) {
     sf_model *model;
     sf_rng_seed(&rng, 1);
     assert_ok(ctx, sf_scene_add_points(scene, 1, nowhere, NULL));
-    assert_status(ctx, sf_first_gaussians(scene, &usual, &rng, &model), SF_ERR_EMPTY);
+    assert_status(ctx, sf_init_gaussians(scene, &usual, &rng, &model), SF_ERR_EMPTY);
     assert_null(model);
     assert_error_names(ctx, "no training view");
     sf_scene_destroy(&scene);
@@ -507,15 +507,15 @@ static void test_nothing_to_start_from(void **state) {
 static void test_from_where_asked(void **state) {
     (void)state;
     static const struct {
-        sf_first from;
+        sf_init from;
         size_t points, expected;
-    } cases[] = {{SF_FIRST_AUTO, 0, 300},     {SF_FIRST_AUTO, 99, 300},    {SF_FIRST_AUTO, 100, 100},
-                 {SF_FIRST_POINTS, 5, 5},     {SF_FIRST_POINTS, 100, 100}, {SF_FIRST_SWEEP, 100, 300},
-                 {SF_FIRST_RANDOM, 100, 300}, {SF_FIRST_RANDOM, 0, 300}};
+    } cases[] = {{SF_INIT_AUTO, 0, 300},     {SF_INIT_AUTO, 99, 300},    {SF_INIT_AUTO, 100, 100},
+                 {SF_INIT_POINTS, 5, 5},     {SF_INIT_POINTS, 100, 100}, {SF_INIT_SWEEP, 100, 300},
+                 {SF_INIT_RANDOM, 100, 300}, {SF_INIT_RANDOM, 0, 300}};
     sf_context *ctx = test_context();
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         sf_scene *scene = scene_of(ctx, 4); /* of one colour each: a sweep finds nothing */
-        sf_first_options options = usual;
+        sf_init_options options = usual;
         options.from = cases[i].from;
         add_points(scene, place_anywhere, cases[i].points, 1);
         test_log_clear();
@@ -551,16 +551,16 @@ static void test_wrong_points(void **state) {
     assert_ok(ctx, sf_scene_add_points(wrong, POINTS, xyz, NULL));
     for (int asked = 0; asked < 2; asked++)
         for (int is_wrong = 0; is_wrong < 2; is_wrong++) {
-            sf_first_options options = {.from = asked ? SF_FIRST_POINTS : SF_FIRST_AUTO,
-                                        .max_gaussians = 1000000,
-                                        .random_count = 1,
-                                        .opacity = 0.1,
-                                        .scale = 1,
-                                        .extent = info.extent,
-                                        .nearest = 0.01};
+            sf_init_options options = {.from = asked ? SF_INIT_POINTS : SF_INIT_AUTO,
+                                       .max_gaussians = 1000000,
+                                       .random_count = 1,
+                                       .opacity = 0.1,
+                                       .scale = 1,
+                                       .extent = info.extent,
+                                       .nearest = 0.01};
             sf_model *model;
             test_log_clear();
-            assert_ok(ctx, sf_first_gaussians(is_wrong ? wrong : right, &options, &rng, &model));
+            assert_ok(ctx, sf_init_gaussians(is_wrong ? wrong : right, &options, &rng, &model));
             int left_out = is_wrong && !asked;
             assert_int_equal(strstr(test_log, "left out") != NULL, left_out);
             assert_int_equal(model->count == (is_wrong ? POINTS : info.points), !left_out);
@@ -575,12 +575,12 @@ static void test_no_points_to_start_from(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_scene *scene = scene_of(ctx, 1);
-    sf_first_options options = usual;
-    options.from = SF_FIRST_POINTS;
+    sf_init_options options = usual;
+    options.from = SF_INIT_POINTS;
     sf_rng rng;
     sf_model *model;
     sf_rng_seed(&rng, 1);
-    assert_status(ctx, sf_first_gaussians(scene, &options, &rng, &model), SF_ERR_EMPTY);
+    assert_status(ctx, sf_init_gaussians(scene, &options, &rng, &model), SF_ERR_EMPTY);
     assert_null(model);
     assert_error_names(ctx, "first: points");
     sf_scene_destroy(&scene);

@@ -1,5 +1,5 @@
-/* first.c - initialisation: Gaussians from sparse points, from plane-sweep stereo or at random. */
-#include "first.h"
+/* init.c - initialisation: Gaussians from sparse points, from plane-sweep stereo or at random. */
+#include "init.h"
 
 #include <math.h>
 #include <string.h>
@@ -82,7 +82,7 @@ static sf_status hold_views(sf_scene *scene, sf_view ***views, size_t *n) {
 
 /* Points from plane-sweep stereo; none, with a message, if they are too few to initialise from. */
 static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size_t n,
-                              const sf_first_options *options, sf_cloud *c) {
+                              const sf_init_options *options, sf_cloud *c) {
     size_t most = options->max_gaussians;
     sf_sweep_options sweep = {.wanted = most < MOST_SWEPT ? most : MOST_SWEPT,
                               .nearest = options->nearest,
@@ -90,7 +90,7 @@ static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size
     sf_status status = sf_sweep_points(ctx, views, n, &sweep, c);
     if (status) return status;
     int few = c->n < (sweep.wanted < ENOUGH ? sweep.wanted : ENOUGH);
-    sf_log(ctx, few && options->from == SF_FIRST_SWEEP ? SF_LOG_WARNING : SF_LOG_INFO,
+    sf_log(ctx, few && options->from == SF_INIT_SWEEP ? SF_LOG_WARNING : SF_LOG_INFO,
            "%zu points found by matching %zu views%s", c->n, n, few ? ": too few to start from" : "");
     if (few) sf_cloud_destroy(ctx, c);
     return SF_OK;
@@ -99,10 +99,9 @@ static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size
 /* Points of a sweep, and random ones where these leave the pictures uncovered; random ones only if asked for.
  */
 static sf_status points_from_views(sf_context *ctx, const sf_view *const *views, size_t n,
-                                   const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
+                                   const sf_init_options *options, sf_rng *rng, sf_cloud *c) {
     sf_cloud swept = {0};
-    sf_status status =
-        options->from == SF_FIRST_RANDOM ? SF_OK : swept_points(ctx, views, n, options, &swept);
+    sf_status status = options->from == SF_INIT_RANDOM ? SF_OK : swept_points(ctx, views, n, options, &swept);
     size_t count = options->random_count, room = options->max_gaussians - swept.n;
     if (count > room) count = room;
     if (!status) status = sf_cloud_create(ctx, swept.n + count, c);
@@ -119,7 +118,7 @@ static sf_status points_from_views(sf_context *ctx, const sf_view *const *views,
 
 /* The scene's sparse points; none if they are too few or do not agree with the pictures. */
 static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, size_t n,
-                                 const sf_first_options *options, sf_cloud *c) {
+                                 const sf_init_options *options, sf_cloud *c) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
     if (info.points < ENOUGH) return SF_OK;
@@ -132,23 +131,23 @@ static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, s
     return SF_OK;
 }
 
-static sf_status find_points(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
+static sf_status find_points(sf_scene *scene, const sf_init_options *options, sf_rng *rng, sf_cloud *c) {
     sf_view **held;
     size_t n;
     sf_status status = hold_views(scene, &held, &n);
     const sf_view *const *views = (const sf_view *const *)held;
-    if (!status && options->from == SF_FIRST_AUTO) status = points_of_scene(scene, views, n, options, c);
+    if (!status && options->from == SF_INIT_AUTO) status = points_of_scene(scene, views, n, options, c);
     if (!status && !c->n) status = points_from_views(scene->ctx, views, n, options, rng, c);
     sf_scene_release_all(scene, held, n);
     return status;
 }
 
-static sf_status gather_points(sf_scene *scene, const sf_first_options *options, sf_rng *rng, sf_cloud *c) {
+static sf_status gather_points(sf_scene *scene, const sf_init_options *options, sf_rng *rng, sf_cloud *c) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
-    if (options->from == SF_FIRST_POINTS && !info.points)
+    if (options->from == SF_INIT_POINTS && !info.points)
         return sf_fail(scene->ctx, SF_ERR_EMPTY, "first: points: the scene has none");
-    if (options->from == SF_FIRST_POINTS) return choose_points(scene, options->max_gaussians, c);
+    if (options->from == SF_INIT_POINTS) return choose_points(scene, options->max_gaussians, c);
     return find_points(scene, options, rng, c);
 }
 
@@ -164,7 +163,7 @@ void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], co
     params->field[SF_FIELD_logit_opacity][i] = (float)sf_logit(opacity);
 }
 
-static void become_gaussians(const sf_cloud *c, const float *distances, const sf_first_options *options,
+static void become_gaussians(const sf_cloud *c, const float *distances, const sf_init_options *options,
                              sf_model *model) {
     for (size_t i = 0; i < c->n; i++) {
         double scale = distances[i] > 0 ? options->scale * (double)distances[i] : 0.01 * options->extent;
@@ -173,8 +172,7 @@ static void become_gaussians(const sf_cloud *c, const float *distances, const sf
     }
 }
 
-sf_status sf_first_gaussians(sf_scene *scene, const sf_first_options *options, sf_rng *rng,
-                             sf_model **model) {
+sf_status sf_init_gaussians(sf_scene *scene, const sf_init_options *options, sf_rng *rng, sf_model **model) {
     sf_context *ctx = scene->ctx;
     sf_cloud c = {0};
     float *distances = NULL;

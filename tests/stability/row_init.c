@@ -1,4 +1,4 @@
-/* row_first.c - rows 19 and 22: walls that show nothing, and first points that are few, none, or wrong. */
+/* row_init.c - rows 19 and 22: walls that show nothing, and first points that are few, none, or wrong. */
 #include <math.h>
 
 #include "base/rng.h"
@@ -12,17 +12,17 @@
 
 typedef struct start {
     const char *name;
-    int first, points; /* an sf_first; random points that the scene claims to know, 0: its own */
+    int first, points; /* an sf_init; random points that the scene claims to know, 0: its own */
     int64_t random;    /* init_random */
     double most;       /* dB under the first; 0: not promised */
 } start;
 
 static const start starts[] = {
-    {"the scene's points", SF_FIRST_POINTS, 0, 1, 0},
-    {"none: 100 at random", SF_FIRST_RANDOM, 0, 100, 0},
-    {"none: 10,000 at random", SF_FIRST_RANDOM, 0, 10000, 2},
-    {"none: what matching the views finds", SF_FIRST_SWEEP, 0, 10000, 2},
-    {"10,000 wrong points", SF_FIRST_AUTO, 10000, 10000, 2},
+    {"the scene's points", SF_INIT_POINTS, 0, 1, 0},
+    {"none: 100 at random", SF_INIT_RANDOM, 0, 100, 0},
+    {"none: 10,000 at random", SF_INIT_RANDOM, 0, 10000, 2},
+    {"none: what matching the views finds", SF_INIT_SWEEP, 0, 10000, 2},
+    {"10,000 wrong points", SF_INIT_AUTO, 10000, 10000, 2},
 };
 enum { STARTS = sizeof starts / sizeof *starts };
 
@@ -55,7 +55,7 @@ static void first_points(stab_run *run) {
         sf_scene *scene =
             s->points ? with_wrong_points(ctx, (size_t)s->points) : stab_load(ctx, STUDIO, 8, 1);
         sf_fit_options options = sf_fit_options_default();
-        options.steps = STEPS, options.first = s->first, options.init_random = s->random;
+        options.steps = STEPS, options.init = s->first, options.init_random = s->random;
         stab_fit fit = stab_fit_scene(ctx, scene, &options, STEPS / 10, NULL);
         stab_draw_fit(run, STAB_OURS, &fit, s->name);
         if (!i) of_points = fit.quality.psnr;
