@@ -1,4 +1,4 @@
-/* adam.h - Adam in float64 for the few values that a fit learns beside the Gaussians. */
+/* adam.h - Adam in float64 for the few learned values that are not of Gaussians. */
 #ifndef SF_FIT_ADAM_H
 #define SF_FIT_ADAM_H
 
@@ -12,8 +12,8 @@ typedef struct sf_small_moments {
     double *m, *v;
 } sf_small_moments;
 
-/* Step t (from 1) of n values: step[0..n-1] is what to subtract from them. A gradient that is not finite
- * leaves its value and its moments alone. Returns how many were finite. */
+/* Step t (from 1) of n values: step[0..n-1] is to be subtracted from them. A value whose gradient is not
+ * finite keeps its value and moments. Returns how many gradients were finite. */
 static inline int sf_adam_small(const sf_fit_options *o, double rate, int64_t t, int n,
                                 const double *gradient, sf_small_moments moments, double *step) {
     double *m = moments.m, *v = moments.v;

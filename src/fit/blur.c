@@ -1,9 +1,8 @@
-/* blur.c - training views that are less sharp than the model: moved during the exposure, or out of focus.
+/* blur.c - finds blurred training views: motion blur or defocus.
  *
- * How much detail a picture has says nothing alone: walls have little. But a model that several views made
- * has the detail that they share, and what it shows of a view's place is a measure for that view: the ratio
- * of both is much the same for all views, and far lower for a blurred one, in the direction of its blur at
- * least.
+ * The detail of a picture alone does not show blur: walls have little. A model trained on several views has
+ * the detail that they share, so its render is the reference: the ratio of the detail of picture and render
+ * is similar for all views, and much lower for a blurred one, at least in the direction of the blur.
  */
 #include "blur.h"
 
@@ -15,23 +14,24 @@
 #include "../base/statistics.h"
 #include "draw_view.h"
 
-/* Views are judged once, here in the run: the model knows by now what is there, and most is still to come. */
-#define JUDGE_AT (1 / 3.0)
-/* A model with a smaller part of the pictures' mean square differences is no measure for them. */
+/* Views are judged once, at this fraction of the run: the model is detailed by then, and most steps are still
+ * to come. */
+#define MEASURE_AT (1 / 3.0)
+/* No view is judged where the render has less than this part of the pictures' mean squared difference. */
 #define LEAST_DETAIL 0.01
-/* What an 8-bit value does not tell, and so no detail. */
+/* Rounding error of 8-bit values: smaller differences are no detail. */
 #define ROUNDING (1 / 255.0)
 
 enum {
-    FEWEST = 8,        /* views that have something in common */
-    FEWEST_ROWS = 96,  /* of a picture, evenly spread, that speak for it */
-    PASSES_OF_ONE = 4, /* of a blurred view: it may be the only one that sees something */
-    MOST_NAMES = 400   /* characters of them in the warning */
+    FEWEST = 8,         /* the fewest training views to compare */
+    FEWEST_ROWS = 96,   /* rows of a picture, evenly spread, that are measured at least */
+    BLURRED_PASSES = 4, /* a blurred view is drawn once in this many passes */
+    MOST_NAMES = 400    /* characters of view names in the warning */
 };
 
 enum { ACROSS, DOWN, DIRECTIONS };
 
-/* Sums over the pixels that count, and over pairs of neighbours. */
+/* Sums over the unmasked pixels and over pairs of neighbours. */
 typedef struct detail {
     double sum[SF_CHANNELS], squares, pixels;
     double differences[DIRECTIONS], pairs[DIRECTIONS];
@@ -41,37 +41,38 @@ typedef struct detail_job {
     const sf_workspace *ws;
     float *const *planes;
     size_t apart;
-    detail *rows; /* of each row that is taken, with the pairs to the next one of the picture */
+    detail *rows; /* [rows measured] of a row, with the pairs to the next row of the picture */
 } detail_job;
 
-/* Counts and sums of one channel of a row, and of its pairs: branches and calls for each value would take
- * longer than drawing the view. */
+/* One channel of a row, and the row below. No branches or calls for each value: they would take longer than
+ * rendering the view. */
 typedef struct channel_row {
     const float *value, *below;         /* NULL: the last row */
-    const float *weight, *weight_below; /* NULL: all count */
+    const float *weight, *weight_below; /* NULL: no mask */
     size_t width;
 } channel_row;
 
-static double shown(float value) { return value > 0 ? value < 1 ? (double)value : 1 : 0; }
+static double clamped(float value) { return value > 0 ? value < 1 ? (double)value : 1 : 0; }
 
-static double counts(const float *weight, size_t x) { return !weight || weight[x] > 0.999f; }
+static double is_unmasked(const float *weight, size_t x) { return !weight || weight[x] > 0.999f; }
 
 static void add_row(const channel_row *r, int ch, detail *d) {
-    double sum = 0, squares = 0, across = 0, down = 0, last = 0, last_counts = 0;
+    double sum = 0, squares = 0, across = 0, down = 0, last = 0, last_in = 0;
     double pixels = 0, pairs_across = 0, pairs_down = 0;
     for (size_t x = 0; x < r->width; x++) {
-        double in = counts(r->weight, x), value = shown(r->value[x]);
-        double along = value - last, in_along = in * last_counts;
+        double in = is_unmasked(r->weight, x), value = clamped(r->value[x]);
+        double along = value - last, in_along = in * last_in;
         sum += in * value, squares += in * value * value, pixels += in;
         across += in_along * along * along, pairs_across += in_along;
-        last = value, last_counts = in;
+        last = value, last_in = in;
         if (!r->below) continue;
-        double to_below = value - shown(r->below[x]), in_down = in * counts(r->weight_below, x);
+        double to_below = value - clamped(r->below[x]), in_down = in * is_unmasked(r->weight_below, x);
         down += in_down * to_below * to_below, pairs_down += in_down;
     }
     d->sum[ch] = sum, d->squares += squares;
     d->differences[ACROSS] += across, d->differences[DOWN] += down;
-    d->pixels = pixels, d->pairs[ACROSS] = pairs_across, d->pairs[DOWN] = pairs_down; /* of every channel */
+    /* the same for every channel */
+    d->pixels = pixels, d->pairs[ACROSS] = pairs_across, d->pairs[DOWN] = pairs_down;
 }
 
 static void detail_task(void *job_pointer, size_t task, int thread) {
@@ -93,7 +94,7 @@ static void detail_task(void *job_pointer, size_t task, int thread) {
     job->rows[task] = d;
 }
 
-/* Of the target or the render that the workspace has. */
+/* Detail of the target or the render in the workspace. */
 static sf_status measure(sf_workspace *ws, float *const *planes, detail *all) {
     size_t height = (size_t)ws->eye.height, apart = height < 2 * FEWEST_ROWS ? 1 : height / FEWEST_ROWS;
     size_t rows = (height + apart - 1) / apart;
@@ -112,7 +113,7 @@ static sf_status measure(sf_workspace *ws, float *const *planes, detail *all) {
     return SF_OK;
 }
 
-/* Of a value, about the mean of its channel; never less than what rounding leaves open. */
+/* Variance of a value about the mean of its channel, at least that of rounding. */
 static double variance(const detail *d) {
     double about_mean = d->squares;
     for (int ch = 0; ch < SF_CHANNELS && d->pixels > 0; ch++)
@@ -124,11 +125,12 @@ static double mean_difference(const detail *d, int direction) {
     return d->differences[direction] / fmax(SF_CHANNELS * d->pairs[direction], 1);
 }
 
-/* What is known of the views that are judged. */
+/* Measurements of the views that are judged. */
 typedef struct judgement {
     size_t count, room;
     uint32_t *ids;
-    double *sharper[DIRECTIONS]; /* logarithm: the picture's mean square difference to that of the model */
+    double *sharper[DIRECTIONS]; /* log of the mean squared difference of the picture relative to that of the
+                                    render */
     double *sorted;              /* scratch */
 } judgement;
 
@@ -140,7 +142,7 @@ static sf_status judge_view(sf_fitter *f, const sf_view *view, judgement *j) {
     if (!status) status = measure(ws, ws->target, &target);
     if (!status) status = measure(ws, ws->rgb, &model);
     if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
-    double gain = variance(&target) / variance(&model); /* an exposure of its own is no blur */
+    double gain = variance(&target) / variance(&model); /* a different exposure is no blur */
     for (int k = 0; k < DIRECTIONS; k++)
         j->sharper[k][j->count] = log((mean_difference(&target, k) + ROUNDING * ROUNDING) /
                                       (gain * mean_difference(&model, k) + ROUNDING * ROUNDING));
@@ -148,7 +150,7 @@ static sf_status judge_view(sf_fitter *f, const sf_view *view, judgement *j) {
     return SF_OK;
 }
 
-/* At full resolution. */
+/* Measures the views at full resolution. */
 static sf_status judge_views(sf_fitter *f, judgement *j) {
     int level = f->level;
     sf_status status = SF_OK;
@@ -162,7 +164,7 @@ static sf_status judge_views(sf_fitter *f, judgement *j) {
     return status;
 }
 
-/* Of those that are trained on; views of validation have no part in what is trained on. *n: how many. */
+/* Median over the views that are trained on, without validation; *n: how many. */
 static double median(const sf_fitter *f, const judgement *j, int direction, size_t *n) {
     *n = 0;
     for (size_t i = 0; i < j->count; i++)
@@ -170,19 +172,19 @@ static double median(const sf_fitter *f, const judgement *j, int direction, size
     return *n ? sf_median(j->sorted, *n) : 0;
 }
 
-/* The ids of those far below the others become the fitter's. */
+/* Stores the ids of the views far below the median. */
 static void find_blurred(sf_fitter *f, const judgement *j) {
-    double usual[DIRECTIONS], limit = log(f->options.blur);
+    double typical[DIRECTIONS], limit = log(f->options.blur);
     size_t trained;
-    for (int k = 0; k < DIRECTIONS; k++) usual[k] = median(f, j, k, &trained);
-    if (trained < FEWEST || fmax(usual[ACROSS], usual[DOWN]) > -log(LEAST_DETAIL)) return;
+    for (int k = 0; k < DIRECTIONS; k++) typical[k] = median(f, j, k, &trained);
+    if (trained < FEWEST || fmax(typical[ACROSS], typical[DOWN]) > -log(LEAST_DETAIL)) return;
     for (size_t i = 0; i < j->count; i++) {
-        double least = fmin(j->sharper[ACROSS][i] - usual[ACROSS], j->sharper[DOWN][i] - usual[DOWN]);
-        if (least < limit) f->blur.ids[f->blur.count++] = j->ids[i];
+        double lowest = fmin(j->sharper[ACROSS][i] - typical[ACROSS], j->sharper[DOWN][i] - typical[DOWN]);
+        if (lowest < limit) f->blur.ids[f->blur.count++] = j->ids[i];
     }
 }
 
-static void say_which(const sf_fitter *f, size_t judged) {
+static void log_blurred(const sf_fitter *f, size_t judged) {
     char names[MOST_NAMES + 1] = "";
     size_t used = 0, named = 0;
     for (; named < f->blur.count; named++) {
@@ -203,7 +205,7 @@ static sf_status judge(sf_fitter *f, judgement *j) {
     if (status) return status;
     for (int k = 0; k < DIRECTIONS; k++) j->sharper[k] = sf_alloc(f->ctx, j->room, sizeof **j->sharper);
     j->sorted = sf_alloc(f->ctx, j->room, sizeof *j->sorted);
-    sf_free(f->ctx, f->blur.ids); /* a checkpoint's, of none */
+    sf_free(f->ctx, f->blur.ids); /* an empty one from a checkpoint */
     f->blur.ids = sf_alloc(f->ctx, j->room, sizeof *f->blur.ids);
     if (!j->sharper[ACROSS] || !j->sharper[DOWN] || !j->sorted || !f->blur.ids) return SF_ERR_MEMORY;
     status = judge_views(f, j);
@@ -211,17 +213,17 @@ static sf_status judge(sf_fitter *f, judgement *j) {
     return status;
 }
 
-/* Through a model with holes a background drawn at random shows edges that no picture has. */
-static int may_judge(const sf_fitter *f) {
+/* Not with a random background: seen through holes of the model it has edges that no picture has. */
+static int may_measure(const sf_fitter *f) {
     return f->options.blur > 0 && f->options.background != SF_BACKGROUND_RANDOM && !f->blur.judged;
 }
 
 sf_status sf_measure_blur(sf_fitter *f, double fraction) {
     judgement j = {0};
-    if (!may_judge(f) || fraction < JUDGE_AT) return SF_OK;
+    if (!may_measure(f) || fraction < MEASURE_AT) return SF_OK;
     sf_status status = judge(f, &j);
     f->blur.judged = 1;
-    if (f->blur.count) say_which(f, j.count);
+    if (f->blur.count) log_blurred(f, j.count);
     sf_free(f->ctx, j.ids);
     for (int k = 0; k < DIRECTIONS; k++) sf_free(f->ctx, j.sharper[k]);
     sf_free(f->ctx, j.sorted);
@@ -233,7 +235,7 @@ void sf_skip_blurred_views(sf_fitter *f) {
     for (size_t i = 0; i < f->sampler.count; i++) sharp += !sf_is_blurred(&f->blur, f->sampler.ids[i]);
     if (!sharp) return;
     for (size_t i = 0; i < f->sampler.count; i++)
-        if (!sf_is_blurred(&f->blur, f->sampler.ids[i]) || !sf_rng_below(&f->rng, PASSES_OF_ONE))
+        if (!sf_is_blurred(&f->blur, f->sampler.ids[i]) || !sf_rng_below(&f->rng, BLURRED_PASSES))
             f->sampler.ids[kept++] = f->sampler.ids[i];
     f->sampler.count = kept;
 }

@@ -4,8 +4,8 @@
 
 #include "fitter.h"
 
-/* Once, when it is due, adds the training views that are blurred to fitter->blur, and logs which.
- * SF_ERR_MEMORY: some may be missing. */
+/* Finds the blurred training views once, when it is due, and logs them. SF_ERR_MEMORY: some may be missing.
+ */
 sf_status sf_measure_blur(sf_fitter *fitter, double fraction);
 /* Leaves blurred views out of most passes; called when a pass has just begun. */
 void sf_skip_blurred_views(sf_fitter *fitter);

@@ -1,8 +1,8 @@
 /* checkpoint.h - the table that writing and reading a checkpoint both follow, and what they share.
  *
- * A fit that goes on from a checkpoint makes the same bytes as one that was never interrupted. So a
- * checkpoint holds all that a step reads and does not make anew: a new scalar of the fitter needs one line in
- * the lists below, a new array one in put_state (checkpoint_write.c) and one in take_state
+ * A fit that continues from a checkpoint gives the same bytes as one that was never interrupted. So a
+ * checkpoint holds all state that a step reads and does not recompute. A new scalar of the fitter needs one
+ * line in the lists below, a new array one in put_state (checkpoint_write.c) and one in take_state
  * (checkpoint_read.c).
  */
 #ifndef SF_FIT_CHECKPOINT_H
@@ -15,7 +15,7 @@
 #define SF_CHECKPOINT_MOST 0x1p53
 
 enum { OPTION_TEXT = 64, MOST_TEXT = 1 << 16, MOST_NAMES = 1 << 28, CAMERA_VALUES = 16, VIEW_VALUES = 3 };
-enum { TRIAL_WORDS = sizeof(sf_merge) / sizeof(uint32_t) };
+enum { MERGE_WORDS = sizeof(sf_merge) / sizeof(uint32_t) };
 
 /* Scalars of the fitter, by kind. */
 #define STATE_INTEGERS(F)                                                                                    \
@@ -77,13 +77,13 @@ typedef struct sf_checkpoint_field {
 } sf_checkpoint_field;
 sf_checkpoint_field sf_checkpoint_name(const char *prefix, int field);
 
-/* Values of a field, and of a part of the optimizer's state of it, whole blocks: the lanes behind the last
- * Gaussian come back as they were. */
+/* Number of values of a field, and of a part of its optimizer state, in whole blocks: the lanes behind the
+ * last Gaussian are stored, too. */
 size_t sf_checkpoint_values(const sf_model *model, int field);
 size_t sf_checkpoint_moments(const sf_optimizer_state *state, int part, const sf_model *model, int field);
 
-/* checkpoint_views.c: the scene's views, by which it is recognised; and what was learned of each view.
- * Reading fails with SF_ERR_ARGUMENT where the scene is another one, SF_ERR_FORMAT, SF_ERR_MEMORY. */
+/* checkpoint_views.c: the scene's views, to recognise the scene; and the learned values of each view. Reading
+ * fails with SF_ERR_ARGUMENT where the scene is another one, SF_ERR_FORMAT, SF_ERR_MEMORY. */
 sf_status sf_checkpoint_put_scene(sf_sections_out *out, const sf_fitter *fitter);
 sf_status sf_checkpoint_take_scene(sf_sections_in *in, sf_fitter *fitter);
 sf_status sf_checkpoint_put_learned(sf_sections_out *out, const sf_fitter *fitter);

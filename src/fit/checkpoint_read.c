@@ -1,5 +1,4 @@
-/* checkpoint_read.c - a fit from a checkpoint, after all that could be wrong with the file has been checked.
- */
+/* checkpoint_read.c - restores a fit from a checkpoint, and checks all that the file holds. */
 #include "checkpoint.h"
 
 #include <math.h>
@@ -13,7 +12,7 @@
 #include "schedule.h"
 #include "time_trace.h"
 
-/* The options that a run may be gone on with differently. */
+/* The options that may differ when a run continues. */
 static const char *const free_options[] = {"steps", "time_limit", "memory"};
 
 static sf_status take_params(sf_sections_in *in, const char *prefix, const sf_model *model) {
@@ -38,7 +37,7 @@ static sf_status take_moments(sf_sections_in *in, const sf_optimizer_state *mome
 
 /* Options. */
 
-/* The line at *at, which loses its newline, must be `info`'s. */
+/* Takes the line at *at, which must set the option `info`; its newline is overwritten. */
 static sf_status take_option(sf_sections_in *in, const sf_option_info *info, char **at,
                              sf_fit_options *options) {
     char *line = *at, *end = strchr(line, '\n'), *space = strchr(line, ' '), what[256];
@@ -99,7 +98,7 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
     for (int i = 0; i < INTEGERS && !status; i++) {
         if (integers[i] < 0) status = sf_checkpoint_bad(in, "integers", "one is below 0");
         if (integers[i] > (int64_t)SF_CHECKPOINT_MOST)
-            status = sf_checkpoint_bad(in, "integers", "one is more than anything counts");
+            status = sf_checkpoint_bad(in, "integers", "one is out of range");
     }
     if (status) return status;
         /* some are kept in less than 64 bits */
@@ -111,13 +110,12 @@ static sf_status take_integers(sf_sections_in *in, sf_fitter *f) {
     if (f->first_count > (size_t)f->options.max_gaussians)
         return sf_checkpoint_bad(in, "integers", "first_count is more than max_gaussians");
     if (f->sampler.at > f->sampler.count)
-        return sf_checkpoint_bad(in, "integers", "order_at lies behind the order");
-    if (f->end >= SF_FIT_END_COUNT)
-        return sf_checkpoint_bad(in, "integers", "end is none that a run can have");
+        return sf_checkpoint_bad(in, "integers", "sampler.at is beyond the pass");
+    if (f->end >= SF_FIT_END_COUNT) return sf_checkpoint_bad(in, "integers", "end is out of range");
     if (f->recovery.since > f->step)
-        return sf_checkpoint_bad(in, "integers", "guard_since lies behind the step");
+        return sf_checkpoint_bad(in, "integers", "recovery.since is after the step");
     if (f->optimizer_restart > f->step)
-        return sf_checkpoint_bad(in, "integers", "adam_before lies behind the step");
+        return sf_checkpoint_bad(in, "integers", "optimizer_restart is after the step");
     return SF_OK;
 }
 
@@ -126,7 +124,7 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
     sf_status status = sf_sections_take(in, "reals", reals, REALS, sizeof *reals);
     for (int i = 0; i < REALS && !status; i++)
         if (!(isfinite(reals[i]) && reals[i] >= 0))
-            status = sf_checkpoint_bad(in, "reals", "one is not a number above 0");
+            status = sf_checkpoint_bad(in, "reals", "one is below 0 or not finite");
     if (!status) status = sf_sections_take(in, "seconds", &seconds, 1, sizeof seconds);
     if (!status && !(isfinite(seconds) && seconds >= 0))
         status = sf_checkpoint_bad(in, "seconds", "is not a time");
@@ -134,8 +132,8 @@ static sf_status take_reals(sf_sections_in *in, sf_fitter *f) {
 #define VALUE(name) f->name = *at++;
     STATE_REALS(VALUE)
 #undef VALUE
-    if (f->merges.part > 1) return sf_checkpoint_bad(in, "reals", "trials.part is more than the whole");
-    if (f->sampler.start >= 1) return sf_checkpoint_bad(in, "reals", "pass_start lies behind the views");
+    if (f->merges.part > 1) return sf_checkpoint_bad(in, "reals", "merges.part is above 1");
+    if (f->sampler.start >= 1) return sf_checkpoint_bad(in, "reals", "sampler.start is not below 1");
     f->rate_time = sf_clock();
     f->rate_step = f->step;
     f->start = f->rate_time - seconds;
@@ -152,8 +150,8 @@ static sf_status take_plan(sf_sections_in *in, sf_fitter *f) {
                : SF_OK;
 }
 
-/* How many Gaussians have each band, at most max_gaussians. The numbers are believed only where the file is
- * long enough for them. *none: they are -1. */
+/* Reads the number of Gaussians with each band, at most `most`, and checks it against the length of the
+ * parameters before memory is allocated. *none: the numbers are -1. */
 static sf_status take_banded(sf_sections_in *in, const char *prefix, int sh_degree, size_t most,
                              size_t banded[SF_BANDS], int *none) {
     int64_t kept[SF_BANDS];
@@ -206,25 +204,25 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     return status;
 }
 
-/* Pairs on trial, and what they are judged by. */
-static sf_status take_trials(sf_sections_in *in, sf_fitter *f) {
+/* The tentative merges, and the errors before them. */
+static sf_status take_merges(sf_sections_in *in, sf_fitter *f) {
     sf_merges *t = &f->merges;
     size_t n = f->model->count, words;
     sf_status status =
-        sf_sections_take_new(in, "trials", &t->list, &words, n * TRIAL_WORDS, sizeof(uint32_t));
+        sf_sections_take_new(in, "trials", &t->list, &words, n * MERGE_WORDS, sizeof(uint32_t));
     if (status) return status;
-    if (words % TRIAL_WORDS) return sf_checkpoint_bad(in, "trials", "has another length");
-    t->count = t->capacity = words / TRIAL_WORDS;
+    if (words % MERGE_WORDS) return sf_checkpoint_bad(in, "trials", "has another length");
+    t->count = t->capacity = words / MERGE_WORDS;
     for (size_t k = 0; k < t->count; k++)
         if (t->list[k].a >= n || t->list[k].b >= n || t->list[k].leader >= n)
-            return sf_checkpoint_bad(in, "trials", "names a Gaussian that is none");
+            return sf_checkpoint_bad(in, "trials", "an index is out of range");
     status = sf_sections_take_new(in, "trials.tiles", &t->tiles, &t->tile_count, INT32_MAX, sizeof *t->tiles);
     t->tile_capacity = t->tile_count;
     return status;
 }
 
-/* The best model so far, or one to go back to, if there is one. */
-static sf_status take_best(sf_sections_in *in, sf_fitter *f) {
+/* The restore point, if there is one. */
+static sf_status take_restore_point(sf_sections_in *in, sf_fitter *f) {
     double psnr[2];
     size_t banded[SF_BANDS];
     int none, degree = f->model->sh_degree;
@@ -252,13 +250,13 @@ static sf_status take_state(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = sf_sections_take(in, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
     if (!status) status = take_plan(in, f);
     if (!status) status = take_model(in, f);
-    if (!status) status = take_trials(in, f);
-    if (!status) status = take_best(in, f);
+    if (!status) status = take_merges(in, f);
+    if (!status) status = take_restore_point(in, f);
     if (!status) status = sf_checkpoint_take_learned(in, f);
     return status;
 }
 
-/* Other kernels or another program go on with the run, but not to the same bytes. */
+/* Warns if another program or other kernels wrote the checkpoint: the bytes will differ. */
 static sf_status check_origin(sf_sections_in *in) {
     const char *names[] = {"program", "isa"}, *mine[] = {sf_version(), sf_context_isa(in->ctx)};
     for (int i = 0; i < 2; i++) {

@@ -1,11 +1,11 @@
-/* checkpoint_views.c - the views of a scene in a checkpoint, and what a fit learned of each. */
+/* checkpoint_views.c - the views of a scene in a checkpoint, and the learned values of each. */
 #include "checkpoint.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-/* The scene: views are known again by name, split, camera and picture. */
+/* The scene: views are recognised by name, split, camera and picture. */
 
 typedef struct view_table {
     size_t count;
@@ -55,27 +55,27 @@ static sf_status make_table(sf_context *ctx, sf_view *const *views, size_t count
     return SF_OK;
 }
 
-/* Views are named by their place in the scene; one that has left has none. */
-static uint32_t place_of(sf_view *const *views, size_t count, uint32_t id) {
-    size_t place = 0;
-    while (place < count && views[place]->id != id) place++;
-    return place < count ? (uint32_t)place : UINT32_MAX;
+/* Views are stored as their index in the scene; UINT32_MAX: the view was removed. */
+static uint32_t index_of(sf_view *const *views, size_t count, uint32_t id) {
+    size_t index = 0;
+    while (index < count && views[index]->id != id) index++;
+    return index < count ? (uint32_t)index : UINT32_MAX;
 }
 
-static void put_places(sf_sections_out *out, const char *name, const uint32_t *ids, size_t n,
-                       sf_view *const *views, size_t count, uint32_t *places) {
-    for (size_t i = 0; i < n; i++) places[i] = place_of(views, count, ids[i]);
-    sf_sections_put(out, name, places, n, sizeof *places);
+static void put_indices(sf_sections_out *out, const char *name, const uint32_t *ids, size_t n,
+                        sf_view *const *views, size_t count, uint32_t *indices) {
+    for (size_t i = 0; i < n; i++) indices[i] = index_of(views, count, ids[i]);
+    sf_sections_put(out, name, indices, n, sizeof *indices);
 }
 
-/* The views that training and validation have, and how many views they have seen come. */
+/* The views in the pass and in validation, the blurred ones, and how many views were assigned. */
 static void put_views(sf_sections_out *out, const sf_fitter *f, sf_view *const *views, size_t count,
-                      uint32_t *places) {
+                      uint32_t *indices) {
     int64_t known = 0;
     while (known < (int64_t)count && views[known]->id <= f->validation.newest_id) known++;
-    put_places(out, "order", f->sampler.ids, f->sampler.count, views, count, places);
-    put_places(out, "kept.out", f->validation.ids, f->validation.count, views, count, places);
-    put_places(out, "blurred", f->blur.ids, f->blur.count, views, count, places);
+    put_indices(out, "order", f->sampler.ids, f->sampler.count, views, count, indices);
+    put_indices(out, "kept.out", f->validation.ids, f->validation.count, views, count, indices);
+    put_indices(out, "blurred", f->blur.ids, f->blur.count, views, count, indices);
     sf_sections_put(out, "known", &known, 1, sizeof known);
 }
 
@@ -87,17 +87,17 @@ sf_status sf_checkpoint_put_scene(sf_sections_out *out, const sf_fitter *f) {
     if (status) return status;
     size_t most = f->sampler.count > f->validation.count ? f->sampler.count : f->validation.count;
     if (f->blur.count > most) most = f->blur.count;
-    uint32_t *places = sf_alloc(f->ctx, most, sizeof *places);
-    status = places ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
+    uint32_t *indices = sf_alloc(f->ctx, most, sizeof *indices);
+    status = indices ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
     if (!status) {
         sf_sections_put(out, "views.names", t.names, t.name_bytes, 1);
         sf_sections_put(out, "views.sizes", t.values, VIEW_VALUES * count, sizeof *t.values);
         sf_sections_put(out, "views.cameras", t.cameras, CAMERA_VALUES * count, sizeof *t.cameras);
         sf_sections_put(out, "views.pictures", t.pictures, count, sizeof *t.pictures);
-        put_views(out, f, views, count, places);
+        put_views(out, f, views, count, indices);
         free_table(f->ctx, &t);
     }
-    sf_free(f->ctx, places);
+    sf_free(f->ctx, indices);
     sf_scene_release_all(f->scene, views, count);
     return status;
 }
@@ -129,7 +129,7 @@ static sf_status other_scene(const sf_sections_in *in, const char *name, const c
 
 static const char *split_text(int32_t split) { return split == SF_SPLIT_TEST ? "held out" : "for training"; }
 
-/* View i of the scene against that of the checkpoint, whose name is `name`. */
+/* Compares view i of the scene with that of the checkpoint, named `name`. */
 static sf_status compare_view(const sf_sections_in *in, const view_table *t, size_t i, const char *name,
                               sf_view *view) {
     int32_t values[VIEW_VALUES];
@@ -170,21 +170,21 @@ static sf_status compare_scene(const sf_sections_in *in, const view_table *t, sf
     return SF_OK;
 }
 
-/* Places back to ids; no view has the id 0. */
-static sf_status take_places(sf_sections_in *in, const char *name, uint32_t **ids, size_t *n,
-                             sf_view *const *views, size_t count) {
+/* Turns indices back to ids; 0 for a removed view, since no view has the id 0. */
+static sf_status take_indices(sf_sections_in *in, const char *name, uint32_t **ids, size_t *n,
+                              sf_view *const *views, size_t count) {
     sf_status status = sf_sections_take_new(in, name, ids, n, INT32_MAX, sizeof **ids);
     for (size_t i = 0; i < *n && !status; i++) {
-        uint32_t place = (*ids)[i];
-        if (place != UINT32_MAX && place >= count)
-            status = sf_checkpoint_bad(in, name, "names a view that is none");
+        uint32_t index = (*ids)[i];
+        if (index != UINT32_MAX && index >= count)
+            status = sf_checkpoint_bad(in, name, "an index is out of range");
         else
-            (*ids)[i] = place == UINT32_MAX ? 0 : views[place]->id;
+            (*ids)[i] = index == UINT32_MAX ? 0 : views[index]->id;
     }
     return status;
 }
 
-/* Views came and went since the run began: as many of those that there are were taken up. */
+/* Reads how many of the present views were assigned before; others may have been removed since. */
 static sf_status take_newest(sf_sections_in *in, sf_fitter *f, sf_view *const *views, size_t count) {
     int64_t known;
     sf_status status = sf_sections_take(in, "known", &known, 1, sizeof known);
@@ -205,17 +205,18 @@ sf_status sf_checkpoint_take_scene(sf_sections_in *in, sf_fitter *f) {
         status = compare_scene(in, &t, views, count);
         free_table(f->ctx, &t);
     }
-    if (!status) status = take_places(in, "order", &f->sampler.ids, &f->sampler.count, views, count);
-    if (!status) status = take_places(in, "kept.out", &f->validation.ids, &f->validation.count, views, count);
-    if (!status) status = take_places(in, "blurred", &f->blur.ids, &f->blur.count, views, count);
+    if (!status) status = take_indices(in, "order", &f->sampler.ids, &f->sampler.count, views, count);
+    if (!status)
+        status = take_indices(in, "kept.out", &f->validation.ids, &f->validation.count, views, count);
+    if (!status) status = take_indices(in, "blurred", &f->blur.ids, &f->blur.count, views, count);
     if (!status) f->validation.capacity = f->validation.count, status = take_newest(in, f, views, count);
     sf_scene_release_all(f->scene, views, count);
     return status;
 }
 
-/* What was learned of each view: a row of numbers each, views named by their place in the scene. */
+/* The learned values of each view: a row of numbers; views as indices in the scene. */
 
-/* Numbers and arrays of numbers of a view's state and of a lens. */
+/* Reals and arrays of reals in the state of a view and of a lens. */
 #define LEARNED_OF_VIEW(F)                                                                                   \
     F(log_gain)                                                                                              \
     F(bias)                                                                                                  \
@@ -276,53 +277,53 @@ sf_status sf_checkpoint_put_learned(sf_sections_out *out, const sf_fitter *f) {
     if (!v->count) return SF_OK;
     double *rows = sf_alloc(f->ctx, v->count, VIEW_ROW * sizeof *rows);
     double *lenses = sf_alloc(f->ctx, v->lens_count, LENS_ROW * sizeof *lenses);
-    uint32_t *places = sf_alloc(f->ctx, v->count, sizeof *places);
+    uint32_t *indices = sf_alloc(f->ctx, v->count, sizeof *indices);
     sf_view **views = NULL;
     size_t count = 0;
     sf_status status =
-        rows && lenses && places ? sf_scene_retain_all(f->scene, &views, &count) : SF_ERR_MEMORY;
+        rows && lenses && indices ? sf_scene_retain_all(f->scene, &views, &count) : SF_ERR_MEMORY;
     if (!status) {
         for (size_t i = 0; i < v->count; i++) {
-            places[i] = place_of(views, count, v->states[i].id);
+            indices[i] = index_of(views, count, v->states[i].id);
             pack_view(&v->states[i], rows + VIEW_ROW * i);
         }
         for (size_t i = 0; i < v->lens_count; i++) pack_lens(&v->lenses[i], lenses + LENS_ROW * i);
-        sf_sections_put(out, "learned.places", places, v->count, sizeof *places);
+        sf_sections_put(out, "learned.places", indices, v->count, sizeof *indices);
         sf_sections_put(out, "learned.views", rows, VIEW_ROW * v->count, sizeof *rows);
         sf_sections_put(out, "learned.lenses", lenses, LENS_ROW * v->lens_count, sizeof *lenses);
         sf_scene_release_all(f->scene, views, count);
     }
     sf_free(f->ctx, rows);
     sf_free(f->ctx, lenses);
-    sf_free(f->ctx, places);
+    sf_free(f->ctx, indices);
     return status;
 }
 
-/* What came as a number and is a count, or a side in px, before it is cast. */
+/* Whether a number read from the file is a count or a side in px, before it is cast. */
 static int is_whole(double value, double most) {
     return value >= 0 && value <= most && value == floor(value);
 }
 
-/* States from rows, by ascending ids; a view that has left has left its state too. */
-static sf_status take_states(const sf_sections_in *in, sf_fitter *f, const uint32_t *places,
+/* States from rows, by ascending ids; rows of removed views are skipped. */
+static sf_status take_states(const sf_sections_in *in, sf_fitter *f, const uint32_t *indices,
                              const double *rows, size_t n, sf_view *const *views, size_t count) {
     sf_view_states *v = &f->views;
     sf_status status = sf_grow(f->ctx, &v->states, &v->capacity, 0, n, sizeof *v->states);
     if (!status) status = sf_grow(f->ctx, &v->scratch, &v->scratch_capacity, 0, n, sizeof *v->scratch);
     for (size_t i = 0; i < n && !status; i++) {
         const double *row = rows + VIEW_ROW * i;
-        if (places[i] == UINT32_MAX) continue;
+        if (indices[i] == UINT32_MAX) continue;
         for (size_t k = 0; k < VIEW_ROW; k++)
             if (!isfinite(row[k]))
                 return sf_checkpoint_bad(in, "learned.views", "holds a value that is not finite");
-        if (places[i] >= count || !(row[0] >= 0 && row[0] < (double)v->lens_count))
-            return sf_checkpoint_bad(in, "learned.views", "names a view or a lens that is none");
+        if (indices[i] >= count || !(row[0] >= 0 && row[0] < (double)v->lens_count))
+            return sf_checkpoint_bad(in, "learned.views", "an index is out of range");
         if (!is_whole(row[2], SF_CHECKPOINT_MOST) || !is_whole(row[3], SF_CHECKPOINT_MOST))
-            return sf_checkpoint_bad(in, "learned.views", "a number of steps is none");
-        if (v->count && views[places[i]]->id <= v->states[v->count - 1].id)
+            return sf_checkpoint_bad(in, "learned.views", "a number of steps is out of range");
+        if (v->count && views[indices[i]]->id <= v->states[v->count - 1].id)
             return sf_checkpoint_bad(in, "learned.places", "names a view twice, or before an earlier one");
         sf_view_state *s = &v->states[v->count++];
-        *s = (sf_view_state){.id = views[places[i]]->id, .given = views[places[i]]->camera};
+        *s = (sf_view_state){.id = views[indices[i]]->id, .given = views[indices[i]]->camera};
         unpack_view(row, s);
     }
     return status;
@@ -343,7 +344,7 @@ static sf_status take_lenses(sf_sections_in *in, sf_fitter *f) {
         const double *row = rows + LENS_ROW * i;
         if (!is_whole(row[0], INT32_MAX) || !is_whole(row[1], INT32_MAX) ||
             !is_whole(row[2], SF_CHECKPOINT_MOST)) {
-            status = sf_checkpoint_bad(in, "learned.lenses", "a size or a number of steps is none");
+            status = sf_checkpoint_bad(in, "learned.lenses", "a size or a number of steps is out of range");
             break;
         }
         v->lenses[v->lens_count] = (sf_view_lens){0};
@@ -357,23 +358,23 @@ sf_status sf_checkpoint_take_learned(sf_sections_in *in, sf_fitter *f) {
     uint64_t have;
     if (sf_sections_count(in, "learned.places", sizeof(uint32_t), &have))
         return SF_OK; /* nothing was learned */
-    uint32_t *places = NULL;
+    uint32_t *indices = NULL;
     double *rows = NULL;
     sf_view **views = NULL;
     size_t n = 0, values = 0, count = 0;
     sf_status status = take_lenses(in, f);
     if (!status)
-        status = sf_sections_take_new(in, "learned.places", &places, &n, INT32_MAX / 128, sizeof *places);
+        status = sf_sections_take_new(in, "learned.places", &indices, &n, INT32_MAX / 128, sizeof *indices);
     if (!status)
         status = sf_sections_take_new(in, "learned.views", &rows, &values, VIEW_ROW * n, sizeof *rows);
     if (!status && values != VIEW_ROW * n)
         status = sf_checkpoint_bad(in, "learned.views", "has another length");
     if (!status) status = sf_scene_retain_all(f->scene, &views, &count);
     if (!status) {
-        status = take_states(in, f, places, rows, n, views, count);
+        status = take_states(in, f, indices, rows, n, views, count);
         sf_scene_release_all(f->scene, views, count);
     }
-    sf_free(f->ctx, places);
+    sf_free(f->ctx, indices);
     sf_free(f->ctx, rows);
     return status;
 }

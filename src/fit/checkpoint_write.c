@@ -1,4 +1,4 @@
-/* checkpoint_write.c - everything that a fit is between two steps, to a file. */
+/* checkpoint_write.c - writes the state of a fit between two steps to a file. */
 #include "checkpoint.h"
 
 #include <stdio.h>
@@ -74,7 +74,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     put_moments(out, &f->moments, m);
     sf_sections_put(out, "screen.sum", f->densify.gradient_sum, m->count, sizeof *f->densify.gradient_sum);
     sf_sections_put(out, "screen.seen", f->densify.visible_count, m->count, sizeof *f->densify.visible_count);
-    sf_sections_put(out, "trials", f->merges.list, f->merges.count * TRIAL_WORDS, sizeof(uint32_t));
+    sf_sections_put(out, "trials", f->merges.list, f->merges.count * MERGE_WORDS, sizeof(uint32_t));
     sf_sections_put(out, "trials.tiles", f->merges.tiles, f->merges.tile_count, sizeof *f->merges.tiles);
     const double psnr[] = {f->validation.psnr, f->validation.best_psnr}; /* NAN before the first validation */
     sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);

@@ -18,13 +18,13 @@
 #include "schedule.h"
 #include "select.h"
 
-/* A clone lies this many standard deviations from its parent; the halves of a split lie this far from the
- * middle. */
+/* A clone is displaced by a normal number times this many standard deviations along each axis; the halves of
+ * a split by this many from the centre along the longest axis. */
 #define CLONE_SPREAD 0.3
 #define SPLIT_SPREAD 0.5
-/* Halves of a split: scales of the longest and the other axes, opacity. Together they cover a little less
- * than what they were made of, which the steps to come fill as they need; much less, and each growth would be
- * seen. */
+/* Halves of a split: factors of the longest scale, the others and the opacity. Together they cover a little
+ * less than their parent, and the next steps fill the rest; if much less, each densification would be
+ * visible. */
 #define SPLIT_LONG    0.75f
 #define SPLIT_OTHERS  0.95f
 #define SPLIT_OPACITY 0.7f
@@ -37,12 +37,12 @@ static int longest_axis(const sf_params *params, size_t i) {
     return longest;
 }
 
-/* Gaussian i as it is. */
-static sf_remap_entry itself(const sf_fitter *f, size_t i) {
+/* The entry that keeps Gaussian i as it is. */
+static sf_remap_entry entry_of(const sf_fitter *f, size_t i) {
     return (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
 }
 
-/* Gaussian j, a copy of i, and i become the halves of what i was. */
+/* Splits Gaussian i; j is a copy of it. */
 static void split(sf_fitter *f, size_t i, size_t j) {
     const sf_params *p = &f->model->params;
     int longest = longest_axis(p, i);
@@ -62,7 +62,7 @@ static void split(sf_fitter *f, size_t i, size_t j) {
     sf_optimizer_restart(&f->moments, f->model, j);
 }
 
-/* Gaussian j, a copy of i, moves a little; together they are as opaque as i was. */
+/* Clones Gaussian i: its copy j is displaced, and both together are as opaque as i was. */
 static void clone(sf_fitter *f, size_t i, size_t j) {
     const sf_params *p = &f->model->params;
     for (int axis = 0; axis < 3; axis++) {
@@ -95,7 +95,7 @@ void sf_densify_end(sf_fitter *f) {
     sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", f->model->count);
 }
 
-/* Those with the largest scores, at most `wanted`, in their order; *n: how many. */
+/* The Gaussians with the largest scores, at most `wanted`, largest first; *n: how many. */
 static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) {
     size_t found = 0, count = f->model->count;
     candidate *candidates = sf_alloc(f->ctx, count, sizeof *candidates);
@@ -111,32 +111,32 @@ static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) 
     return candidates;
 }
 
-/* A copy of each candidate joins, of its degree, and they part. */
+/* Adds a copy of each candidate, of the same degree, and splits or clones it. */
 static sf_status add_copies(sf_fitter *f, const candidate *candidates, size_t n) {
     size_t count = f->model->count;
-    sf_remap_entry *places = sf_alloc(f->ctx, count + n, sizeof *places);
-    uint32_t *where = sf_alloc(f->ctx, count + n, sizeof *where);
-    sf_status status = places && where ? SF_OK : SF_ERR_MEMORY;
+    sf_remap_entry *entries = sf_alloc(f->ctx, count + n, sizeof *entries);
+    uint32_t *moved_to = sf_alloc(f->ctx, count + n, sizeof *moved_to);
+    sf_status status = entries && moved_to ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
-        for (size_t i = 0; i < count; i++) places[i] = itself(f, i);
-        for (size_t k = 0; k < n; k++) places[count + k] = places[candidates[k].index];
-        status = sf_reorder(f, places, count + n, where);
+        for (size_t i = 0; i < count; i++) entries[i] = entry_of(f, i);
+        for (size_t k = 0; k < n; k++) entries[count + k] = entries[candidates[k].index];
+        status = sf_reorder(f, entries, count + n, moved_to);
     }
     float split_log_scale = (float)log(fmax(f->options.split_scale * f->extent, 1e-30));
     for (size_t k = 0; k < n && !status; k++) {
-        size_t i = where[candidates[k].index], j = where[count + k];
+        size_t i = moved_to[candidates[k].index], j = moved_to[count + k];
         int longest = longest_axis(&f->model->params, i);
         if (*sf_value(&f->model->params, SF_FIELD_log_scale, i, longest) > split_log_scale)
             split(f, i, j);
         else
             clone(f, i, j);
     }
-    sf_free(f->ctx, places);
-    sf_free(f->ctx, where);
+    sf_free(f->ctx, entries);
+    sf_free(f->ctx, moved_to);
     return status;
 }
 
-static sf_status grow(sf_fitter *f, size_t wanted) {
+static sf_status add_gaussians(sf_fitter *f, size_t wanted) {
     size_t n;
     candidate *candidates = find_candidates(f, wanted, &n);
     if (!candidates) return SF_ERR_MEMORY;
@@ -145,7 +145,7 @@ static sf_status grow(sf_fitter *f, size_t wanted) {
     return status;
 }
 
-/* How many more there should be. */
+/* How many Gaussians to add. */
 static size_t wanted_more(const sf_fitter *f, double fraction) {
     size_t count = f->model->count, planned = sf_planned_count(f, fraction);
     size_t wanted = planned > count ? planned - count : 0;
@@ -157,13 +157,13 @@ static size_t wanted_more(const sf_fitter *f, double fraction) {
 sf_status sf_densify_step(sf_fitter *f, double fraction) {
     int kind = f->options.densify;
     if (kind == SF_DENSIFY_ERROR && sf_densify_score(f))
-        sf_log(f->ctx, SF_LOG_WARNING, "out of memory: growth goes by the screen gradient");
+        sf_log(f->ctx, SF_LOG_WARNING, "out of memory: densification uses the screen gradient");
     if (kind == SF_DENSIFY_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
     if (sf_selects(f) && !f->densify.ended && !f->densify.out_of_memory && sf_select_growth(f, fraction))
         sf_densify_end(f);
     sf_status status = sf_remove_marked(f, NULL);
     size_t wanted = !f->densify.ended && !status ? wanted_more(f, fraction) : 0;
-    return wanted ? grow(f, wanted) : status;
+    return wanted ? add_gaussians(f, wanted) : status;
 }
 
 void sf_densify_clear(sf_densify *densify, size_t count) {

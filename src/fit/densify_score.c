@@ -1,7 +1,7 @@
-/* densify_score.c - each Gaussian's part in the error of several training views.
+/* densify_score.c - densification by error: each Gaussian's share of the error of several training views.
  *
- * Blending's way back sums over the pixels of a Gaussian w d_rgb, with w its weight in the pixel: put the
- * error in the place of d_rgb, and it is the Gaussian's share of the error; put 1, and it is its area.
+ * The backward pass of blending sums w d_rgb over the pixels of a Gaussian; w: its blend weight. With the
+ * error in place of d_rgb this is the Gaussian's error share; with 1 it is its blend weight.
  */
 #include "densify_score.h"
 
@@ -13,27 +13,27 @@
 
 enum {
     GATHER = 1024,  /* Gaussians a task */
-    LEAST_VIEWS = 2 /* in which a Gaussian must err, and must stay unseen */
+    LEAST_VIEWS = 2 /* in which a Gaussian must have an error to get a score, and be visible to be removed */
 };
 
-/* Less weight than this in all views together, in pixels, is none. */
+/* A Gaussian of less blend weight than this in all views together, px, is removed. */
 #define LEAST_WEIGHT 0.05f
 
-/* Of one Gaussian. */
-typedef struct share {
-    double logs;  /* sum over the views of the logarithm of its error, px */
-    float weight; /* sum over the views, px */
-    uint16_t erring, shown;
-} share;
+/* Sums of one Gaussian. */
+typedef struct error_share {
+    double log_sum; /* sum over the views of the logarithm of its error share, px */
+    float weight;   /* blend weight, sum over the views, px */
+    uint16_t with_error, visible;
+} error_share;
 
 typedef struct gather_job {
     const sf_workspace *ws;
-    share *shares;
-    float pixel;  /* pixels of the full resolution in one of the picture */
-    size_t views; /* that are not masked altogether */
+    error_share *error_shares;
+    float pixel;  /* pixels of the full resolution in one pixel of the render */
+    size_t views; /* measured */
 } gather_job;
 
-/* The mean absolute error of the channels to d_rgb[0], 1 to d_rgb[1]; 0 beyond the picture. */
+/* Writes the mean absolute error of the channels to d_rgb[0], 1 to d_rgb[1]; 0 beyond the picture. */
 static void error_row(void *ws_pointer, size_t row, int thread) {
     (void)thread;
     const sf_workspace *ws = ws_pointer;
@@ -61,17 +61,17 @@ static void gather_task(void *job_pointer, size_t task, int thread) {
             error += (double)ws->sums[(size_t)slot * SF_SUMS];
             weight += (double)ws->sums[(size_t)slot * SF_SUMS + 1];
         }
-        share *s = &job->shares[i];
+        error_share *s = &job->error_shares[i];
         float of_view = (float)error * job->pixel;
-        if (of_view > 0) s->logs += log((double)of_view);
-        s->erring += of_view > 0;
+        if (of_view > 0) s->log_sum += log((double)of_view);
+        s->with_error += of_view > 0;
         s->weight += (float)weight * job->pixel;
-        s->shown++;
+        s->visible++;
     }
 }
 
-static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
-                         void *job_pointer) {
+static sf_status add_view(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
+                          void *job_pointer) {
     (void)weight_sum;
     gather_job *job = job_pointer;
     sf_workspace *ws = &f->workspace;
@@ -85,23 +85,24 @@ static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, doub
     return SF_OK;
 }
 
-/* The geometric mean: where views disagree, what one alone shows counts for little. */
-static double score_of(const share *s, unsigned least) {
-    if (s->shown >= least && s->weight < LEAST_WEIGHT) return -1;
-    return s->erring < least ? 0 : exp((double)s->logs / s->erring);
+/* The geometric mean over the views: an error that one view alone shows counts for little. */
+static double score_of(const error_share *s, unsigned least) {
+    if (s->visible >= least && s->weight < LEAST_WEIGHT) return -1;
+    return s->with_error < least ? 0 : exp((double)s->log_sum / s->with_error);
 }
 
 sf_status sf_densify_score(sf_fitter *f) {
     size_t count = f->model->count;
-    share *shares = sf_calloc(f->ctx, count, sizeof *shares);
-    gather_job job = {.ws = &f->workspace, .shares = shares};
-    sf_status status =
-        shares ? sf_sample_views(f, (size_t)f->options.error_views, 1, look_at, &job, NULL) : SF_ERR_MEMORY;
+    error_share *error_shares = sf_calloc(f->ctx, count, sizeof *error_shares);
+    gather_job job = {.ws = &f->workspace, .error_shares = error_shares};
+    sf_status status = error_shares
+                           ? sf_sample_views(f, (size_t)f->options.error_views, 1, add_view, &job, NULL)
+                           : SF_ERR_MEMORY;
     unsigned least = job.views < LEAST_VIEWS ? 1 : LEAST_VIEWS;
     for (size_t i = 0; i < count && !status; i++) {
-        f->densify.gradient_sum[i] = score_of(&shares[i], least);
+        f->densify.gradient_sum[i] = score_of(&error_shares[i], least);
         f->densify.visible_count[i] = f->densify.gradient_sum[i] > 0;
     }
-    sf_free(f->ctx, shares);
+    sf_free(f->ctx, error_shares);
     return status;
 }

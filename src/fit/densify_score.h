@@ -4,8 +4,8 @@
 
 #include "fitter.h"
 
-/* Replaces densify.gradient_sum by each Gaussian's share of the error of several training views, below 0 for
- * Gaussians that none of them sees. SF_ERR_MEMORY: nothing has changed. */
+/* Replaces densify.gradient_sum by each Gaussian's error share in several training views, below 0 for
+ * Gaussians that have no blend weight in them. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_densify_score(sf_fitter *fitter);
 
 #endif

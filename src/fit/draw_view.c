@@ -1,4 +1,4 @@
-/* draw_view.c - a training view as the model renders it, and the picture that it is compared with. */
+/* draw_view.c - renders a training view, and loads the picture that it is compared with. */
 #include "draw_view.h"
 
 #include "../base/pool.h"
@@ -24,7 +24,7 @@ static void target_task(void *job_pointer, size_t row, int thread) {
     if (weight) job->kernels->unpack(NULL, weight, width, job->factor, ws->weight + to, ws->eye.width);
 }
 
-/* The picture to compare with, and the sum of its weights. */
+/* Loads the target; returns the sum of its weights. */
 static double load_target(sf_fitter *f, const sf_view *view, int factor) {
     sf_workspace *ws = &f->workspace;
     target_job job = {ws, f->ctx->kernels, view, factor};
@@ -55,7 +55,7 @@ sf_status sf_draw_view(sf_fitter *f, const sf_view *view, const sf_view_state *s
     if (status) return status;
     sf_stage_blend(ws, f->step_background, 0);
     *weight_sum = load_target(f, view, 1 << f->level);
-    if (!(*weight_sum > 0)) return SF_ERR_EMPTY; /* masked altogether: nothing to learn from it */
+    if (!(*weight_sum > 0)) return SF_ERR_EMPTY; /* wholly masked */
     if (exposed) sf_expose(&f->exposure, ws, state);
     return SF_OK;
 }

@@ -61,7 +61,8 @@ void sf_expose(sf_exposure *e, sf_workspace *ws, const sf_view_state *view) {
     sf_expose_swap(e, ws);
 }
 
-/* ws->partial of a row: sum of d_y x and of d_y, by channel; the loss has made room for six a row. */
+/* ws->partial of a row: sums over x of d_y x and of d_y, by channel; sf_stage_loss has made room for six
+ * values a row. */
 static void expose_bwd_row(void *job_pointer, size_t row, int thread) {
     (void)thread;
     const expose_job *job = job_pointer;
@@ -72,7 +73,7 @@ static void expose_bwd_row(void *job_pointer, size_t row, int thread) {
         float *d = job->ws->d_rgb[ch] + row * job->ws->stride;
         double with_x = 0, alone = 0;
         for (size_t i = 0; i < (size_t)job->ws->eye.width; i++) {
-            if (y[i] >= 1 && d[i] < 0) d[i] = 0; /* no brighter than white; darker it may become */
+            if (y[i] >= 1 && d[i] < 0) d[i] = 0; /* clamped at white: only a gradient that darkens passes */
             with_x += (double)d[i] * (double)x[i];
             alone += (double)d[i];
             d[i] *= job->gain[ch];
@@ -89,7 +90,8 @@ void sf_expose_bwd(sf_exposure *e, sf_workspace *ws, const sf_view_state *view, 
     for (int k = 0; k < 2 * SF_CHANNELS; k++) gradient[k] = 0;
     for (size_t i = 0; i < 2 * SF_CHANNELS * (size_t)ws->eye.height; i++)
         gradient[i % (2 * SF_CHANNELS)] += ws->partial[i];
-    for (int ch = 0; ch < SF_CHANNELS; ch++) gradient[ch] *= (double)job.gain[ch]; /* by its logarithm */
+    for (int ch = 0; ch < SF_CHANNELS; ch++)
+        gradient[ch] *= (double)job.gain[ch]; /* with respect to log_gain */
 }
 
 static void center(sf_view_states *views) {

@@ -8,7 +8,7 @@
 #include <splatfit/fitter.h>
 
 typedef struct sf_exposure {
-    float *rgb[SF_CHANNELS]; /* planes as the workspace's; the render's own between expose and expose_bwd */
+    float *rgb[SF_CHANNELS]; /* planes like the workspace's; between sf_expose and sf_expose_bwd the render */
     size_t capacity;
 } sf_exposure;
 
@@ -16,18 +16,18 @@ typedef struct sf_exposure {
 sf_status sf_exposure_room(sf_exposure *exposure, const sf_workspace *ws);
 void sf_exposure_free(sf_exposure *exposure, sf_context *ctx);
 
-/* Puts y = exp(log_gain) x + bias, at most 1 as pictures are, in the place of the render x, for the loss. */
+/* Replaces the render x by y = min(exp(log_gain) x + bias, 1) for the loss; pictures are at most 1. */
 void sf_expose(sf_exposure *exposure, sf_workspace *ws, const sf_view_state *view);
 
-/* The render in the place of y, or y in that of the render. */
+/* Swaps the render and y. */
 void sf_expose_swap(sf_exposure *exposure, sf_workspace *ws);
 
-/* Puts the render back, takes ws->d_rgb from dL/dy to dL/dx, and gives the gradient of the three log gains
+/* Puts the render back, turns ws->d_rgb from dL/dy into dL/dx, and writes the gradient of the three log gains
  * and the three biases, [6]. */
 void sf_expose_bwd(sf_exposure *exposure, sf_workspace *ws, const sf_view_state *view, double *gradient);
 
-/* One step of Adam on the view's six values; then all views' are moved together, so that their mean is 0:
- * else the model's own colours would be free to drift. decay: of the rates since the start. */
+/* One step of Adam on the six values of the view. Then those of all views are shifted to a mean of 0, or the
+ * colours of the model could drift. decay: factor of the learning rates. */
 void sf_exposure_update(sf_view_states *views, sf_view_state *view, const double *gradient,
                         const sf_fit_options *options, double decay);
 

@@ -1,4 +1,5 @@
-/* fit.c - the loop: a view, a picture of it, the loss, the gradients, an update; now and then growth. */
+/* fit.c - the loop of steps: view, render, loss, gradients, update; densification and selection between
+ * steps. */
 #include "fit.h"
 
 #include <math.h>
@@ -25,8 +26,8 @@
 #include "validation.h"
 
 enum {
-    ROUNDS = 3,            /* to time a step */
-    LEAST_GAUSSIANS = 1000 /* that a fit without a model to go on from begins with, if so many are allowed */
+    ROUNDS = 3,            /* renders to time a step */
+    LEAST_GAUSSIANS = 1000 /* initial Gaussians of a cold start that must fit into memory */
 };
 
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
@@ -74,13 +75,13 @@ static void set_step_background(sf_fitter *f) {
                                                                               : (float)f->background[k];
 }
 
-/* What a step's loss says about all but the Gaussians. */
+/* Gradients of a step, but those of the Gaussians. */
 typedef struct step_grads {
     double background[3], exposure[6], camera[SF_CAMERA_SUMS];
 } step_grads;
 
-/* Everything of a step up to what each pair of Gaussian and tile adds to the gradients. state: of the view,
- * NULL where nothing is learned of it. */
+/* A step up to the gradients of each pair of Gaussian and tile. state: of the view; NULL: nothing is learned
+ * of it. */
 static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state *state, sf_loss_value *loss,
                                step_grads *d) {
     sf_workspace *ws = &f->workspace;
@@ -97,8 +98,8 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
     return status;
 }
 
-/* All that a step teaches beside the Gaussians. */
-static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *d, double fraction) {
+/* Updates all that is learned but the Gaussians. */
+static void update_others(sf_fitter *f, sf_view_state *state, const step_grads *d, double fraction) {
     const sf_fit_options *o = &f->options;
     double decay = f->recovery.lr_scale * pow(o->lr_camera_final, fraction);
     if (o->background == SF_BACKGROUND_AUTO) sf_update_background(f, fraction, d->background);
@@ -111,14 +112,15 @@ static void update_beside(sf_fitter *f, sf_view_state *state, const step_grads *
     if (o->refine_intrinsics) sf_refine_focal(&f->views, state, d->camera + 6, o, decay * o->lr_focal);
 }
 
-/* Seconds of a step of a training view at full resolution, but for the update. */
+/* Seconds of a step at full resolution, without the update. */
 static sf_status time_step(sf_fitter *f, double *seconds) {
-    const sf_rng before = f->rng; /* a run that repeats this one's plan does not come here */
+    /* all is restored: a run that replays a time trace does not time a step */
+    const sf_rng before = f->rng;
     const double start_before = f->sampler.start;
     sf_view *view;
     sf_status status = sf_next_view(f, &view);
     *seconds = INFINITY;
-    for (int round = 0; round < ROUNDS && !status; round++) { /* the first makes room */
+    for (int round = 0; round < ROUNDS && !status; round++) { /* the first allocates */
         sf_loss_value loss;
         step_grads d;
         double start = sf_clock();
@@ -132,7 +134,7 @@ static sf_status time_step(sf_fitter *f, double *seconds) {
     return status;
 }
 
-/* A run that time alone ends is planned for as many steps as it seems to have. */
+/* Plans the schedule. A run that time alone ends is planned for an estimated number of steps. */
 static sf_status make_plan(sf_fitter *f) {
     const sf_fit_options *o = &f->options;
     double planned = (double)o->steps, seconds = 0;
@@ -142,7 +144,7 @@ static sf_status make_plan(sf_fitter *f) {
         planned = sf_steps_in(f, o->time_limit - (sf_clock() - f->start), seconds);
     }
     sf_plan_schedule(f, planned);
-    if (!o->validate) f->validation.count = 0; /* too short for it, after all */
+    if (!o->validate) f->validation.count = 0; /* the run is too short for validation */
     return SF_OK;
 }
 
@@ -177,15 +179,15 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     return SF_OK;
 }
 
-/* Pictures that were all taken from one place say nothing of depths. */
+/* Warns about pictures from one place: they do not determine depths. */
 static void warn_of_one_place(sf_fitter *f) {
     if (f->warm_start || !sf_scene_in_one_place(f->scene)) return;
     sf_log(f->ctx, SF_LOG_WARNING,
            "scene: all training pictures are from one place: they do not determine the depth");
 }
 
-/* The views that there are at the start. */
-static sf_status take_up_first(sf_fitter *f) {
+/* Takes up the views that the scene has at the start. */
+static sf_status take_up_views(sf_fitter *f) {
     uint32_t *ids;
     size_t count;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
@@ -204,7 +206,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     sf_status status = sf_fitter_create_empty(ctx, scene, options, out);
     if (status) return status;
     sf_fitter *f = *out;
-    status = take_up_first(f);
+    status = take_up_views(f);
     if (!status) status = choose_start(f, from);
     if (!status) {
         warn_of_one_place(f);
@@ -240,9 +242,9 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     *fitter_pointer = NULL;
 }
 
-/* A loss that is not finite tells nothing beyond the warning, and a view that is masked altogether has none:
- * the one before stands for it, NAN where none was known yet. */
-static void note_progress(sf_fitter *f, double loss) {
+/* Records the loss. A loss that is not finite, or that of a wholly masked view, is replaced by the one
+ * before, NAN at the first step. */
+static void record_progress(sf_fitter *f, double loss) {
     double before = f->step ? f->losses[(f->step - 1) % SF_LOSS_WINDOW] : NAN;
     f->losses[f->step % SF_LOSS_WINDOW] = isfinite(loss) ? loss : before;
     f->step++;
@@ -253,7 +255,7 @@ static void note_progress(sf_fitter *f, double loss) {
     }
 }
 
-/* Validation; the views of validation may be merged back into the training, which begins a pass over all. */
+/* Validates. If the views of validation are merged into the training, a pass over all views begins. */
 static sf_status validate(sf_fitter *f, double fraction) {
     int merged = f->validation.merged;
     sf_status status = sf_validation_step(f, fraction);
@@ -262,7 +264,8 @@ static sf_status validate(sf_fitter *f, double fraction) {
     return status;
 }
 
-/* A pass without the blurred views begins; a model that was the best by some of them is so no longer. */
+/* Finds blurred views and begins a pass without them. If some are in validation, the best PSNR is no longer
+ * comparable. */
 static sf_status find_blurred_views(sf_fitter *f, double fraction) {
     size_t k = f->blur.count;
     sf_status status = sf_measure_blur(f, fraction);
@@ -280,10 +283,10 @@ void sf_select_and_densify(sf_fitter *f, double fraction) {
     sf_status status = selecting ? sf_select_step(f, fraction, &changed) : SF_OK;
     if (changed) sf_forget_best_model(&f->validation);
     int densifying = !selecting || (sf_densification_is_due(f, fraction) && !f->densify.ended);
-    /* during tentative merges the Gaussians keep their places */
+    /* during tentative merges the Gaussians keep their indices */
     if (densifying && !status && !f->merges.count) {
         status = sf_densify_step(f, fraction);
-        if (!status) (void)sf_fitter_sort(f); /* without the memory for it steps are slower */
+        if (!status) (void)sf_fitter_sort(f); /* without memory for sorting only the speed suffers */
     }
     if (status) sf_densify_end(f);
     sf_densify_clear(&f->densify, f->model->count);
@@ -312,16 +315,17 @@ sf_status sf_fitter_step(sf_fitter *f) {
     sf_view_release(view);
     int64_t diverged = f->recovery.count;
     if (!status && !isfinite(loss.loss)) status = sf_recover(f, loss.loss);
-    if (!status && f->recovery.count > diverged) status = SF_ERR_EMPTY; /* of a model that is no more */
+    if (!status && f->recovery.count > diverged)
+        status = SF_ERR_EMPTY; /* the gradients are of the model before the return */
     if (!status) status = sf_update(f, fraction, with_camera ? d.camera : NULL);
     if (status && status != SF_ERR_EMPTY) return status;
     if (!status) {
-        update_beside(f, state, &d, fraction);
+        update_others(f, state, &d, fraction);
         f->skipped_values += f->workspace.not_finite;
     }
-    note_progress(f, loss.loss);
+    record_progress(f, loss.loss);
     if (f->workspace.not_finite)
-        (void)sf_remove_not_finite(f); /* left out, where there is no memory for it */
+        (void)sf_remove_not_finite(f); /* without memory they stay, and are not drawn */
     if (sf_densification_is_due(f, fraction) || sf_selection_is_due(f, fraction)) {
         sf_fitter_watch_memory(f);
         sf_select_and_densify(f, fraction);

@@ -4,13 +4,13 @@
 
 #include "fitter.h"
 
-/* A fitter without a model and without arrays beside it; options: checked here. SF_ERR_ARGUMENT, with the
- * option's name; SF_ERR_EMPTY: the scene has no training view; SF_ERR_MEMORY. On failure *fitter is NULL. */
+/* Makes a fitter without a model and its arrays, and checks the options. SF_ERR_ARGUMENT, with the option's
+ * name; SF_ERR_EMPTY: the scene has no training view; SF_ERR_MEMORY. On failure *fitter is NULL. */
 sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_options *options,
                                  sf_fitter **fitter);
 
-/* After the update of a step for which one of them is due: model selection where that is due; then
- * densification, unless selection alone was due. */
+/* After the update of a step for which selection or densification is due: selection where that is due, then
+ * densification, unless only selection was due. */
 void sf_select_and_densify(sf_fitter *fitter, double fraction);
 
 #endif

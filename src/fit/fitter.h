@@ -1,5 +1,5 @@
 /* fitter.h - the state of a fit: what is trained, and a struct for each policy, named after the file that
- * changes it. fit.c calls the policies in turn and passes on what one decides for another. */
+ * changes it. fit.c calls the policies in turn and passes their decisions on. */
 #ifndef SF_FIT_FITTER_H
 #define SF_FIT_FITTER_H
 
@@ -17,26 +17,26 @@
 
 enum {
     SF_LOSS_WINDOW = 50,
-    SF_VALIDATE_EVERY = 8, /* training views: one is kept out where the options leave it to the plan */
-    SF_SHORT_RUN = 1000,   /* steps: fewer leave no time to grow more than is needed, and to take it away */
-    SF_SHORT_TIME = 3000 /* and where time alone ends the run, for what that costs is taken from the steps */
+    SF_VALIDATE_EVERY = 8, /* training views of which one is kept out by default */
+    SF_SHORT_RUN = 1000,   /* steps: a shorter run has no time to select a model */
+    SF_SHORT_TIME = 3000   /* the same where time alone ends the run: selection costs steps */
 };
 
-enum { SF_MOST_FLOATS = 59 /* of a Gaussian */ };
+enum { SF_MOST_FLOATS = 59 /* of a Gaussian with all bands */ };
 
-/* A tentative merge: Gaussian a stands for both, b is not drawn. */
+/* A tentative merge: Gaussian a replaces both, b is invisible. */
 typedef struct sf_merge {
-    uint32_t a, b, leader;                  /* the Gaussian that stands for a in the end, or a */
-    float of_a[SF_MOST_FLOATS], logit_of_b; /* as they were before */
+    uint32_t a, b, leader;                  /* leader: the Gaussian that a was merged into later, or a */
+    float of_a[SF_MOST_FLOATS], logit_of_b; /* before the merge */
 } sf_merge;
 
 typedef struct sf_merges {
-    sf_merge *list; /* in the order in which they were merged */
+    sf_merge *list; /* in the order of merging */
     size_t count, capacity;
     float *tiles; /* squared error of each tile of each training view before the merges */
     size_t tile_count, tile_capacity;
     double squares; /* sum of `tiles` */
-    double part;    /* of all Gaussians, to merge next */
+    double part;    /* part of the Gaussians to merge in the next round */
     int in_vain;    /* rounds one after another that removed nothing */
 } sf_merges;
 
@@ -47,48 +47,48 @@ typedef struct sf_merges {
 typedef struct sf_view_sampler {
     uint32_t *ids; /* training views of the present pass, in order */
     size_t count, at;
-    double start;        /* in 0..1, of the views: where the next pass begins */
-    size_t views_before; /* training views of the last pass */
+    double start;        /* 0..1: the view, as a part of all, at which the next pass begins */
+    size_t views_before; /* training views of the scene when the last pass began */
 } sf_view_sampler;
 
-/* validation.c: training views that are not trained on, and what the model is worth on them. */
+/* validation.c: training views kept out of training, and the PSNR of the model on them. */
 typedef struct sf_validation {
-    uint32_t *ids; /* of these views, ascending */
+    uint32_t *ids; /* of the views in validation, ascending */
     size_t count, capacity;
-    uint32_t newest_id;     /* of the training views that were assigned to a side */
-    int64_t assigned;       /* how many were */
+    uint32_t newest_id;     /* newest training view that was assigned to validation or training */
+    int64_t assigned;       /* how many views were assigned */
     int merged;             /* these views are trained on now */
     double psnr, best_psnr; /* dB; NAN before the first validation */
     double best_fraction;   /* of the run, at best_psnr */
     int64_t best_step;      /* at best_psnr */
-    double next_fraction;   /* of the run: no validation before, */
+    double next_fraction;   /* no validation before this fraction of the run, */
     int64_t next_step;      /* nor before this step */
 } sf_validation;
 
-/* restore_point.c: an earlier model to go back to: the one with the best validation PSNR; where views of
- * validation are merged, or there are none, the last whose losses were sound. */
+/* restore_point.c: an earlier model to go back to: the one of the best validation PSNR, or, where validation
+ * does not choose, the last one whose losses had not diverged. */
 typedef struct sf_restore_point {
     sf_model *model; /* NULL: none */
     double background[3];
 } sf_restore_point;
 
-/* recovery.c: what tells divergence. */
+/* recovery.c: detects divergence. */
 typedef struct sf_recovery {
     double min_loss;     /* minimum so far of the median over several steps; 0: none yet */
-    double initial_loss; /* of the model that the fit began with, at full resolution; 0: unknown */
+    double initial_loss; /* of the initial model, at full resolution; 0: unknown */
     double lr_scale;     /* factor of all learning rates */
     int64_t since;       /* step from which on losses are compared */
-    int64_t count;       /* times that the fit went back */
+    int64_t count;       /* number of returns to the restore point */
 } sf_recovery;
 
 /* blur.c */
 typedef struct sf_blur {
-    uint32_t *ids; /* of the training views that are blurred */
+    uint32_t *ids; /* of the blurred training views */
     size_t count;
-    int judged; /* whether the views were measured */
+    int judged; /* whether sharpness was measured */
 } sf_blur;
 
-/* schedule.c: the last part of the run, over which the learning rates fall; fractions of the run. */
+/* schedule.c: the last part of the run, over which learning rates are annealed; fractions of the run. */
 typedef struct sf_cool_down {
     double from, length;
 } sf_cool_down;
@@ -97,22 +97,22 @@ typedef struct sf_cool_down {
 typedef struct sf_time_trace {
     uint32_t *ticks;
     size_t count, capacity;
-    int replayed, lost; /* given; or a step's time could not be kept */
+    int replayed, lost; /* given; a step's time could not be stored */
 } sf_time_trace;
 
 /* densify.c: arrays have the model's capacity. */
 typedef struct sf_densify {
-    double *gradient_sum;    /* sum of the norms of the screen gradient since the last densification; while
-                                densifying by error the score, below 0 for a Gaussian to remove */
-    uint32_t *visible_count; /* views that saw the Gaussian since then */
-    int ended;               /* select.c: more Gaussians no longer pay */
-    int out_of_memory;       /* said once; the number of Gaussians stays */
+    double *gradient_sum;    /* sum of the norms of the screen gradient since the last densification.
+                                Densification by error replaces it by a score; below 0: to be removed */
+    uint32_t *visible_count; /* views in which the Gaussian was visible since then */
+    int ended;               /* select.c: more Gaussians no longer lower the error enough */
+    int out_of_memory;       /* the number of Gaussians stays; logged once */
 } sf_densify;
 
-/* select.c: what model selection remembers between two densifications. */
+/* select.c: state of model selection between two densifications. */
 typedef struct sf_selection {
-    int vain_growths;      /* densifications one after another that did not lower the error */
-    double min_error;      /* mean squared error of some views, the minimum after a densification; 0: none */
+    int vain_growths;      /* consecutive densifications that did not lower the error */
+    double min_error;      /* least mean squared error of sampled views after a densification; 0: none */
     int min_error_level;   /* resolution level of min_error */
     double growth_scale;   /* factor of the number of Gaussians to add; 0: unknown */
     double noise_variance; /* of a value; the minimum so far is kept: pruning raises residuals, and must not
@@ -125,16 +125,16 @@ struct sf_fitter {
     sf_fit_options options;
     double extent;      /* of the scene, world units */
     float near_plane;   /* world units */
-    int warm_start;     /* begun from a model: full resolution and all bands from the first step */
+    int warm_start;     /* started from a model: full resolution and all bands from the first step */
     size_t first_count; /* Gaussians at the start */
     sf_memory_bill bill;
 
     sf_model *model;
-    sf_optimizer_state moments; /* of Adam; arrays have the model's capacities */
-    int64_t optimizer_restart;  /* step at which the moments were last cleared */
-    sf_model shown;             /* moving_average.c: the moving average of the model, where one is kept */
+    sf_optimizer_state moments; /* optimizer state; arrays have the model's capacities */
+    int64_t optimizer_restart;  /* step at which the optimizer state was last cleared */
+    sf_model shown;             /* moving_average.c: the moving average of the model, if one is kept */
     double background[3], background_m[3], background_v[3];
-    float step_background[3]; /* of the step in progress */
+    float step_background[3]; /* of the current step */
 
     sf_view_sampler sampler;
     sf_densify densify;
@@ -166,7 +166,7 @@ struct sf_fitter {
     atomic_int cancelled;
 };
 
-/* Whether a training view is kept out of the training now. */
+/* Whether a training view is in validation now. */
 static inline int sf_is_in_validation(const sf_validation *validation, uint32_t id) {
     size_t i = 0;
     while (i < validation->count && validation->ids[i] != id) i++;

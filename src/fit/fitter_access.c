@@ -1,4 +1,4 @@
-/* fitter_access.c - what the public interface reads from a fitter, and sets in it, between two steps. */
+/* fitter_access.c - reads and changes a fitter between two steps, for the public interface. */
 #include "fitter.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
 #include "schedule.h"
 #include "select_merge.h"
 
-/* Of the last steps, as far as it is known; 0: of none. */
+/* Mean of the known losses of the last steps; 0: none is known. */
 static double mean_loss(const sf_fitter *f) {
     double sum = 0, known = 0;
     for (int64_t i = 0; i < f->step && i < SF_LOSS_WINDOW; i++)
@@ -77,7 +77,9 @@ sf_status sf_fitter_set_pose(sf_fitter *f, uint32_t id, const double R_cw[9], co
     sf_camera camera = state->given;
     memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
     memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
-    if (sf_camera_check(&camera)) return sf_fail(f->ctx, SF_ERR_ARGUMENT, "pose: of view %u: is none", id);
+    if (sf_camera_check(&camera))
+        return sf_fail(f->ctx, SF_ERR_ARGUMENT, "pose: of view %u: not a rotation and a finite translation",
+                       id);
     state->given = camera;
     memcpy(state->R_cw, R_cw, sizeof state->R_cw);
     memcpy(state->t_cw, t_cw, sizeof state->t_cw);

@@ -1,8 +1,8 @@
-/* memory.c - what a fit takes, before it takes it.
+/* memory.c - estimates the memory of a fit in advance.
  *
- * All but the tile lists follows from sizes. How many tiles a Gaussian touches is the scene's: MEAN_TILES is
- * what fits reach that have grown to their cap, and TILE_LAYERS what a picture's tiles hold even of few and
- * large Gaussians; both on the side of more.
+ * All sizes but those of the tile lists follow from the options. The number of tiles of a Gaussian depends on
+ * the scene: MEAN_TILES is typical of fits that have reached their cap, TILE_LAYERS of the entries in a tile
+ * even with few and large Gaussians; both are estimated high.
  */
 #include "memory.h"
 
@@ -13,31 +13,31 @@
 #include "../base/pool.h"
 
 enum {
-    PLANES = 9, /* floats a pixel that a picture takes: colour, its gradient, transmittance, depth, last */
-    LOSS_PLANES = 4, /* and its loss: target and weight */
-    SHOWN_PLANES = 7 /* and whoever evaluates it: the picture, its weight, the render */
+    PLANES = 9,      /* floats a pixel of a render: colour, its gradient, transmittance, depth, last entry */
+    LOSS_PLANES = 4, /* of the loss: target and weight */
+    EVALUATION_PLANES = 7 /* of an evaluation: picture, weight, render */
 };
 
-/* Bytes of a Gaussian that growth takes while it goes on: the candidates or the draws of relocation, places,
- * and the order that they make; and those that writing the result takes: a .spz most. */
-enum { GROWING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_remap_entry), WRITING = 24 };
-/* And charging: what each is worth, its neighbours, a quarter of them on trial: more are there only of a
- * model that trials have made smaller. */
-enum { CHARGING = 128 + sizeof(sf_merge) / 4 };
+/* Bytes of a Gaussian. DENSIFYING: candidates or relocation draws, remap entries and the order made of them.
+ * WRITING: saving the result, most for .spz. */
+enum { DENSIFYING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_remap_entry), WRITING = 24 };
+/* Model selection: the importance and neighbours of all Gaussians, and tentative merges of a quarter of them.
+ * More are merged only in models that earlier rounds have made smaller. */
+enum { SELECTING = 128 + sizeof(sf_merge) / 4 };
 
-/* Entries and strips (a Gaussian's tiles and rows of tiles). */
+/* Mean entries (a Gaussian's tiles) and strips (its rows of tiles). */
 #define MEAN_TILES  4.5
 #define MEAN_STRIPS 2.5
 #define TILE_LAYERS 40.0
-#define LAYER_ROWS  0.5 /* strips an entry, of those */
-/* What the allocator holds beside what it was asked for: little of arrays that are made once, more of those
- * that grow, come and go. */
+#define LAYER_ROWS  0.5 /* strips an entry, of the TILE_LAYERS */
+/* Factors of what the allocator holds: low for arrays that are made once, higher for those that grow or are
+ * made again. */
 #define ARRAY_SLACK 1.05
 #define LIST_SLACK  1.15
 #define PLANE_SLACK 1.25
 
-/* The bill is on the side of more, and a process that goes on from a checkpoint has a little more resident
- * than the one that chose the cap: what must fit may be over the budget by this. */
+/* The estimate is high, and a process that continues from a checkpoint has a little more resident memory than
+ * the one that chose the cap. So what must fit may exceed the budget by this factor. */
 #define OVERDRAFT 1.1
 
 static const double mega = 1048576.0;
@@ -49,7 +49,7 @@ static size_t values_of(int sh_degree) {
     return values;
 }
 
-/* Pixels of the largest view, and tiles. */
+/* Pixels of the largest picture in whole tiles; *stride: of the widest. */
 static double largest_picture(sf_scene *scene, double *stride) {
     double most = 0;
     *stride = 0;
@@ -64,7 +64,7 @@ static double largest_picture(sf_scene *scene, double *stride) {
     return most;
 }
 
-/* Bytes that grow with the number of Gaussians, of one; and the others. */
+/* Bytes for each Gaussian, and bytes that do not depend on their number. */
 typedef struct bill_rates {
     double gaussians, lists, results;
     double fixed_lists, planes, evaluation;
@@ -81,18 +81,18 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double layers = TILE_LAYERS * pixels / SF_TILE_PIXELS;
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
-    double models = 2 * values; /* itself, the one to go back to */
+    double models = 2 * values; /* the model and the restore point */
     sf_optimizer_state moments = sf_optimizer_moments((int)f->options.moments, f->options.ema_steps);
     models += SF_MOMENT_VALUE * sf_moment_values(&moments, sh_degree);
-    if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* as it is shown */
-    double growing = GROWING + (f->options.size == SF_SIZE_AUTO ? CHARGING : 0);
+    if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* the moving average */
+    double densifying = DENSIFYING + (f->options.size == SF_SIZE_AUTO ? SELECTING : 0);
     return (bill_rates){.gaussians = models + sizeof *f->densify.gradient_sum +
-                                     sizeof *f->densify.visible_count + growing,
+                                     sizeof *f->densify.visible_count + densifying,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),
                         .planes = pictures,
-                        .evaluation = pictures + pixels * SHOWN_PLANES * sizeof(float)};
+                        .evaluation = pictures + pixels * EVALUATION_PLANES * sizeof(float)};
 }
 
 static void fill_in(sf_memory_bill *bill, const bill_rates *r, double count) {
@@ -103,7 +103,7 @@ static void fill_in(sf_memory_bill *bill, const bill_rates *r, double count) {
     bill->total = bill->before + bill->gaussians + bill->lists + bill->planes + bill->results;
 }
 
-/* The greatest number whose bill is within the budget; the bill rises with the number. */
+/* The most Gaussians whose estimate is within the budget; the estimate rises with their number. */
 static size_t most_within(const sf_memory_bill *bill, const bill_rates *r, size_t most) {
     sf_memory_bill tried = *bill;
     size_t least = 0;

@@ -1,4 +1,4 @@
-/* memory.h - the memory that a fit needs, estimated before it is used. */
+/* memory.h - estimates the memory of a fit in advance. */
 #ifndef SF_FIT_MEMORY_H
 #define SF_FIT_MEMORY_H
 

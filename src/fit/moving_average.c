@@ -1,7 +1,8 @@
-/* moving_average.c - the model without the noise of single steps.
+/* moving_average.c - the moving average (EMA) of the parameters over the last steps.
  *
- * Each step pleases one view, and who looks between two steps sees that. A fit that ends lets its rates fall;
- * one that is watched and tracked against while it goes on shows means of its last steps (ema_steps).
+ * Each step fits one view, which shows when the model is rendered between two steps. At the end of a fit the
+ * cool-down removes that noise. A model that is displayed and tracked against while it is trained is averaged
+ * instead (option ema_steps).
  */
 #include "moving_average.h"
 
@@ -12,14 +13,14 @@ void sf_take_moving_average(const sf_fitter *f, sf_model *copy) {
     for (int field = 0; sf_has_momentum(field); field++)
         sf_mean_take(&f->moments, field, sf_field_values(field, copy->count), f->model->params.field[field],
                      copy->params.field[field]);
-    /* A step holds the parameter within what a model's file may hold; the mean is off it by what it was
-     * before, and by rounding. */
+    /* The parameter is within the range that files allow. The average can leave it by rounding, or by the
+     * offset of a parameter that was limited. */
     float *scales = copy->params.field[SF_FIELD_log_scale];
     for (size_t k = 0; k < sf_field_values(SF_FIELD_log_scale, copy->count); k++)
         scales[k] = fminf(fmaxf(scales[k], -SF_LOG_SCALE_MOST), SF_LOG_SCALE_MOST);
 }
 
-/* Arrays of its own for what has a mean; the others are the model's. */
+/* Arrays for the averaged fields; the others are shared with the model. */
 static sf_status make_room(sf_fitter *f) {
     const sf_model *m = f->model;
     sf_model *shown = &f->shown;

@@ -12,8 +12,7 @@
 /* SF_ERR_ARGUMENT, with the option's name, where sf_fitter_create would refuse the options. */
 sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options);
 
-/* Whether the fit has taken up a training view of the scene: from then on its pose and exposure can be set.
- */
+/* Whether the fit has a state of the training view: from then on its pose and exposure can be set. */
 int sf_online_has_view(const sf_fitter *fitter, uint32_t id);
 
 /* World units: the nearest depth that is drawn, and the extent of the scene. */

@@ -1,9 +1,9 @@
-/* optimizer_state.c - what the optimiser remembers of each parameter. */
+/* optimizer_state.c - the optimizer state of each parameter. */
 #include "optimizer_state.h"
 
 #include <string.h>
 
-enum { FIRST, SECOND, LAG }; /* parts; words with both moments are where the first is */
+enum { FIRST, SECOND, OFFSET }; /* parts; 16-bit moments: words with both in the first */
 
 static const char *const part_names[][SF_MOMENT_PARTS] = {
     [SF_MOMENTS_FLOAT] = {"m", "v", "lag"}, [SF_MOMENTS_HALF] = {"mv", "v", "lag"}};
@@ -14,8 +14,8 @@ const char *sf_moment_part(const sf_optimizer_state *moments, int part) {
 
 int sf_moment_components(const sf_optimizer_state *moments, int part, int field) {
     int n = sf_field_components(field);
-    if (!sf_has_momentum(field)) return part == SECOND ? n / 3 : 0; /* of three channels */
-    if (part == LAG) return moments->mean_kept > 0 ? n : 0;
+    if (!sf_has_momentum(field)) return part == SECOND ? n / 3 : 0; /* one for three channels */
+    if (part == OFFSET) return moments->mean_kept > 0 ? n : 0;
     return part == FIRST || moments->format == SF_MOMENTS_FLOAT ? n : 0;
 }
 
@@ -27,7 +27,7 @@ int sf_moment_values(const sf_optimizer_state *moments, int sh_degree) {
     return values;
 }
 
-/* The same of the arrays that there are for a model. */
+/* The same; 0 for a field that the model does not store. */
 static int components_of(const sf_optimizer_state *moments, int part, int field, const sf_model *model) {
     return sf_field_stored(field, model->sh_degree) ? sf_moment_components(moments, part, field) : 0;
 }
@@ -75,17 +75,17 @@ void sf_optimizer_reorder(const sf_optimizer_state *moments, const sf_model *mod
         }
 }
 
-/* The part of its squares that a field of a newcomer keeps. Its share of a picture is smaller than what it
- * was made of, so are its gradients, and it has to find a place of its own: up to three times the steps for
- * what makes its shape. Colours and opacity are right already. */
+/* The part of the second moment that a new Gaussian keeps. Its blend weights are smaller than its parent's,
+ * and so are its gradients; and its shape still has to move. A lower second moment makes steps of mean, scale
+ * and rotation up to three times longer. Colours and opacity fit already. */
 static float part_kept(int field) {
     return field == SF_FIELD_mean || field == SF_FIELD_log_scale || field == SF_FIELD_quat ? 0.1f : 1;
 }
 
 static void restart(const sf_optimizer_state *moments, int field, size_t i) {
     int all = sf_field_components(field);
-    for (int c = 0; c < sf_moment_components(moments, LAG, field); c++)
-        ((float *)moments->part[LAG][field])[sf_at(i, all, c)] = 0;
+    for (int c = 0; c < sf_moment_components(moments, OFFSET, field); c++)
+        ((float *)moments->part[OFFSET][field])[sf_at(i, all, c)] = 0;
     for (int c = 0; c < sf_moment_components(moments, FIRST, field); c++) {
         char *value = (char *)moments->part[FIRST][field] + SF_MOMENT_VALUE * sf_at(i, all, c);
         uint32_t word;
@@ -139,18 +139,18 @@ void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kern
 }
 
 void sf_mean_open(const sf_optimizer_state *moments, int field, size_t at, size_t n, const float *p) {
-    if (!sf_moment_components(moments, LAG, field)) return;
-    float *mean = (float *)moments->part[LAG][field] + at;
+    if (!sf_moment_components(moments, OFFSET, field)) return;
+    float *mean = (float *)moments->part[OFFSET][field] + at;
     for (size_t k = 0; k < n; k++) mean[k] += p[k];
 }
 
 void sf_mean_close(const sf_optimizer_state *moments, int field, size_t at, size_t n, const float *p) {
-    if (!sf_moment_components(moments, LAG, field)) return;
-    float *lag = (float *)moments->part[LAG][field] + at;
-    for (size_t k = 0; k < n; k++) lag[k] = moments->mean_kept * (lag[k] - p[k]);
+    if (!sf_moment_components(moments, OFFSET, field)) return;
+    float *offset = (float *)moments->part[OFFSET][field] + at;
+    for (size_t k = 0; k < n; k++) offset[k] = moments->mean_kept * (offset[k] - p[k]);
 }
 
 void sf_mean_take(const sf_optimizer_state *moments, int field, size_t n, const float *from, float *p) {
-    const float *lag = moments->part[LAG][field];
-    for (size_t k = 0; k < n; k++) p[k] = from[k] + lag[k];
+    const float *offset = moments->part[OFFSET][field];
+    for (size_t k = 0; k < n; k++) p[k] = from[k] + offset[k];
 }

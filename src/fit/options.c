@@ -1,4 +1,4 @@
-/* options.c - the list of hyperparameters: defaults, ranges, text. */
+/* options.c - the table of options: defaults, ranges, conversion from and to text. */
 #include "options.h"
 
 #include "../base/context.h"
@@ -58,7 +58,7 @@ sf_status sf_fit_options_preset(sf_context *ctx, const char *name, sf_fit_option
     return SF_OK;
 }
 
-/* Values of an ENUM. */
+/* Number of values of an ENUM. */
 static int enum_size(const char *values) {
     int n = 1;
     for (; *values; values++) n += *values == '|';
@@ -207,7 +207,7 @@ sf_status sf_fit_options_get(const sf_fit_options *options, const char *name, ch
         for (int i = 0; i < (int)value; i++) values += value_length(values) + 1;
         length = snprintf(text, size, "%.*s", (int)value_length(values), values);
     } else {
-        int64_t integer; /* not by way of a double, which may be rounded up beyond its range */
+        int64_t integer; /* not through a double, which may round it out of its range */
         if (o->info.kind == SF_KIND_INT)
             memcpy(&integer, (const char *)options + o->offset, sizeof integer);
         else

@@ -1,9 +1,10 @@
-/* prune.c - a model taken down to what its scene needs.
+/* prune.c - prunes a finished model, at a given loss of PSNR or to a given number of Gaussians.
  *
- * What taking a Gaussian out costs is known exactly for one alone (select_importance.h), not for many that go
- * together: each alone may make up for the error of others. Their effects on the pictures, in which no
- * residual is counted upon, put them in order, and how many may go is found by bisection on true renders. In
- * rounds, each with a part of the loss, for what is left is worth more when neighbours have gone.
+ * The cost of removing one Gaussian is known exactly (select_importance.h); that of removing many is not,
+ * since each may correct the error of others. So Gaussians are sorted by their squared change of the
+ * pictures, which relies on no residual, and bisection on renders finds how many may be removed. This is done
+ * in rounds, each of which may spend a part of the loss: the importance of the others rises as neighbours are
+ * removed.
  */
 #include <splatfit/prune.h>
 
@@ -16,36 +17,36 @@
 #include "validation.h"
 
 enum {
-    ROUNDS = 4,       /* in which the loss is spent */
-    MORE_ROUNDS = 2,  /* at most, at the whole loss */
-    COARSENESS = 64,  /* of a bisection: it ends at this part of the items, */
-    FINENESS = 256,   /* in the last rounds at this */
+    ROUNDS = 4,       /* each may spend the same part of the loss */
+    MORE_ROUNDS = 2,  /* at most, after those, at the whole loss */
+    COARSENESS = 64,  /* a bisection ends when it knows the number to the items / COARSENESS, */
+    FINENESS = 256,   /* in the last rounds to the items / FINENESS */
     REFIT_ROUNDS = 8, /* cuts tried with refitting */
 };
-/* Of the loss, what is left to the SH bands. */
-#define SH_SHARE 0.3
-/* With refitting: the first cut and the least one, as parts of the Gaussians. */
+/* The part of the loss that SH bands may cause. */
+#define BANDS_PART 0.3
+/* With refitting: the first and the smallest cut, as parts of the Gaussians. */
 #define FIRST_CUT 0.25
 #define LEAST_CUT 0.03
-/* Learning rates of refitting, by the defaults': the model is near its end. */
+/* Factor of the default learning rates while refitting: the model is nearly converged. */
 #define REFIT_RATE 0.2
 
-/* Something that may go, and what that costs. */
+/* A Gaussian or SH band that may be removed. */
 typedef struct item {
     float cost;
     uint32_t gaussian;
-    int degree; /* that it is left with; -1: it goes */
+    int degree; /* SH degree that the Gaussian keeps; -1: it is removed */
 } item;
 
 typedef struct pruner {
     sf_context *ctx;
     sf_scene *scene;
     const sf_prune_options *options;
-    sf_fitter *fitter; /* shows the views; its model is the one that is tried */
+    sf_fitter *fitter; /* renders the views; its model is the tried one */
     sf_model *kept;    /* as pruned so far */
     double psnr;       /* of kept */
     size_t renders;
-    item *items; /* in the order in which they go */
+    item *items; /* by rising cost */
     size_t item_count;
     int8_t *degrees; /* [kept->count], scratch */
 } pruner;
@@ -56,7 +57,7 @@ sf_prune_options sf_prune_options_default(void) {
     return options;
 }
 
-/* Mean PSNR over the training views of the model that is tried. */
+/* Mean PSNR of the tried model over the training views. */
 static sf_status measure(pruner *p, double *psnr) {
     sf_view **list;
     size_t count, views = 0;
@@ -65,7 +66,7 @@ static sf_status measure(pruner *p, double *psnr) {
     for (size_t i = 0; i < count && !status; i++) {
         double of_view;
         status = sf_view_psnr(p->fitter, list[i], &of_view);
-        if (status || isnan(of_view)) continue; /* masked altogether */
+        if (status || isnan(of_view)) continue; /* wholly masked */
         *psnr += of_view;
         views++;
     }
@@ -76,8 +77,8 @@ static sf_status measure(pruner *p, double *psnr) {
     return status;
 }
 
-/* Gaussian i of the model so far to place k of the tried one, with bands up to `degree`. */
-/* Gaussian k of the tried model becomes its Gaussian i >= k, with bands up to a degree, the others 0. */
+/* Copies Gaussian i >= k of the tried model to index k, with the bands up to a degree; higher ones become 0.
+ */
 static void copy_bands(const sf_params *tried, size_t i, size_t k, int degree) {
     for (int field = 0; field < SF_FIELD_COUNT && tried->field[field]; field++)
         for (int c = 0; c < sf_field_components(field); c++)
@@ -85,7 +86,7 @@ static void copy_bands(const sf_params *tried, size_t i, size_t k, int degree) {
                 sf_field_band(field) <= degree ? *sf_value(tried, field, i, c) : 0;
 }
 
-/* Makes the tried model: the one so far without the first n items. */
+/* Makes the tried model: p->kept without the first n items. */
 static void try_without(pruner *p, size_t n) {
     sf_model *tried = p->fitter->model;
     size_t kept = 0;
@@ -100,16 +101,16 @@ static void try_without(pruner *p, size_t n) {
     sf_model_resize(tried, kept);
 }
 
-/* The tried model, of this PSNR, is the one so far from here on. */
+/* Keeps the tried model, of this PSNR. */
 static void accept(pruner *p, double psnr) {
     const sf_model *tried = p->fitter->model;
     sf_model_assign(p->kept, tried);
     p->psnr = psnr;
 }
 
-/* The most items, `most` at most, that may go while the PSNR is `floor`, to a part of `fineness`; they are
- * gone then. *gone: how many. Without any the PSNR is at least that. */
-static sf_status take_most(pruner *p, size_t most, double floor, int fineness, size_t *gone) {
+/* Removes as many items as possible, at most `most`, while the PSNR is `floor` or more; *removed: how many,
+ * known to the items / fineness. p->kept must have such a PSNR. */
+static sf_status remove_most(pruner *p, size_t most, double floor, int fineness, size_t *removed) {
     size_t least = 0, beyond = most + 1, step = p->item_count / (size_t)fineness + 1;
     double psnr = p->psnr, tried;
     while (beyond - least > step) {
@@ -124,7 +125,7 @@ static sf_status take_most(pruner *p, size_t most, double floor, int fineness, s
     }
     try_without(p, least);
     accept(p, psnr);
-    *gone = least;
+    *removed = least;
     return SF_OK;
 }
 
@@ -145,32 +146,32 @@ static double energy(const sf_model *model, size_t i, int band) {
     return sum;
 }
 
-/* Bands of each Gaussian, from the highest on: at the end of a fit, where no coefficient has a gradient, a
- * band's cost is the square of the colours that it changes, on average over all directions, times the pixels
- * that show the Gaussian (by its share of the error, which is about the same everywhere); by its floats. */
-static void list_bands(pruner *p, const sf_importance *worth) {
+/* Lists the bands of each Gaussian. At the end of a fit no coefficient has a gradient. So the cost of a band
+ * is the mean square over all directions of the colour that it adds, times the pixels that show the Gaussian,
+ * divided by its floats. The error share stands for the pixels: the error is about the same everywhere. */
+static void list_bands(pruner *p, const sf_importance *importance) {
     for (size_t i = 0; i < p->kept->count; i++) {
         double cost = 0;
         for (int band = p->kept->sh_degree; band > 0; band--) {
             double of_band = energy(p->kept, i, band);
-            if (of_band == 0 && cost == 0) continue; /* it went already */
+            if (of_band == 0 && cost == 0) continue; /* it was removed already */
             double floats = 3.0 * (2 * band + 1);
-            cost = fmax(cost, of_band * (double)worth->error_share[i] /
-                                  floats); /* no band goes before a higher one */
+            /* no band costs less than a higher one */
+            cost = fmax(cost, of_band * (double)importance->error_share[i] / floats);
             p->items[p->item_count++] = (item){(float)cost, (uint32_t)i, band - 1};
         }
     }
 }
 
-/* Lists what may go, the least worthy first. */
+/* Lists what may be removed, by rising cost. */
 static sf_status list_items(pruner *p, int bands) {
-    sf_importance worth;
+    sf_importance importance;
     p->item_count = 0;
-    sf_status status = sf_measure_importance(p->fitter, 0, &worth);
-    if (!status && bands) list_bands(p, &worth);
+    sf_status status = sf_measure_importance(p->fitter, 0, &importance);
+    if (!status && bands) list_bands(p, &importance);
     for (size_t i = 0; i < p->kept->count && !status && !bands; i++)
-        p->items[p->item_count++] = (item){worth.score[i], (uint32_t)i, -1};
-    sf_importance_free(p->ctx, &worth);
+        p->items[p->item_count++] = (item){importance.score[i], (uint32_t)i, -1};
+    sf_importance_free(p->ctx, &importance);
     if (!status) qsort(p->items, p->item_count, sizeof *p->items, compare);
     return status;
 }
@@ -188,8 +189,8 @@ static void list_at_random(pruner *p) {
     }
 }
 
-/* The first n items go, whatever it costs. */
-static sf_status take(pruner *p, size_t n) {
+/* Removes the first n items whatever the loss. */
+static sf_status remove_first(pruner *p, size_t n) {
     double psnr;
     try_without(p, n);
     sf_status status = measure(p, &psnr);
@@ -197,19 +198,19 @@ static sf_status take(pruner *p, size_t n) {
     return status;
 }
 
-/* Down to `count` Gaussians, in rounds of equal parts of what is there. */
+/* Removes Gaussians down to `count`, the same part of them in each round. */
 static sf_status cut_to(pruner *p, size_t count, int rounds) {
     double part = pow((double)count / (double)p->kept->count, 1.0 / rounds);
     sf_status status = SF_OK;
     for (int round = rounds; round > 0 && !status && p->kept->count > count; round--) {
         size_t left = round > 1 ? (size_t)((double)p->kept->count * part) : count;
         status = list_items(p, 0);
-        if (!status) status = take(p, p->kept->count - (left < count ? count : left));
+        if (!status) status = remove_first(p, p->kept->count - (left < count ? count : left));
     }
     return status;
 }
 
-/* Floats of the Gaussians beside bands that are 0. */
+/* Floats of all Gaussians, without bands that are 0. */
 static size_t floats_in_use(const sf_model *model) {
     size_t floats = 0;
     for (size_t i = 0; i < model->count; i++) {
@@ -221,24 +222,25 @@ static size_t floats_in_use(const sf_model *model) {
     return floats;
 }
 
-static void say(const pruner *p, const char *what) {
+static void report(const pruner *p, const char *what) {
     sf_log(p->ctx, SF_LOG_INFO, "%s: %zu Gaussians, %zu floats in use, training views %.3f dB", what,
            p->kept->count, floats_in_use(p->kept), p->psnr);
 }
 
-/* Takes out Gaussians, or bands, in rounds from the PSNR so far down to `floor`. */
-static sf_status spend(pruner *p, double floor, int bands) {
-    double begin = p->psnr;
+/* Removes Gaussians, or bands, in rounds from the present PSNR down to `floor`. */
+static sf_status prune_rounds(pruner *p, double floor, int bands) {
+    double initial = p->psnr;
     sf_status status = SF_OK;
     for (int round = 1; round <= ROUNDS + MORE_ROUNDS && !status; round++) {
         double part = round < ROUNDS ? (double)round / ROUNDS : 1;
-        size_t gone = 0;
+        size_t removed = 0;
         status = list_items(p, bands);
         if (status || !p->item_count) break;
         size_t most = bands ? p->item_count : p->item_count - 1;
-        status = take_most(p, most, begin - part * (begin - floor), part < 1 ? COARSENESS : FINENESS, &gone);
-        if (!status) say(p, bands ? "bands" : "pruned");
-        if (round >= ROUNDS && gone <= p->item_count / FINENESS + 1) break;
+        status = remove_most(p, most, initial - part * (initial - floor), part < 1 ? COARSENESS : FINENESS,
+                             &removed);
+        if (!status) report(p, bands ? "bands" : "pruned");
+        if (round >= ROUNDS && removed <= p->item_count / FINENESS + 1) break;
     }
     return status;
 }
@@ -248,7 +250,7 @@ static sf_fit_options refit_options(const pruner *p) {
     o.steps = o.plan_steps = p->options->refit_steps;
     o.seed = (int64_t)(p->options->seed & INT64_MAX);
     o.max_gaussians = (int64_t)p->fitter->model->count;
-    o.densify_every = o.steps + 1; /* nothing comes or goes */
+    o.densify_every = o.steps + 1; /* no densification */
     o.validate = 0;
     o.size = SF_SIZE_CAP;
     o.sh_degree = p->kept->sh_degree;
@@ -261,7 +263,7 @@ static sf_fit_options refit_options(const pruner *p) {
     return o;
 }
 
-/* Fits on with the tried model. */
+/* Trains the tried model further. */
 static sf_status refit(pruner *p) {
     sf_fit_options o = refit_options(p);
     sf_fitter *fitter;
@@ -277,7 +279,7 @@ static sf_status refit(pruner *p) {
     return status;
 }
 
-/* Cuts that fitting on makes good; smaller ones where it does not. */
+/* Keeps cuts after which refitting reaches `floor`; halves the cut where it does not. */
 static sf_status cut_and_refit(pruner *p, double floor) {
     double cut = FIRST_CUT, psnr;
     sf_status status = SF_OK;
@@ -293,20 +295,20 @@ static sf_status cut_and_refit(pruner *p, double floor) {
             accept(p, psnr);
         else
             cut *= 0.5;
-        say(p, psnr >= floor ? "refitted" : "refitting is not enough");
+        report(p, psnr >= floor ? "refitted" : "refitting is not enough");
     }
     return status;
 }
 
 static sf_status prune(pruner *p) {
     const sf_prune_options *o = p->options;
-    double begin = p->psnr, floor = begin - o->loss;
-    size_t gone;
+    double initial = p->psnr, floor = initial - o->loss;
+    size_t removed;
     int bands = !o->keep_sh && p->kept->sh_degree > 0;
     if (o->random) {
         list_at_random(p);
-        return o->keep ? take(p, p->kept->count - o->keep)
-                       : take_most(p, p->item_count - 1, floor, FINENESS, &gone);
+        return o->keep ? remove_first(p, p->kept->count - o->keep)
+                       : remove_most(p, p->item_count - 1, floor, FINENESS, &removed);
     }
     if (o->keep) {
         sf_status status = cut_to(p, o->keep, ROUNDS);
@@ -317,17 +319,17 @@ static sf_status prune(pruner *p) {
         if (!status) accept(p, psnr);
         return status;
     }
-    double of_gaussians = bands ? begin - (1 - SH_SHARE) * o->loss : floor;
-    sf_status status = spend(p, of_gaussians, 0);
+    double of_gaussians = bands ? initial - (1 - BANDS_PART) * o->loss : floor;
+    sf_status status = prune_rounds(p, of_gaussians, 0);
     if (!status && o->refit_steps) status = cut_and_refit(p, of_gaussians);
     if (!status && bands) {
         try_without(p, 0);
-        status = spend(p, floor, 1);
+        status = prune_rounds(p, floor, 1);
     }
     return status;
 }
 
-/* A fitter that shows the views with a copy of the model, and cannot make a step: it has no moments. */
+/* Makes a fitter that only renders: it has a copy of the model and no optimizer state. */
 static sf_status make_fitter(pruner *p) {
     const sf_render_options *render = &p->options->render;
     sf_fit_options o = sf_fit_options_default();

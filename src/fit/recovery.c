@@ -1,11 +1,11 @@
-/* recovery.c - a fit that diverges goes back to where it did not, and on with lower rates.
+/* recovery.c - divergence recovery: back to an earlier model, and on with lower learning rates.
  *
- * One bad picture raises the loss of its own steps alone: it takes the median of several. That of a fit that
- * learns falls, and rises by little where pictures get finer or Gaussians go; new pictures are no measure for
- * what old ones gave.
+ * The median of several losses is compared, since one bad picture raises the loss of its own steps only.
+ * While a fit converges the median falls; it rises a little when pictures get finer or Gaussians are removed.
+ * Added views make the losses before incomparable.
  *
- * Rates that are too high spoil the first median, too: it is compared with what the model that the fit begins
- * with loses at full resolution, where the loss is largest.
+ * Learning rates that are too high spoil the first median, too. So it is also compared with the loss of the
+ * initial model at full resolution, where the loss is largest.
  */
 #include "recovery.h"
 
@@ -18,20 +18,20 @@
 
 enum {
     MEDIAN_OF = 9,    /* losses */
-    FIRST_VIEWS = 3,  /* that the first model is looked at in */
-    MOST_RETURNS = 8, /* what they do not cure, lower rates do not */
-    KEEP_EVERY = 100  /* steps, where no views of validation say which model is good */
+    FIRST_VIEWS = 3,  /* in which the loss of the initial model is measured */
+    MOST_RETURNS = 8, /* divergence that persists has another cause than the learning rates */
+    KEEP_EVERY = 100  /* steps between restore points, where validation does not choose the model */
 };
 
-/* The median has diverged where it is beyond so many times the least so far, and above it by so much, or
- * above what the first model lost by so much; it is none to keep beyond that part of the way. */
+/* Diverged: median > RISE_RATIO x minimum and > minimum + RISE_LEAST, or > initial loss + RISE_LEAST. Beyond
+ * SOUND_PART of that margin no restore point is saved. */
 #define RISE_RATIO 4.0
 #define RISE_LEAST 0.15
 #define SOUND_PART 0.5
-/* What all rates are multiplied by then. */
+/* Factor of all learning rates at each return. */
 #define RATE_CUT 0.5
 
-/* Of the last losses; 0: there are too few since the fit began or went back. */
+/* Median of the last losses; 0: there are too few since the fit began or went back. */
 static double median_loss(const sf_fitter *f) {
     double last[MEDIAN_OF];
     if (f->step - f->recovery.since < MEDIAN_OF) return 0;
@@ -42,46 +42,46 @@ static double median_loss(const sf_fitter *f) {
     return sf_median(last, MEDIAN_OF);
 }
 
-/* Huber's loss is smaller than L1, which RISE_LEAST is of: by so much where a model is off as first ones are.
- */
+/* RISE_LEAST holds for L1. Huber's loss is smaller: scaled by the ratio at a residual of `off`, typical of an
+ * initial model. */
 static double rise_least(const sf_fitter *f) {
     const double off = 0.25, lambda = f->options.lambda_dssim, delta = f->options.huber_delta;
     double huber = off < delta ? off * off / (2 * delta) : off - delta / 2;
     return RISE_LEAST * (lambda + (1 - lambda) * huber / off);
 }
 
-/* The loss at which the fit is taken to have diverged, times part; INFINITY where there is nothing to compare
- * with. */
+/* The minimum or the initial loss plus `part` of the margin of divergence; INFINITY: nothing to compare with.
+ */
 static double limit(const sf_fitter *f, double part) {
     double least = f->recovery.min_loss, most = INFINITY, rise = rise_least(f);
     if (f->recovery.initial_loss > 0) most = f->recovery.initial_loss + part * rise;
     return least > 0 ? fmin(most, least + part * fmax((RISE_RATIO - 1) * least, rise)) : most;
 }
 
-/* Losses of the first model. */
-typedef struct first_losses {
+/* Losses of the initial model. */
+typedef struct initial_losses {
     double loss[FIRST_VIEWS];
     size_t count;
-} first_losses;
+} initial_losses;
 
-static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum, void *user) {
+static sf_status add_loss(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum, void *user) {
     (void)state, (void)pixels;
-    first_losses *first = user;
+    initial_losses *initial = user;
     sf_loss_value loss;
     sf_stage_loss(&f->workspace, f->options.lambda_dssim, f->options.huber_delta, weight_sum, 0, 0, &loss);
-    if (isfinite(loss.loss)) first->loss[first->count++] = loss.loss;
+    if (isfinite(loss.loss)) initial->loss[initial->count++] = loss.loss;
     return SF_OK;
 }
 
-/* Steps with a background of their own each have no such measure. */
+/* Not with random backgrounds: each step has another one, and its loss is not comparable. */
 static sf_status measure_start(sf_fitter *f) {
-    first_losses first = {.count = 0};
+    initial_losses initial = {.count = 0};
     if (f->options.background == SF_BACKGROUND_RANDOM) return SF_OK;
     f->level = 0;
     f->sh_degree = sf_scheduled_degree(f, sf_fraction(f));
     for (int k = 0; k < 3; k++) f->step_background[k] = (float)f->background[k];
-    sf_status status = sf_sample_views(f, FIRST_VIEWS, 0, look_at, &first, NULL);
-    if (!status && first.count) f->recovery.initial_loss = sf_median(first.loss, first.count);
+    sf_status status = sf_sample_views(f, FIRST_VIEWS, 0, add_loss, &initial, NULL);
+    if (!status && initial.count) f->recovery.initial_loss = sf_median(initial.loss, initial.count);
     return status;
 }
 
@@ -98,7 +98,7 @@ sf_status sf_recovery_step(sf_fitter *f, int chosen) {
     if (median > 0 && !(f->recovery.min_loss > 0 && f->recovery.min_loss <= median))
         f->recovery.min_loss = median;
     if (chosen || (f->restore.model && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
-    (void)sf_save_restore_point(f); /* without memory for it there is an older one to go back to, or none */
+    (void)sf_save_restore_point(f); /* without memory the older restore point stays, if there is one */
     return SF_OK;
 }
 
@@ -111,7 +111,7 @@ sf_status sf_recover(sf_fitter *f, double loss) {
     f->recovery.lr_scale *= RATE_CUT;
     f->recovery.count++;
     sf_log(f->ctx, SF_LOG_WARNING,
-           "step %lld: the fit diverged (loss %.3g, the least before %.3g): it goes on from an earlier "
+           "step %lld: the fit diverged (loss %.3g, the least before %.3g): it continues from an earlier "
            "model with %.3g of the learning rates",
            (long long)f->step, loss, before, f->recovery.lr_scale);
     return SF_OK;

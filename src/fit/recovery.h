@@ -4,14 +4,13 @@
 
 #include "fitter.h"
 
-/* Before a step: goes back where the losses of the last steps show divergence; saves a restore point now and
- * then, unless validation chooses the best model (`chosen`). SF_ERR_MEMORY. */
+/* Before a step: returns to the restore point if the losses of the last steps diverged; saves a restore point
+ * from time to time, unless validation chooses the best model (`chosen`). SF_ERR_MEMORY. */
 sf_status sf_recovery_step(sf_fitter *fitter, int chosen);
-/* Goes back to the restore point, halves the learning rates and counts the return. Does nothing without a
- * restore point that is known to be better, nor after many returns. SF_ERR_MEMORY. */
+/* Returns to the restore point, halves the learning rates and counts the return. Does nothing without a
+ * restore point that is known to be better, nor after 8 returns. SF_ERR_MEMORY. */
 sf_status sf_recover(sf_fitter *fitter, double loss);
-/* Training views were added or removed: the losses of the steps before `step` are no measure for those to
- * come. */
+/* Training views were added or removed: losses before `step` are not comparable with later ones. */
 void sf_recovery_forget(sf_recovery *recovery, int64_t step);
 
 #endif

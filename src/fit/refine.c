@@ -1,4 +1,4 @@
-/* refine.c - corrections of poses and focal lengths. */
+/* refine.c - refinement of poses and focal lengths. */
 #include "refine.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
 
 static const double pi = 3.141592653589793;
 
-/* 1. Two poses held */
+/* 1. The gauge: two fixed poses */
 
 static double distance_between(const sf_camera *a, const sf_camera *b) {
     double p[3], q[3], sum = 0;
@@ -21,7 +21,7 @@ static double distance_between(const sf_camera *a, const sf_camera *b) {
     return sqrt(sum);
 }
 
-/* The view that is farthest from one, which it is not itself. */
+/* The view whose camera is farthest from that of `from`; NULL: there is no other. */
 static sf_view_state *farthest(const sf_view_states *views, const sf_view_state *from) {
     sf_view_state *best = NULL;
     double most = -1;
@@ -68,7 +68,7 @@ void sf_note_depth(sf_view_state *view, const sf_workspace *ws, double otherwise
     double sum = 0, seen = 0;
     for (size_t i = 0; i < ws->count; i++) {
         if (ws->state[i] != SF_SEEN) continue;
-        sum += 1 / (double)ws->splats[i].depth; /* the harmonic mean: the sky has no say */
+        sum += 1 / (double)ws->splats[i].depth; /* harmonic mean: very distant Gaussians hardly count */
         seen++;
     }
     view->depth = seen > 0 ? seen / sum : otherwise;
@@ -98,9 +98,10 @@ static void measure(sf_view_state *view) {
     view->moved_depths = view->depth > 0 ? distance_between(&now, &view->given) / view->depth : 0;
 }
 
-/* The camera turns about what it sees: a turn about its own centre would do to the picture what a translation
- * does, and two values that Adam takes one by one would work against each other. With the pivot c on the
- * axis, rho = rho' - phi x c, so dL/dphi' = dL/dphi - c x dL/drho; with rho' in depths both are angles. */
+/* The camera turns about a pivot at the depth of what it sees. A turn about its own centre moves the picture
+ * like a translation, and Adam, which scales each value by itself, would let both work against each other.
+ * With the pivot c on the optical axis, rho = rho' - phi x c, so dL/dphi' = dL/dphi - c x dL/drho; with rho'
+ * in depths both are angles. */
 void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_options *options, double rate) {
     if (view->held) return;
     double depth = view->depth, step[6], rho[3], phi[3];
@@ -129,9 +130,9 @@ void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, con
     for (int k = 0; k < 2; k++) lens->log_focal[k] -= step[k];
 }
 
-/* 4. The mean held */
+/* 4. The gauge: the mean correction */
 
-/* How a view was corrected: the turn in its own frame, and the centre's displacement in the world. */
+/* Correction of a view: the rotation in its own frame, and the displacement of the centre in the world. */
 static void correction(const sf_view_state *view, double out[6]) {
     sf_camera now;
     double given[9], E[9], from[3], to[3];
@@ -144,16 +145,16 @@ static void correction(const sf_view_state *view, double out[6]) {
     for (int k = 0; k < 3; k++) out[3 + k] = to[k] - from[k];
 }
 
-/* What of a mean chance does not explain: m - 4 e^2 / m where it is more than twice its standard error e. */
+/* The part of a mean beyond chance: m - 4 e^2 / m if |m| is above twice its standard error e, else 0. */
 static double beyond_chance(double mean, double error2) {
     return mean * mean > 4 * error2 ? mean - 4 * error2 / mean : 0;
 }
 
-/* What the corrections share. Poses that are off are off each in its own way; what all share is the model's
- * drift. */
+/* Common part of all corrections. Errors of given poses are independent; what all corrections have in common
+ * is drift of the model. */
 typedef struct shared_part {
-    double turn[3], shift[3]; /* in the cameras' frames; of the centres, in the world */
-    double growth, from[3];   /* of the distances from there */
+    double turn[3], shift[3]; /* mean rotation in the camera frames, mean displacement of the centres */
+    double scaling, from[3];  /* scale change of the distances from the mean centre `from` */
 } shared_part;
 
 static void find_shared(const sf_view_states *views, shared_part *shared) {
@@ -179,8 +180,8 @@ static void find_shared(const sf_view_states *views, shared_part *shared) {
         }
     }
     if (!(far > 0)) return;
-    double growth = along / far;
-    shared->growth = beyond_chance(growth, (left / far - growth * growth) / (3 * n - 4));
+    double scaling = along / far;
+    shared->scaling = beyond_chance(scaling, (left / far - scaling * scaling) / (3 * n - 4));
 }
 
 void sf_hold_mean(sf_view_states *views) {
@@ -197,7 +198,7 @@ void sf_hold_mean(sf_view_states *views) {
         sf_camera now;
         pose_in_use(view, &now);
         sf_camera_center(&now, o);
-        for (int k = 0; k < 3; k++) o[k] = shared.shift[k] - o[k] + shared.growth * (o[k] - shared.from[k]);
+        for (int k = 0; k < 3; k++) o[k] = shared.shift[k] - o[k] + shared.scaling * (o[k] - shared.from[k]);
         sf_mat3_mul(back, now.R_cw, R);
         memcpy(view->R_cw, R, sizeof R);
         sf_mat3_vec(R, o, view->t_cw);
@@ -205,7 +206,7 @@ void sf_hold_mean(sf_view_states *views) {
     }
 }
 
-/* 5. How far it went */
+/* 5. Statistics */
 
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal) {
     double *values = views->scratch;

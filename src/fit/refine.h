@@ -1,4 +1,4 @@
-/* refine.h - corrections of the training views' poses and focal lengths (M.6), kept beside the scene. */
+/* refine.h - refines the training views' poses and focal lengths (M.6). The scene keeps the given ones. */
 #ifndef SF_FIT_REFINE_H
 #define SF_FIT_REFINE_H
 
@@ -7,29 +7,31 @@
 
 #include <splatfit/fitter.h>
 
-/* The loss leaves a common motion and a common scale of poses and model open. Either two poses are held, far
- * apart; or what is common to all corrections (turns in the views' frames, displacements in the world) is
- * taken back, beyond what chance explains. After each sync of `views`. */
+/* Fixes the gauge: the loss does not change with a common motion and scale of poses and model. sf_hold_two
+ * fixes two poses that are far apart. sf_hold_mean removes the common part of all corrections (rotations in
+ * the views' frames, displacements in the world) as far as it is beyond chance. Call one of them after each
+ * sync of `views`. */
 void sf_hold_two(sf_view_states *views);
 void sf_hold_mean(sf_view_states *views);
 
-/* Puts what was learned in the place of a camera as given: pose and focal lengths of a training view, the
- * focal lengths alone of any other. */
+/* Replaces the values of a given camera by the learned ones: pose and focal lengths of a training view, the
+ * focal lengths only of another view with its lens. */
 void sf_refine_camera(const sf_view_states *views, uint32_t id, sf_camera *camera);
 
-/* Notes how far away is what a view sees, once, after it has been projected. otherwise: where it sees
- * nothing. */
+/* Measures the depth of what a view sees, once, after it has been projected; otherwise: the depth where it
+ * sees nothing. */
 void sf_note_depth(sf_view_state *view, const sf_workspace *ws, double otherwise);
 
-/* One step of Adam on the view's pose; gradient: [6], of the twist at the pose in use. rate: radians, of the
- * translation depths. */
+/* One step of Adam on the view's pose; gradient: [6], of the twist at the current pose. rate: radians, for
+ * the translation relative to the depth. */
 void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_options *options, double rate);
 
 /* One step of Adam on the focal lengths of the view's lens; gradient: [2], of their logarithms. */
 void sf_refine_focal(const sf_view_states *views, const sf_view_state *view, const double *gradient,
                      const sf_fit_options *options, double rate);
 
-/* Medians over the training views: degrees turned, depths moved, change of the mean focal length. */
+/* Medians over the training views: rotation in degrees, displacement in depths, relative change of the mean
+ * focal length. */
 void sf_refinement(const sf_view_states *views, double *degrees, double *depths, double *focal);
 
 #endif

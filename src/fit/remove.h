@@ -1,10 +1,10 @@
-/* remove.h - which Gaussians stay. */
+/* remove.h - removes Gaussians that are marked, too faint or not finite. */
 #ifndef SF_FIT_REMOVE_H
 #define SF_FIT_REMOVE_H
 
 #include "fitter.h"
 
-/* The least logit of the opacity that stays: of option prune_opacity. */
+/* The least logit of an opacity that is kept, from option prune_opacity. */
 float sf_min_logit_opacity(const sf_fitter *fitter);
 /* Whether Gaussian i is finite, no fainter than min_logit, and not marked for removal in
  * densify.gradient_sum. */

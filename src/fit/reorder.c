@@ -1,17 +1,17 @@
-/* reorder.c - which Gaussians there are, in which order, with which bands; and room for them. */
+/* reorder.c - reorders Gaussians and resizes all arrays that follow the model. */
 #include "reorder.h"
 
 #include <string.h>
 
 #include "../scene/curve.h"
 
-/* Fewer Gaussians lie in the caches in any order, and keep theirs. */
+/* Fewer Gaussians are not sorted: they fit into the caches in any order. */
 enum { LEAST_SORTED = 1024 };
 
 static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
 
-/* Of a band's arrays. The model comes last, or says first that there is less: no other has less room than it
- * says. */
+/* Resizes the arrays of a band. The model's capacity is lowered first and raised last, so that no array is
+ * ever smaller than it says. */
 static sf_status set_room(sf_fitter *f, int band, size_t room) {
     sf_model *m = f->model;
     size_t used = m->count;
@@ -27,13 +27,13 @@ static sf_status set_room(sf_fitter *f, int band, size_t room) {
     return status ? status : sf_model_set_room(m, band, room);
 }
 
-/* Half as much again, but no more than there may ever be. */
+/* Capacity for `count` Gaussians: half as much again, up to max_gaussians. */
 static size_t room_for(const sf_fitter *f, size_t count) {
     size_t most = (size_t)f->options.max_gaussians, room = count + count / 2;
     return room <= most ? room : count > most ? count : most;
 }
 
-/* A band that all have follows the plan, as all other fields do. */
+/* Capacity for a band: that of the other fields (whole) if all Gaussians have the band. */
 static size_t room_of_band(const sf_fitter *f, const size_t banded[SF_BANDS], int band, size_t whole) {
     return banded[band] == banded[0] ? whole : least_of(room_for(f, banded[band]), whole);
 }
@@ -48,7 +48,7 @@ sf_status sf_fitter_room(sf_fitter *f, const size_t banded[SF_BANDS]) {
     return status;
 }
 
-/* Lets go the room of bands of which most is not used. A failure leaves them larger than they need be. */
+/* Shrinks the arrays of bands that are mostly unused. On failure they stay larger. */
 static void trim(sf_fitter *f) {
     const sf_model *m = f->model;
     for (int band = 1; band <= m->sh_degree; band++) {
@@ -70,10 +70,10 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     return f->densify.gradient_sum && f->densify.visible_count ? SF_OK : SF_ERR_MEMORY;
 }
 
-sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *places, size_t n, uint32_t *where) {
+sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *entries, size_t n, uint32_t *moved_to) {
     sf_order order;
     size_t had = f->model->count;
-    sf_status status = sf_order_create(f->ctx, places, n, where, &order);
+    sf_status status = sf_order_create(f->ctx, entries, n, moved_to, &order);
     if (!status) status = sf_fitter_room(f, order.banded);
     if (!status) status = sf_order_prepare(f->ctx, &order);
     if (!status) {
@@ -97,11 +97,11 @@ sf_status sf_fitter_sort(sf_fitter *f) {
         for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = *sf_value(&m->params, SF_FIELD_mean, i, k);
     sf_status status = xyz ? sf_curve_order(f->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
     sf_free(f->ctx, xyz);
-    sf_remap_entry *places = status ? NULL : sf_alloc(f->ctx, n, sizeof *places);
-    for (size_t i = 0; places && i < n; i++)
-        places[i] = (sf_remap_entry){order[i], (uint8_t)sf_degree_of(m, order[i])};
-    status = places ? sf_reorder(f, places, n, NULL) : SF_ERR_MEMORY;
-    sf_free(f->ctx, places);
+    sf_remap_entry *entries = status ? NULL : sf_alloc(f->ctx, n, sizeof *entries);
+    for (size_t i = 0; entries && i < n; i++)
+        entries[i] = (sf_remap_entry){order[i], (uint8_t)sf_degree_of(m, order[i])};
+    status = entries ? sf_reorder(f, entries, n, NULL) : SF_ERR_MEMORY;
+    sf_free(f->ctx, entries);
     sf_free(f->ctx, order);
     return status;
 }

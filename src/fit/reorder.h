@@ -1,23 +1,21 @@
-/* reorder.h - which Gaussians there are, in which order, with which bands; and room for them. */
+/* reorder.h - reorders Gaussians and resizes all arrays that follow the model. */
 #ifndef SF_FIT_REORDER_H
 #define SF_FIT_REORDER_H
 
 #include "fitter.h"
 
-/* Makes the arrays beside a model that a fit begins with, and room for `count` Gaussians in all.
- * SF_ERR_MEMORY. */
+/* Makes the arrays that follow the initial model, with room for `count` Gaussians. SF_ERR_MEMORY. */
 sf_status sf_fitter_start_room(sf_fitter *fitter, size_t count);
-/* Room for at least banded[b] Gaussians with band b, in the model and in all arrays beside it. SF_ERR_MEMORY:
- * their contents are as before. */
+/* Makes room for banded[b] Gaussians with band b in the model and in all arrays that follow it.
+ * SF_ERR_MEMORY: their contents are unchanged. */
 sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
-/* The Gaussians become those of entries[0..n-1], sorted stably by falling degree (no higher than the model's
- * sh_degree): each is a copy of Gaussian `from`, with its optimizer state and statistics. Bands above its
- * degree are dropped; new bands and their optimizer state are 0. where[k] (may be NULL): the new index of
- * entries[k]. Makes room, and frees what is no longer needed. SF_ERR_MEMORY: nothing has changed. */
-sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *where);
-/* Sorts the Gaussians of each degree along a curve through space, so that those that one view does not see
- * fill whole blocks, which a step skips, and those of one tile lie together in memory. SF_ERR_MEMORY: nothing
- * has changed. */
+/* Replaces the Gaussians by entries[0..n-1], sorted stably by falling degree (at most the model's sh_degree):
+ * each is a copy of Gaussian `from`, with its optimizer state and statistics. Bands above its degree are
+ * dropped; new bands and their optimizer state are 0. moved_to[k] (may be NULL): the new index of entries[k].
+ * Makes room, and frees what is no longer needed. SF_ERR_MEMORY: nothing has changed. */
+sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *moved_to);
+/* Sorts the Gaussians of each degree along a space-filling curve: then invisible Gaussians fill whole blocks,
+ * which a step skips, and those of one tile are close in memory. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_fitter_sort(sf_fitter *fitter);
 
 #endif

@@ -7,8 +7,8 @@
 #include "reorder.h"
 #include "select_merge.h"
 
-/* Whether there is room, and no more than the model itself has. */
-static int suits(const sf_model *best, const sf_model *model) {
+/* Whether `best` has room for the model, and not more than the model. */
+static int has_room(const sf_model *best, const sf_model *model) {
     for (int band = 0; band <= model->sh_degree; band++)
         if (best->capacity[band] < model->banded[band] || best->capacity[band] > model->capacity[band])
             return 0;
@@ -16,7 +16,7 @@ static int suits(const sf_model *best, const sf_model *model) {
 }
 
 sf_status sf_save_restore_point(sf_fitter *f) {
-    if (!f->restore.model || !suits(f->restore.model, f->model)) {
+    if (!f->restore.model || !has_room(f->restore.model, f->model)) {
         sf_model *best;
         sf_status status = sf_model_copy(f->model, f->model->capacity[0], &best);
         if (status) return status;

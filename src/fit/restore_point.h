@@ -4,7 +4,7 @@
 
 #include "fitter.h"
 
-/* Keeps the present model without its tentative merges. SF_ERR_MEMORY: the restore point is as before. */
+/* Saves the present model without its tentative merges. SF_ERR_MEMORY: the restore point is unchanged. */
 sf_status sf_save_restore_point(sf_fitter *fitter);
 /* Replaces the model by the restore point, with new optimizer state. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_go_to_restore_point(sf_fitter *fitter);

@@ -8,10 +8,10 @@
  * render. A failure ends the sampling. */
 typedef sf_status (*sf_sample_fn)(sf_fitter *fitter, sf_view_state *state, double pixels, double weight_sum,
                                   void *user);
-/* Draws `wanted` of the training views outside validation that are not wholly masked (0: all), evenly spread:
- * the same ones each time or, with `others`, other ones after each densification. *there (may be NULL): how
- * many such views there are. SF_ERR_MEMORY, or what `look` returns. */
-sf_status sf_sample_views(sf_fitter *fitter, size_t wanted, int others, sf_sample_fn look, void *user,
+/* Renders `wanted` (0: all) of the training views that are not in validation and not wholly masked, evenly
+ * spread: the same ones each time or, with `others`, different ones after each densification. *there (may be
+ * NULL): how many such views there are. SF_ERR_MEMORY, or what `measure` returns. */
+sf_status sf_sample_views(sf_fitter *fitter, size_t wanted, int others, sf_sample_fn measure, void *user,
                           size_t *there);
 
 #endif

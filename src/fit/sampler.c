@@ -1,5 +1,4 @@
-/* sampler.c - which training view a step draws: each once a pass, views that are far apart one after another.
- */
+/* sampler.c - the order in which steps draw training views: each once a pass, consecutive ones far apart. */
 #include "sampler.h"
 
 #include <math.h>
@@ -12,7 +11,7 @@
 
 void sf_sampler_restart(sf_view_sampler *sampler) { sampler->at = sampler->count; }
 
-/* How many of them are trained on; they come first. */
+/* Moves the views that are not in validation to the front; returns their number. */
 static size_t without_validation(const sf_fitter *f, uint32_t *ids, size_t count) {
     size_t kept = 0;
     for (size_t i = 0; i < count; i++)
@@ -20,17 +19,17 @@ static size_t without_validation(const sf_fitter *f, uint32_t *ids, size_t count
     return kept;
 }
 
-/* Views that came or went are no measure for those before. */
-static void note_views(sf_fitter *f, size_t count) {
+/* When views are added or removed, earlier losses are no longer comparable. */
+static void note_view_count(sf_fitter *f, size_t count) {
     if (f->sampler.views_before && count != f->sampler.views_before)
         sf_recovery_forget(&f->recovery, f->step);
     f->sampler.views_before = count;
 }
 
-/* Of all training views, ascending, what is known of each is made ready, and those that are trained on stay.
- */
-static sf_status meet_views(sf_fitter *f, uint32_t *ids, size_t *count) {
-    note_views(f, *count);
+/* Of all training views (ids ascend): assigns new ones to training or validation and creates their states,
+ * then leaves those that are trained on in `ids`. */
+static sf_status take_up_views(sf_fitter *f, uint32_t *ids, size_t *count) {
+    note_view_count(f, *count);
     sf_status status = sf_assign_views(f, ids, *count);
     *count = without_validation(f, ids, *count);
     if (!status && sf_learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, ids, *count);
@@ -38,8 +37,8 @@ static sf_status meet_views(sf_fitter *f, uint32_t *ids, size_t *count) {
     return status;
 }
 
-/* Place k of a pass over n views, so that those one after another are far apart: multiples of the golden
- * ratio leave no large gap anywhere, here in the order of their fractions. */
+/* The view that is drawn k-th in a pass over n views. Multiples of the golden ratio leave no large gap; the
+ * rank of the k-th among the first n makes it a permutation. */
 static size_t spread(size_t k, size_t n) {
     double mine = fmod((double)k * SF_GOLDEN, 1);
     size_t rank = 0;
@@ -47,8 +46,8 @@ static size_t spread(size_t k, size_t n) {
     return rank;
 }
 
-/* Views of one time or file name mostly stand side by side. The first pass begins at a place that is drawn,
- * and each at one far from those before, so that every view comes back after like times. */
+/* Consecutive views of the list mostly overlap, so the pass spreads them. The first pass starts at a random
+ * view, each later one far from earlier starts, so that every view returns after similar times. */
 static sf_status spread_order(sf_fitter *f) {
     size_t n = f->sampler.count;
     if (n < 2) return SF_OK;
@@ -66,7 +65,7 @@ static sf_status begin_pass(sf_fitter *f) {
     sf_free(f->ctx, f->sampler.ids);
     f->sampler.at = f->sampler.count = 0;
     sf_status status = sf_scene_training_ids(f->scene, &f->sampler.ids, &f->sampler.count);
-    if (!status) status = meet_views(f, f->sampler.ids, &f->sampler.count);
+    if (!status) status = take_up_views(f, f->sampler.ids, &f->sampler.count);
     if (!status) {
         sf_skip_blurred_views(f);
         status = spread_order(f);
@@ -75,7 +74,7 @@ static sf_status begin_pass(sf_fitter *f) {
     return status;
 }
 
-/* The pass goes on with these, and then with what it has left. */
+/* Inserts views into the pass, before those that are left. */
 static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
     size_t left = f->sampler.count - f->sampler.at;
     uint32_t *order = sf_alloc(f->ctx, f->sampler.count + count, sizeof *order);
@@ -88,16 +87,15 @@ static sf_status insert_views(sf_fitter *f, const uint32_t *ids, size_t count) {
     return SF_OK;
 }
 
-/* Views that came since the pass began are next. They are not kept waiting for its end; nor does it begin
- * anew with them, for where they come one after another it would be left to chance which of the others are
- * ever seen again. */
-static sf_status take_newcomers(sf_fitter *f) {
+/* Draws new views next. They do not wait for the end of the pass. Nor does a new pass begin: if views kept
+ * coming, it would be random which of the others are ever drawn again. */
+static sf_status take_new_views(sf_fitter *f) {
     uint32_t *ids, newest = f->validation.newest_id;
     size_t count, first = 0;
     sf_status status = sf_scene_training_ids(f->scene, &ids, &count);
     if (status) return status;
     if (count && ids[count - 1] > newest) {
-        status = meet_views(f, ids, &count);
+        status = take_up_views(f, ids, &count);
         while (first < count && ids[first] <= newest) first++;
         if (!status && first < count) status = insert_views(f, ids + first, count - first);
     }
@@ -105,10 +103,8 @@ static sf_status take_newcomers(sf_fitter *f) {
     return status;
 }
 
-/* The next training view, each once a pass, those far apart after one another; views that came are next, and
- * those that went are passed over. The reference is the caller's. */
 sf_status sf_next_view(sf_fitter *f, sf_view **view) {
-    sf_status status = f->sampler.count ? take_newcomers(f) : SF_OK;
+    sf_status status = f->sampler.count ? take_new_views(f) : SF_OK;
     for (int passes = 0; passes < 2 && !status;) {
         if (f->sampler.at == f->sampler.count) {
             status = begin_pass(f);

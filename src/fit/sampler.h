@@ -4,8 +4,8 @@
 
 #include "fitter.h"
 
-/* The next training view; the caller releases it. Each view is drawn once a pass. Views that were added to
- * the scene since the pass began come next; views that were removed are skipped. SF_ERR_EMPTY: there is no
+/* Retains the next training view; the caller releases it. Each view is drawn once a pass. Views that were
+ * added to the scene since the pass began come next; removed views are skipped. SF_ERR_EMPTY: there is no
  * training view. SF_ERR_MEMORY. */
 sf_status sf_next_view(sf_fitter *fitter, sf_view **view);
 /* The next view begins a new pass. */

@@ -1,4 +1,4 @@
-/* schedule.c - what holds at a fraction of the run. */
+/* schedule.c - resolution, SH degree, learning rates and number of Gaussians at a fraction of the run. */
 #include "schedule.h"
 
 #include <limits.h>
@@ -6,9 +6,9 @@
 
 #include "time_trace.h"
 
-enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
+enum { LEAST_SIDE = 32 /* px of the shorter side of the coarsest picture */ };
 
-/* Phases of a run last so many steps, and at most such a part of a short run. */
+/* A phase ends after X_STEPS, or after the part X_MOST of a short run. */
 #define PYRAMID_STEPS 900
 #define PYRAMID_MOST  0.65
 #define MIX_STEPS     1250
@@ -20,30 +20,31 @@ enum { LEAST_SIDE = 32 /* px of the coarsest picture */ };
 /* SH degree 1 starts at this part of sh_end. */
 #define SH_START 0.33
 
-/* This part of cool_down is the last before the rates fall: where a run without an end stays. */
-#define UNSETTLED 0.999
+/* A run without an end stays at this part of cool_down, just before the cool-down. */
+#define BEFORE_COOL_DOWN 0.999
 
-/* Growths are so many steps apart, and nearer where that would be more than this part of the run. */
+/* Steps between densifications, at most this part of the run. */
 #define GROW_EVERY      100
 #define GROW_EVERY_MOST 0.125
 
-/* Few steps have to be large: rates rise with this power of what is missing to so many. A model gone on from
- * has its shapes and colours already. */
-#define STEADY_STEPS 3300.0
-#define HASTE_POWER  0.75
-#define HASTE_MOST   6
+/* Learning-rate scale of a short run: (RATE_STEPS / steps)^RATE_POWER, at most RATE_MOST. A warm start needs
+ * none: its shapes and colours are learned already. */
+#define RATE_STEPS 3300.0
+#define RATE_POWER 0.75
+#define RATE_MOST  6
 
-/* Squares learn faster what is far off, the absolute value makes small differences smaller: Huber's delta
- * falls with the steps that there are. */
+/* Huber's delta. The square converges faster from large residuals; the absolute value fits small ones better.
+ * So delta falls with the number of steps. */
 #define SQUARED_STEPS 100
 #define DELTA_MOST    0.4
 
-/* A mean step in full steps with the first Gaussians; how steps grow with the Gaussians. */
+/* MEAN_STEP: mean cost of a step, relative to one at full resolution with the initial Gaussians. STEP_GROWTH:
+ * power of the number of Gaussians by which the cost of a step rises. */
 #define MEAN_STEP   0.55
 #define STEP_GROWTH 0.7
 
-/* What is left to the plan, and what the user chose. */
-static double chosen(double value, double steps, double most, double planned) {
+/* The value that the user chose; 0: `steps` of the planned ones, at most the part `most`. */
+static double chosen_or_planned(double value, double steps, double most, double planned) {
     return value > 0 ? value : fmin(most, steps / planned);
 }
 
@@ -51,8 +52,8 @@ static int is_short(const sf_fitter *f, double steps) {
     return steps < (f->options.steps > 0 ? SF_SHORT_RUN : SF_SHORT_TIME);
 }
 
-/* Most Gaussians to grow in a run of so many steps. */
-static double most_grown(const sf_fitter *f, double steps) {
+/* Gaussians to add in a run of this many steps, at most. */
+static double most_added(const sf_fitter *f, double steps) {
     return f->options.densify_per_step * (f->select.growth_scale > 0 ? f->select.growth_scale : 1) * steps;
 }
 
@@ -61,14 +62,14 @@ double sf_steps_in(const sf_fitter *f, double seconds, double step) {
     double first = fmax((double)f->first_count, 1), steps = 0, count = first;
     for (int round = 0; round < 8; round++) { /* a longer run has more Gaussians, and slower steps */
         steps = seconds / fmax(step * MEAN_STEP * pow(count / first, STEP_GROWTH), 1e-9);
-        count = fmin((double)o->max_gaussians, first + most_grown(f, steps));
+        count = fmin((double)o->max_gaussians, first + most_added(f, steps));
     }
     return steps;
 }
 
-/* Few views say little of what others would see: what they do not need may well be missed elsewhere, and no
- * view can be spared to tell. So nothing is charged for, and less grows. */
-static void spare_few_views(sf_fitter *f) {
+/* With few views, Gaussians that they do not need may be needed from elsewhere, and no view can be spared for
+ * validation. So model selection is off, and fewer Gaussians are added. */
+static void plan_few_views(sf_fitter *f) {
     sf_scene_info info;
     sf_scene_get_info(f->scene, &info);
     if (f->options.size != SF_SIZE_AUTO || info.train_views >= SF_VALIDATE_EVERY) return;
@@ -81,32 +82,32 @@ void sf_plan_schedule(sf_fitter *f, double planned) {
     planned = fmax(planned, 1);
     if (!o->plan_steps) o->plan_steps = (int64_t)fmin(planned, 1e8);
     planned = (double)o->plan_steps;
-    spare_few_views(f);
+    plan_few_views(f);
     if (is_short(f, planned)) o->size = SF_SIZE_CAP;
-    if (!o->steps && is_short(f, planned)) o->blur = 0; /* looks at views take the time of steps on them */
+    if (!o->steps && is_short(f, planned)) o->blur = 0; /* measuring the views would take the time of steps */
     if (o->validate < 0) o->validate = is_short(f, planned) ? 0 : SF_VALIDATE_EVERY;
-    o->pyramid_end = chosen(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
-    o->pyramid_mix = chosen(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
-    o->sh_end = chosen(o->sh_end, SH_STEPS, SH_MOST, planned);
+    o->pyramid_end = chosen_or_planned(o->pyramid_end, PYRAMID_STEPS, PYRAMID_MOST, planned);
+    o->pyramid_mix = chosen_or_planned(o->pyramid_mix, MIX_STEPS, MIX_MOST, planned);
+    o->sh_end = chosen_or_planned(o->sh_end, SH_STEPS, SH_MOST, planned);
     if (!o->densify_every) o->densify_every = (int64_t)fmax(fmin(GROW_EVERY, GROW_EVERY_MOST * planned), 1);
-    double missing = f->warm_start ? 0 : fmax(1 / planned - 1 / STEADY_STEPS, 0);
+    double missing = f->warm_start ? 0 : fmax(1 / planned - 1 / RATE_STEPS, 0);
     if (!(o->huber_delta > 0)) o->huber_delta = fmin(SQUARED_STEPS * missing, DELTA_MOST);
     if (!(o->lr_boost > 0))
-        o->lr_boost = f->warm_start ? 1 : fmin(fmax(pow(STEADY_STEPS / planned, HASTE_POWER), 1), HASTE_MOST);
-    o->densify_end = chosen(o->densify_end, GROW_STEPS, GROW_MOST, planned);
+        o->lr_boost = f->warm_start ? 1 : fmin(fmax(pow(RATE_STEPS / planned, RATE_POWER), 1), RATE_MOST);
+    o->densify_end = chosen_or_planned(o->densify_end, GROW_STEPS, GROW_MOST, planned);
 }
 
-/* Where time alone ends a run its phases go by the planned steps, too, up to the settling: the coarse
- * pictures of the start are quick, and by time there would be too many of them. A short run wants them. */
+/* Where time alone ends a run, its phases follow the planned steps as well, up to the cool-down: the coarse
+ * pictures of the start are fast, and by time there would be too many such steps. A short run needs these. */
 double sf_fraction_at(const sf_fitter *f, double time) {
     const sf_fit_options *o = &f->options;
     double fraction = 0;
     if (o->steps > 0)
         fraction = (double)f->step / (double)o->steps;
     else if (o->time_limit > 0 && !is_short(f, (double)o->plan_steps))
-        fraction = fmin((double)f->step / (double)o->plan_steps, UNSETTLED * o->cool_down);
+        fraction = fmin((double)f->step / (double)o->plan_steps, BEFORE_COOL_DOWN * o->cool_down);
     fraction = fmin(fmax(fraction, time), 1);
-    return o->open_end ? fmin(fraction, UNSETTLED * o->cool_down) : fraction;
+    return o->open_end ? fmin(fraction, BEFORE_COOL_DOWN * o->cool_down) : fraction;
 }
 
 double sf_fraction(const sf_fitter *f) { return sf_fraction_at(f, sf_time_fraction(f)); }
@@ -120,15 +121,16 @@ void sf_cool_down_early(sf_fitter *f, double fraction, double length) {
 
 double sf_end_of_run(const sf_fitter *f) { return f->cool_down.from + f->cool_down.length; }
 
-/* How far the rates have fallen. */
-static double settled_part(const sf_fitter *f, double fraction) {
+/* The part of the cool-down that is done, 0..1. */
+static double cooled_part(const sf_fitter *f, double fraction) {
     return fmin(fmax(fraction - f->cool_down.from, 0) / fmax(f->cool_down.length, 1e-9), 1);
 }
 
-/* The place in the plan: a run that settles early goes through what is left of it while it settles. */
-static double place_of(const sf_fitter *f, double fraction) {
+/* The fraction at which the schedule is read: an early cool-down goes through all that is left of the
+ * schedule. */
+static double schedule_fraction(const sf_fitter *f, double fraction) {
     if (!sf_cools_down_early(f) || fraction < f->cool_down.from) return fraction;
-    return f->cool_down.from + settled_part(f, fraction) * (1 - f->cool_down.from);
+    return f->cool_down.from + cooled_part(f, fraction) * (1 - f->cool_down.from);
 }
 
 int sf_level_within(int level, int width, int height) {
@@ -136,7 +138,7 @@ int sf_level_within(int level, int width, int height) {
     return level;
 }
 
-/* Halvings that the pyramid has at this fraction, but for the steps between. */
+/* Resolution level of the pyramid at this fraction; steps of mixed levels apart. */
 static int pyramid_level(const sf_fitter *f, double fraction) {
     int level = 0;
     double end = f->options.pyramid_end;
@@ -148,21 +150,21 @@ static int pyramid_level(const sf_fitter *f, double fraction) {
 }
 
 int sf_finest_level(const sf_fitter *f, double fraction) {
-    return f->warm_start ? 0 : pyramid_level(f, place_of(f, fraction));
+    return f->warm_start ? 0 : pyramid_level(f, schedule_fraction(f, fraction));
 }
 
 int sf_scheduled_level(const sf_fitter *f, double fraction, int width, int height) {
     if (f->warm_start) return 0;
     int level = sf_finest_level(f, fraction);
-    /* A step at half the resolution costs half, and teaches nearly as much. */
-    if (!level && place_of(f, fraction) < f->options.pyramid_mix && f->options.pyramid_levels)
+    /* Every second step: it costs half at half the resolution, and improves the model nearly as much. */
+    if (!level && schedule_fraction(f, fraction) < f->options.pyramid_mix && f->options.pyramid_levels)
         level = f->step & 1;
     return sf_level_within(level, width, height);
 }
 
 int sf_scheduled_degree(const sf_fitter *f, double fraction) {
     int most = f->model->sh_degree;
-    fraction = place_of(f, fraction);
+    fraction = schedule_fraction(f, fraction);
     if (f->warm_start || fraction >= f->options.sh_end || most == 0) return most;
     double start = SH_START * f->options.sh_end;
     if (fraction < start) return 0;
@@ -189,16 +191,16 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
     }
 }
 
-/* At the end all rates fall: what is left of the noise of single views settles. */
+/* Learning-rate annealing: it removes the noise that the gradients of single views leave. */
 double sf_cooled_rate(const sf_fitter *f, double fraction, double rate) {
-    return f->recovery.lr_scale * rate * pow(f->options.cool_down_rate, settled_part(f, fraction));
+    return f->recovery.lr_scale * rate * pow(f->options.cool_down_rate, cooled_part(f, fraction));
 }
 
 double sf_scheduled_rate(const sf_fitter *f, double fraction, int field) {
-    return sf_cooled_rate(f, fraction, full_rate(f, place_of(f, fraction), field));
+    return sf_cooled_rate(f, fraction, full_rate(f, schedule_fraction(f, fraction), field));
 }
 
-/* Relocation goes on behind the last growth, until the rates fall. What settles early grows no more. */
+/* Relocation continues after densify_end, until the cool-down. An early cool-down ends densification. */
 int sf_densification_is_due(const sf_fitter *f, double fraction) {
     const sf_fit_options *o = &f->options;
     double end = o->densify == SF_DENSIFY_RELOCATE ? fmax(o->densify_end, f->cool_down.from) : o->densify_end;
@@ -207,14 +209,14 @@ int sf_densification_is_due(const sf_fitter *f, double fraction) {
 }
 
 size_t sf_planned_count(const sf_fitter *f, double fraction) {
-    double first = (double)f->first_count, grown = most_grown(f, (double)f->options.plan_steps);
+    double first = (double)f->first_count, grown = most_added(f, (double)f->options.plan_steps);
     double most = fmin((double)f->options.max_gaussians, first + grown);
     double span = f->options.densify_end - f->options.densify_start;
     double part = span > 0 ? fmin((fraction - f->options.densify_start) / span, 1) : 1;
     return (size_t)(first + fmax(most - first, 0) * part);
 }
 
-/* A step of a coarser picture costs less; what a step does for each Gaussian stays. */
+/* Part of a step's cost that does not depend on the resolution: the work for each Gaussian. */
 #define STEP_FLOOR 0.25
 static double step_cost(const sf_fitter *f, double fraction) {
     return STEP_FLOOR + (1 - STEP_FLOOR) * pow(0.25, sf_scheduled_level(f, fraction, INT_MAX, INT_MAX));

@@ -1,10 +1,11 @@
-/* schedule.h - what holds at a fraction of the run, 0..1: resolution, SH degree, learning rates. */
+/* schedule.h - resolution, SH degree, learning rates and number of Gaussians at a fraction of the run, 0..1.
+ */
 #ifndef SF_FIT_SCHEDULE_H
 #define SF_FIT_SCHEDULE_H
 
 #include "fitter.h"
 
-/* The fraction of the run that is done: by steps, and by time where there is a limit. */
+/* The finished fraction of the run: by steps, and by time where there is a limit. */
 double sf_fraction(const sf_fitter *fitter);
 /* The same where `time` of the time limit has passed, 0..1. */
 double sf_fraction_at(const sf_fitter *fitter, double time);
@@ -20,7 +21,7 @@ int sf_scheduled_degree(const sf_fitter *fitter, double fraction);
 
 /* How many steps fit into `seconds`, if one at full resolution takes `step` seconds now. */
 double sf_steps_in(const sf_fitter *fitter, double seconds, double step);
-/* Sets the options that are left to the plan, for a run of about `steps`. */
+/* Sets the options that the user left to the schedule, for a run of about `steps`. */
 void sf_plan_schedule(sf_fitter *fitter, double steps);
 
 /* The fraction at which the run ends: 1, or earlier after an early cool-down. */

@@ -72,9 +72,9 @@ static int prune_is_due(const sf_fitter *f, double fraction) {
 /* Whether tentative merges may begin: densification is over, and there is time left to judge them. */
 static int may_merge(const sf_fitter *f, double fraction) {
     double steps = sf_merges_promise(&f->merges) ? SF_MERGE_STEPS : (double)f->options.densify_every;
-    double trial = steps / fmax((double)f->options.plan_steps, 1);
+    double merge_time = steps / fmax((double)f->options.plan_steps, 1);
     return f->options.merge > 0 && (f->densify.ended || fraction > f->options.densify_end) &&
-           fraction + trial <= prune_until(f);
+           fraction + merge_time <= prune_until(f);
 }
 
 int sf_selection_is_due(const sf_fitter *f, double fraction) {
@@ -100,24 +100,24 @@ static int is_invisible(const sf_errors *e) {
     return e->squares < BARELY_VISIBLE * VISIBLE * VISIBLE * e->values;
 }
 
-/* Where errors are invisible only Gaussians with a share in them are densified. Elsewhere the screen gradient
- * chooses better. */
+/* Where errors are invisible, clears the score of Gaussians with a small error share, so that only the others
+ * are densified. Where errors are visible the screen gradient chooses better. */
 static sf_status densify_erring_only(sf_fitter *f) {
     sf_importance w;
     sf_status status = sf_measure_importance(f, IMPORTANCE_VIEWS, &w);
     if (!status && w.views) {
         double mean = w.errors.squares / w.errors.values;
-        double price = THRESHOLD / f->options.quality * (mean + VISIBLE * VISIBLE);
-        for (size_t i = 0; i < w.count; i++) /* what is to go is below 0 */
-            if (f->densify.gradient_sum[i] > 0 && GROWTH_PART * (double)w.error_share[i] < price)
+        double threshold = THRESHOLD / f->options.quality * (mean + VISIBLE * VISIBLE);
+        for (size_t i = 0; i < w.count; i++) /* scores of Gaussians to remove are below 0 */
+            if (f->densify.gradient_sum[i] > 0 && GROWTH_PART * (double)w.error_share[i] < threshold)
                 f->densify.gradient_sum[i] = 0;
     }
     sf_importance_free(f->ctx, &w);
     return status;
 }
 
-/* squares: mean squared error of a value, measured at the resolution level of training, since what coarse
- * pictures teach does not lower the error of fine ones. */
+/* squares: mean squared error of a value at the resolution level of training: steps on coarse pictures do not
+ * lower the error of fine ones. */
 static void judge_densification(sf_fitter *f, int level, double squares) {
     int compares = f->select.min_error > 0 && level == f->select.min_error_level;
     int gained = compares && squares < f->select.min_error * (1 - GROWTH_GAIN);
@@ -126,8 +126,7 @@ static void judge_densification(sf_fitter *f, int level, double squares) {
     if (f->select.vain_growths < VAIN_GROWTHS) return;
     f->densify.ended = 1;
     sf_log(f->ctx, SF_LOG_INFO,
-           "growth ends at %zu Gaussians: %d times one after another it took away less than %g %% of the "
-           "error",
+           "densification ends at %zu Gaussians: each of the last %d lowered the error by less than %g %%",
            f->model->count, VAIN_GROWTHS, 100 * GROWTH_GAIN);
 }
 
@@ -148,7 +147,7 @@ sf_status sf_select_growth(sf_fitter *f, double fraction) {
 typedef struct prune_candidate {
     float score;
     uint32_t gaussian;
-    float logit; /* its opacity, while it is tried without */
+    float logit; /* its logit of the opacity, while the model is measured without it */
 } prune_candidate;
 
 static int by_score(const void *a, const void *b) {
@@ -169,17 +168,18 @@ static sf_status measure_without(sf_fitter *f, prune_candidate *list, size_t n, 
     return status;
 }
 
-/* Marks Gaussians below the threshold for removal, the least important first: at most half of all where that
- * is visible, and no more at once than `rise` allows. Where many Gaussians do the same each has a low score,
- * and those that stay gain importance. */
-static sf_status mark_pruned(sf_fitter *f, double fraction, double price, const sf_importance *w) {
+/* Marks Gaussians below the threshold for removal, the least important first: at most half of all where
+ * errors are visible, and no more at once than `rise` allows. Redundant Gaussians have a low score each; when
+ * some of them are removed, the importance of the others rises. */
+static sf_status mark_pruned(sf_fitter *f, double fraction, double threshold, const sf_importance *w) {
     sf_errors before, after;
     double rise = fraction > prune_until(f) ? LATE_RISE : is_invisible(&w->errors) ? INVISIBLE_RISE : RISE;
     prune_candidate *list = sf_alloc(f->ctx, w->count, sizeof *list);
     size_t n = 0, half = w->count / 2;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
-        if ((double)w->score[i] < price && !(f->densify.gradient_sum[i] < 0) && sf_importance_is_known(w, i))
+        if ((double)w->score[i] < threshold && !(f->densify.gradient_sum[i] < 0) &&
+            sf_importance_is_known(w, i))
             list[n++] = (prune_candidate){.score = w->score[i], .gaussian = (uint32_t)i};
     qsort(list, n, sizeof *list, by_score);
     sf_status status = sf_measure_errors(f, 0, ERROR_VIEWS, &before);
@@ -204,10 +204,10 @@ static void exclude_visible_errors(sf_importance *w) {
             w->score[i] = INFINITY;
 }
 
-/* Each Gaussian's best degree minimises the score of the bands above it plus the threshold, by the float, of
- * those up to it. Where that is below its degree it loses one band: the bands that stay make up for part of
- * it. */
-static void lower_degrees(const sf_importance *w, double price, uint8_t *degrees) {
+/* Lowers the degree of Gaussians by one where a lower degree is best. The best degree minimises the score of
+ * the bands above it plus the threshold for the floats up to it. Only one band is removed, since the others
+ * make up for part of it. */
+static void lower_degrees(const sf_importance *w, double threshold, uint8_t *degrees) {
     for (size_t i = 0; i < w->count; i++) {
         double least = INFINITY, floats = 0;
         int best = degrees[i];
@@ -215,14 +215,14 @@ static void lower_degrees(const sf_importance *w, double price, uint8_t *degrees
         for (int degree = 0; degree <= degrees[i]; degree++) {
             double without = degree < degrees[i] ? (double)w->bands[i][degree] : 0;
             if (degree) floats += sf_field_components(SF_FIELD_sh0 + degree);
-            if (without + price * floats < least) least = without + price * floats, best = degree;
+            if (without + threshold * floats < least) least = without + threshold * floats, best = degree;
         }
         if (best < degrees[i]) degrees[i]--;
     }
 }
 
-/* Whether selection is due for merges alone and a few views show that no merge would hold; the vain round is
- * counted. Then only floaters are removed. */
+/* Whether selection is due for merges only and a few views show that no merge would hold; counts the vain
+ * round. Then only floaters are removed. */
 static int skip(sf_fitter *f, double fraction) {
     sf_errors errors;
     if (prune_is_due(f, fraction) || f->merges.count) return 0;
@@ -235,28 +235,30 @@ sf_status sf_select_mark(sf_fitter *f, double fraction, sf_importance *w, uint8_
     sf_status status = sf_measure_importance(f, IMPORTANCE_VIEWS, w);
     if (status) return status;
     if (w->views) update_noise_variance(f, &w->errors);
-    double price = prune_threshold(f);
-    int taking = prune_is_due(f, fraction);
-    if (f->merges.count) sf_merges_decide(f, w, price, VISIBLE * VISIBLE);
+    double threshold = prune_threshold(f);
+    int pruning = prune_is_due(f, fraction);
+    if (f->merges.count) sf_merges_decide(f, w, threshold, VISIBLE * VISIBLE);
     if (!w->views) return SF_OK;
-    if (taking) status = mark_pruned(f, fraction, price, w);
-    if (taking && fraction <= prune_until(f)) lower_degrees(w, price / SF_MOST_FLOATS * BAND_FACTOR, degrees);
+    if (pruning) status = mark_pruned(f, fraction, threshold, w);
+    if (pruning && fraction <= prune_until(f))
+        lower_degrees(w, threshold / SF_MOST_FLOATS * BAND_FACTOR, degrees);
     exclude_visible_errors(w);
-    /* pictures that are all but right leave nothing for a veil to gain */
+    /* where errors are invisible a floater lowers no error */
     if (!status && !is_invisible(&w->errors)) status = sf_mark_floaters(f);
     return status;
 }
 
-/* Begins a round of tentative merges where that may pay. importance: as measured before the removal, for the
- * Gaussians that are left; went: how many were removed. SF_ERR_MEMORY. */
-static sf_status merge(sf_fitter *f, double fraction, size_t went, sf_importance *w) {
+/* Begins a round of tentative merges where it may pay. importance: as measured before the removal, for the
+ * Gaussians that are left; removed: how many were removed. SF_ERR_MEMORY. */
+static sf_status merge(sf_fitter *f, double fraction, size_t removed, sf_importance *w) {
     sf_status status = SF_OK;
     if (!w->views || !may_merge(f, fraction)) return SF_OK;
-    if (!is_invisible(&w->errors)) { /* a photograph's */
+    /* the noise of a camera's pictures is visible, and merges would not hold */
+    if (!is_invisible(&w->errors)) {
         f->merges.in_vain++;
         return SF_OK;
     }
-    if (went > f->model->count / CHANGED_PART) { /* the errors are others now */
+    if (removed > f->model->count / CHANGED_PART) { /* the importance of the larger model no longer holds */
         if (!sf_merges_promise(&f->merges)) return SF_OK;
         sf_importance_free(f->ctx, w);
         status = sf_measure_importance(f, IMPORTANCE_VIEWS, w);
@@ -265,8 +267,7 @@ static sf_status merge(sf_fitter *f, double fraction, size_t went, sf_importance
     return status ? status : sf_merges_begin(f, w);
 }
 
-/* The statistics of densification are not needed any more: gradient_sum carries the scores through the
- * removal.
+/* The statistics of densification are no longer needed: gradient_sum carries the scores through the removal.
  */
 static sf_status prune_and_merge(sf_fitter *f, double fraction, uint8_t *degrees, int *changed) {
     sf_importance w = {0};
@@ -276,11 +277,11 @@ static sf_status prune_and_merge(sf_fitter *f, double fraction, uint8_t *degrees
     for (size_t i = 0; i < had && !status; i++)
         if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.score[i];
     if (!status) status = sf_remove_marked(f, degrees);
-    size_t went = had - f->model->count;
+    size_t removed = had - f->model->count;
     *changed = floats - sf_model_floats(f->model) > floats / CHANGED_PART;
     w.count = f->model->count;
     for (size_t i = 0; i < w.count && !status; i++) w.score[i] = (float)f->densify.gradient_sum[i];
-    if (!status) status = merge(f, fraction, went, &w);
+    if (!status) status = merge(f, fraction, removed, &w);
     sf_importance_free(f->ctx, &w);
     return status;
 }
@@ -299,6 +300,6 @@ sf_status sf_select_step(sf_fitter *f, double fraction, int *changed) {
                                  : SF_ERR_MEMORY;
     sf_free(f->ctx, degrees);
     if (status != SF_ERR_MEMORY) return status;
-    sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model is left larger than it need be");
+    sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays larger than needed");
     return SF_OK;
 }

@@ -1,4 +1,4 @@
-/* select_floaters.h - floaters: what is around a training camera, or close in front of it. */
+/* select_floaters.h - near-camera floaters: Gaussians around a training camera, or close in front of it. */
 #ifndef SF_FIT_SELECT_FLOATERS_H
 #define SF_FIT_SELECT_FLOATERS_H
 

@@ -1,7 +1,7 @@
-/* select_importance.c - what each Gaussian is worth to the training views.
+/* select_importance.c - how much each Gaussian lowers the squared error of the training views.
  *
- * A pixel is linear in the opacity that each Gaussian has there: what taking one out does to the squared
- * error is known without drawing it again (README, Size).
+ * A pixel is linear in the opacity that a Gaussian has there. So the change of the squared error when one
+ * Gaussian is removed follows from sums of the backward pass, without another render (README, Size).
  */
 #include "select_importance.h"
 
@@ -14,39 +14,41 @@
 #include "sample_views.h"
 
 enum {
-    GATHER = 1024,             /* Gaussians a task */
-    BLAME = SF_IMPORTANCE_SUMS /* a slot's sums from here on: its sf_attributed_error */
+    GATHER = 1024,                  /* Gaussians a task */
+    ATTRIBUTED = SF_IMPORTANCE_SUMS /* index in a slot's sums of its sf_attributed_error */
 };
 
-/* Variance below which what is drawn tells nothing of a gain; part of the squared errors that is rounding. */
+/* A variance of the render below this does not determine a gain. The same part of the squared errors is
+ * rounding. */
 #define LEAST_SPREAD 1e-6
 
-/* Of one channel, render x and picture y, by weight: what the line of least squares through them is made of,
- * and the line, y = gain x + bias. */
-typedef struct tone {
+/* Least-squares line y = gain x + bias of one channel, by weight; x: render, y: picture. */
+typedef struct channel_line {
     sf_line_sums sums;
     double gain, bias;
-} tone;
+} channel_line;
 
-/* Of a row of tiles. */
+/* Sums of one row of tiles. */
 typedef struct band_sums {
     sf_errors errors;
-    tone tones[SF_CHANNELS];
+    channel_line lines[SF_CHANNELS];
 } band_sums;
 
-typedef struct weigh_job {
+typedef struct importance_job {
     sf_workspace *ws;
-    sf_importance *worth;
+    sf_importance *importance;
     band_sums *bands;
-    tone tones[SF_CHANNELS]; /* of the picture */
-    float gain[SF_CHANNELS]; /* what the exposure makes of a Gaussian's part */
-    double pixels;           /* of the full resolution in one of the picture */
-    uint8_t *tried;          /* [count] whether it stands for a pair on trial; NULL: none does */
-    const float *before;     /* squared errors of the tiles of the views to come; there are so many */
+    channel_line lines[SF_CHANNELS]; /* of the whole picture */
+    float gain[SF_CHANNELS];         /* learned exposure gain of the view, else 1 */
+    double pixels;                   /* of the full resolution in one pixel of the render */
+    uint8_t *merged;                 /* [count] 1: a tentatively merged Gaussian; NULL: there is none */
+    const float *before; /* [before_count] squared errors, before the merges, of the tiles of the views not
+                            yet measured */
     size_t before_count;
-} weigh_job;
+} importance_job;
 
-/* The residuals of a row of pixels, times the weight, and the weight itself, 0 beyond the picture. */
+/* Writes the residuals of a row of pixels, times the weight, and the weights; both are 0 beyond the picture.
+ */
 static void residual_row(sf_workspace *ws, size_t row, band_sums *sums) {
     size_t from = row * ws->stride, width = row < (size_t)ws->eye.height ? (size_t)ws->eye.width : 0;
     for (size_t x = 0; x < ws->stride; x++) {
@@ -55,7 +57,7 @@ static void residual_row(sf_workspace *ws, size_t row, band_sums *sums) {
         ws->weight[at] = weight;
         sums->errors.values += (double)(SF_CHANNELS * weight);
         for (int ch = 0; ch < SF_CHANNELS; ch++) {
-            sf_line_sums *t = &sums->tones[ch].sums;
+            sf_line_sums *t = &sums->lines[ch].sums;
             float drawn = x < width ? ws->rgb[ch][at] : 0, target = x < width ? ws->target[ch][at] : 0;
             float weighted = weight * drawn, r = weighted - target; /* the target has the weight in it */
             ws->d_rgb[ch][at] = r;
@@ -68,25 +70,25 @@ static void residual_row(sf_workspace *ws, size_t row, band_sums *sums) {
 
 static void residual_task(void *job_pointer, size_t band, int thread) {
     (void)thread;
-    const weigh_job *job = job_pointer;
+    const importance_job *job = job_pointer;
     band_sums *sums = &job->bands[band];
     for (size_t y = 0; y < SF_TILE; y++) residual_row(job->ws, SF_TILE * band + y, sums);
 }
 
-static void find_tone(tone *t, const band_sums *bands, size_t count, int channel) {
-    *t = (tone){0};
+static void fit_channel_line(channel_line *t, const band_sums *bands, size_t count, int channel) {
+    *t = (channel_line){0};
     sf_line_sums *s = &t->sums;
     for (size_t band = 0; band < count; band++) {
-        const sf_line_sums *part = &bands[band].tones[channel].sums;
+        const sf_line_sums *part = &bands[band].lines[channel].sums;
         s->w += part->w, s->x += part->x, s->y += part->y, s->xx += part->xx, s->xy += part->xy;
     }
     sf_line_fit(s, LEAST_SPREAD * s->w * s->w, &t->gain, &t->bias);
 }
 
-/* A tile's residuals with the tone of the picture. */
-static void add_toned(const weigh_job *job, int channel, size_t from, sf_errors *errors) {
+/* Adds the corrected errors of a tile: the residuals after gain and bias of the picture. */
+static void add_corrected(const importance_job *job, int channel, size_t from, sf_errors *errors) {
     const sf_workspace *ws = job->ws;
-    const tone *t = &job->tones[channel];
+    const channel_line *t = &job->lines[channel];
     double sum = 0;
     for (size_t y = 0; y < SF_TILE; y++)
         for (size_t at = from + y * ws->stride; at < from + y * ws->stride + SF_TILE; at++) {
@@ -100,12 +102,12 @@ static void add_toned(const weigh_job *job, int channel, size_t from, sf_errors 
     errors->tile_energy += sum * sum;
 }
 
-static void toned_task(void *job_pointer, size_t band, int thread) {
+static void corrected_task(void *job_pointer, size_t band, int thread) {
     (void)thread;
-    const weigh_job *job = job_pointer;
+    const importance_job *job = job_pointer;
     for (size_t x = 0; x < job->ws->stride; x += SF_TILE)
         for (int ch = 0; ch < SF_CHANNELS; ch++)
-            add_toned(job, ch, SF_TILE * band * job->ws->stride + x, &job->bands[band].errors);
+            add_corrected(job, ch, SF_TILE * band * job->ws->stride + x, &job->bands[band].errors);
 }
 
 static void add_errors(sf_errors *to, const sf_errors *more, double factor) {
@@ -116,42 +118,44 @@ static void add_errors(sf_errors *to, const sf_errors *more, double factor) {
 }
 
 double sf_correlation_area(const sf_errors *errors) {
-    double most = SF_TILE * SF_TILE; /* also where nothing is left */
+    double most = SF_TILE * SF_TILE; /* also where gain and bias explain all errors */
     return errors->corrected > LEAST_SPREAD * errors->squares
                ? fmin(fmax(errors->tile_energy / errors->corrected, 1), most)
                : most;
 }
 
-/* Of the picture that was drawn last. */
-static sf_status residual(weigh_job *job, double pixels) {
+/* Residuals and error sums of the last render. */
+static sf_status measure_residuals(importance_job *job, double pixels) {
     size_t bands = job->ws->plane_rows / SF_TILE;
     job->pixels = pixels;
     job->bands = sf_calloc(job->ws->ctx, bands, sizeof *job->bands);
     if (!job->bands) return SF_ERR_MEMORY;
     sf_pool_run(job->ws->ctx->pool, bands, residual_task, job);
-    for (int ch = 0; ch < SF_CHANNELS; ch++) find_tone(&job->tones[ch], job->bands, bands, ch);
-    sf_pool_run(job->ws->ctx->pool, bands, toned_task, job);
+    for (int ch = 0; ch < SF_CHANNELS; ch++) fit_channel_line(&job->lines[ch], job->bands, bands, ch);
+    sf_pool_run(job->ws->ctx->pool, bands, corrected_task, job);
     for (size_t band = 0; band < bands; band++)
-        add_errors(&job->worth->errors, &job->bands[band].errors, pixels);
+        add_errors(&job->importance->errors, &job->bands[band].errors, pixels);
     sf_free(job->ws->ctx, job->bands);
-    job->worth->views++;
+    job->importance->views++;
     return SF_OK;
 }
 
-static double slot_part(const weigh_job *job, uint32_t entry) {
+static double slot_weight(const importance_job *job, uint32_t entry) {
     const sf_workspace *ws = job->ws;
-    if (!job->tried[ws->entries[entry]]) return 0;
+    if (!job->merged[ws->entries[entry]]) return 0;
     return (double)ws->sums[(size_t)ws->entry_slots[entry] * SF_SUMS + 7];
 }
 
-/* What happened in a tile to the slots of those on trial. */
-static void blame_slots(const weigh_job *job, size_t tile, double now, double before, double values) {
+/* Attributes the squared error of a tile, now and before the merges, to the merged Gaussians in it, by blend
+ * weight. */
+static void attribute_error(const importance_job *job, size_t tile, double now, double before,
+                            double values) {
     const sf_workspace *ws = job->ws;
     double all = 0;
-    for (uint32_t e = ws->tile_begin[tile]; e < ws->tile_begin[tile + 1]; e++) all += slot_part(job, e);
+    for (uint32_t e = ws->tile_begin[tile]; e < ws->tile_begin[tile + 1]; e++) all += slot_weight(job, e);
     for (uint32_t e = ws->tile_begin[tile]; e < ws->tile_begin[tile + 1]; e++) {
-        float *sums = ws->sums + (size_t)ws->entry_slots[e] * SF_SUMS + BLAME;
-        double part = all > 0 ? slot_part(job, e) / all : 0;
+        float *sums = ws->sums + (size_t)ws->entry_slots[e] * SF_SUMS + ATTRIBUTED;
+        double part = all > 0 ? slot_weight(job, e) / all : 0;
         sums[0] = (float)(part * now);
         sums[1] = (float)(part * before);
         sums[2] = (float)(part * values);
@@ -160,7 +164,7 @@ static void blame_slots(const weigh_job *job, size_t tile, double now, double be
 
 static void tile_task(void *job_pointer, size_t tile, int thread) {
     (void)thread;
-    const weigh_job *job = job_pointer;
+    const importance_job *job = job_pointer;
     const sf_workspace *ws = job->ws;
     size_t across = ws->stride / SF_TILE,
            from = tile / across * SF_TILE * ws->stride + tile % across * SF_TILE;
@@ -173,29 +177,30 @@ static void tile_task(void *job_pointer, size_t tile, int thread) {
             values += SF_CHANNELS * (double)ws->weight[at];
         }
     squares *= job->pixels, values *= job->pixels;
-    job->worth->tiles[job->worth->tile_count + tile] = (float)squares;
-    if (job->tried) blame_slots(job, tile, squares, (double)job->before[tile], values);
+    job->importance->tiles[job->importance->tile_count + tile] = (float)squares;
+    if (job->merged) attribute_error(job, tile, squares, (double)job->before[tile], values);
 }
 
 /* The squared error of each tile. */
-static sf_status weigh_tiles(weigh_job *job) {
-    sf_importance *w = job->worth;
+static sf_status measure_tiles(importance_job *job) {
+    sf_importance *w = job->importance;
     const sf_workspace *ws = job->ws;
     size_t tiles = ws->stride / SF_TILE * (ws->plane_rows / SF_TILE);
     if (sf_grow(ws->ctx, &w->tiles, &w->tile_capacity, w->tile_count, w->tile_count + tiles,
                 sizeof *w->tiles))
         return SF_ERR_MEMORY;
-    if (job->tried && job->before_count < tiles)
-        job->tried = NULL; /* views came: there is nothing to compare with */
+    if (job->merged && job->before_count < tiles)
+        job->merged = NULL; /* views were added: their errors before the merges are unknown */
     sf_pool_run(ws->ctx->pool, tiles, tile_task, job);
     w->tile_count += tiles;
-    if (job->tried) job->before += tiles, job->before_count -= tiles;
+    if (job->merged) job->before += tiles, job->before_count -= tiles;
     return SF_OK;
 }
 
-/* Where each pixel has the part w of a Gaussian of which the bands above d make the colour c in this
- * direction, as the picture is exposed, they make sum m w^2 |c|^2; squares: sum m w^2. */
-static void weigh_bands(const weigh_job *job, size_t i, double squares) {
+/* Adds the scores of the SH bands of Gaussian i. The bands above d give it the colour c in this direction,
+ * with the exposure gain. Without them the pictures change by sum m w^2 |c|^2; m: pixel weight, w: blend
+ * weight; squares: sum m w^2. */
+static void add_bands(const importance_job *job, size_t i, double squares) {
     const sf_workspace *ws = job->ws;
     double direction[3], Y[(SF_MAX_SH_DEGREE + 1) * (SF_MAX_SH_DEGREE + 1)], rgb[SF_CHANNELS] = {0},
                                                                              length = 0;
@@ -213,13 +218,13 @@ static void weigh_bands(const weigh_job *job, size_t i, double squares) {
             rgb[c % SF_CHANNELS] +=
                 Y[band * band + c / SF_CHANNELS] * (double)*sf_value(&ws->params, SF_FIELD_sh0 + band, i, c);
         for (int ch = 0; ch < SF_CHANNELS; ch++) sum += pow((double)job->gain[ch] * rgb[ch], 2);
-        job->worth->bands[i][band - 1] += (float)(squares * sum);
+        job->importance->bands[i][band - 1] += (float)(squares * sum);
     }
 }
 
-static void weigh_in(const weigh_job *job, size_t i) {
+static void add_gaussian(const importance_job *job, size_t i) {
     const sf_workspace *ws = job->ws;
-    sf_importance *w = job->worth;
+    sf_importance *w = job->importance;
     double sums[SF_IMPORTANCE_SUMS] = {0};
     if (ws->state[i] != SF_SEEN || ws->slot[i] == ws->slot[i + 1]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++)
@@ -229,26 +234,26 @@ static void weigh_in(const weigh_job *job, size_t i) {
     w->score[i] += (float)(job->pixels * sums[4]);
     w->error_share[i] += (float)(job->pixels * sums[6]);
     w->blend_weight[i] += (float)(job->pixels * sums[7]);
-    if (ws->sh_degree > 0) weigh_bands(job, i, job->pixels * sums[5]);
-    if (!job->tried || !job->tried[i]) return;
+    if (ws->sh_degree > 0) add_bands(job, i, job->pixels * sums[5]);
+    if (!job->merged || !job->merged[i]) return;
     for (uint32_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++) {
-        const float *blame = ws->sums + (size_t)slot * SF_SUMS + BLAME;
-        w->attributed[i].now += blame[0];
-        w->attributed[i].before += blame[1];
-        w->attributed[i].values += blame[2];
+        const float *attributed = ws->sums + (size_t)slot * SF_SUMS + ATTRIBUTED;
+        w->attributed[i].now += attributed[0];
+        w->attributed[i].before += attributed[1];
+        w->attributed[i].values += attributed[2];
     }
 }
 
 static void gather_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    const weigh_job *job = job_pointer;
-    size_t count = job->worth->count;
-    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < count; i++) weigh_in(job, i);
+    const importance_job *job = job_pointer;
+    size_t count = job->importance->count;
+    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < count; i++) add_gaussian(job, i);
 }
 
 static void gain_row(void *job_pointer, size_t row, int thread) {
     (void)thread;
-    const weigh_job *job = job_pointer;
+    const importance_job *job = job_pointer;
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         float *x = job->ws->rgb[ch] + row * job->ws->stride;
         for (size_t i = 0; i < (size_t)job->ws->eye.width; i++) x[i] *= job->gain[ch];
@@ -257,17 +262,17 @@ static void gain_row(void *job_pointer, size_t row, int thread) {
 
 static void gain_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    const weigh_job *job = job_pointer;
+    const importance_job *job = job_pointer;
     const sf_workspace *ws = job->ws;
     for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < ws->count; i++)
         for (int ch = 0; ch < SF_CHANNELS && ws->state[i] == SF_SEEN; ch++)
             ws->splats[i].rgb[ch] *= job->gain[ch];
 }
 
-/* The residuals are those of the exposed picture. Of that a Gaussian's part is what the render has of it
- * times the gain, so the render and the Gaussians' colours come back with the gain in them, without the bias,
- * which no Gaussian has a part in. */
-static void take_exposure(sf_fitter *f, const sf_view_state *state, weigh_job *job) {
+/* The residuals are those of the exposed picture, of which a Gaussian contributes its blend weight times its
+ * colour times the gain. So the gain goes into the render and into the colours; no Gaussian contributes to
+ * the bias. */
+static void apply_exposure(sf_fitter *f, const sf_view_state *state, importance_job *job) {
     sf_workspace *ws = job->ws;
     int exposed = state && f->options.exposure;
     for (int ch = 0; ch < SF_CHANNELS; ch++) job->gain[ch] = exposed ? (float)exp(state->log_gain[ch]) : 1;
@@ -277,37 +282,37 @@ static void take_exposure(sf_fitter *f, const sf_view_state *state, weigh_job *j
     sf_pool_run(f->ctx->pool, (ws->count + GATHER - 1) / GATHER, gain_task, job);
 }
 
-static sf_status look_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
-                         void *job_pointer) {
+static sf_status add_view_importance(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
+                                     void *job_pointer) {
     (void)weight_sum;
-    weigh_job *job = job_pointer;
-    sf_status status = residual(job, pixels);
-    if (!status) take_exposure(f, state, job);
+    importance_job *job = job_pointer;
+    sf_status status = measure_residuals(job, pixels);
+    if (!status) apply_exposure(f, state, job);
     if (!status) status = sf_stage_blend_importance(job->ws);
-    if (!status) status = weigh_tiles(job);
-    if (!status) sf_pool_run(f->ctx->pool, (job->worth->count + GATHER - 1) / GATHER, gather_task, job);
+    if (!status) status = measure_tiles(job);
+    if (!status) sf_pool_run(f->ctx->pool, (job->importance->count + GATHER - 1) / GATHER, gather_task, job);
     return status;
 }
 
-static sf_status glance_at(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
-                           void *job_pointer) {
+static sf_status add_view_errors(sf_fitter *f, sf_view_state *state, double pixels, double weight_sum,
+                                 void *job_pointer) {
     (void)f, (void)state, (void)weight_sum;
-    return residual(job_pointer, pixels);
+    return measure_residuals(job_pointer, pixels);
 }
 
-static sf_status look_at_level(sf_fitter *f, int level, size_t views, sf_sample_fn look, weigh_job *job,
-                               size_t *there) {
+static sf_status sample_at_level(sf_fitter *f, int level, size_t views, sf_sample_fn measure,
+                                 importance_job *job, size_t *there) {
     int before = f->level;
     f->level = level;
-    sf_status status = sf_sample_views(f, views, 0, look, job, there);
+    sf_status status = sf_sample_views(f, views, 0, measure, job, there);
     f->level = before;
     return status;
 }
 
 sf_status sf_measure_errors(sf_fitter *f, int level, size_t views, sf_errors *errors) {
     sf_importance w = {0};
-    weigh_job job = {.ws = &f->workspace, .worth = &w};
-    sf_status status = look_at_level(f, level, views, glance_at, &job, NULL);
+    importance_job job = {.ws = &f->workspace, .importance = &w};
+    sf_status status = sample_at_level(f, level, views, add_view_errors, &job, NULL);
     *errors = w.errors;
     return status;
 }
@@ -323,7 +328,7 @@ static sf_status make_arrays(sf_fitter *f, sf_importance *w) {
     return w->sse_change && w->score && w->error_share && w->blend_weight && w->bands ? SF_OK : SF_ERR_MEMORY;
 }
 
-/* To as many views as are trained on. */
+/* Scales the sums up from the measured views to all views. */
 static void scale_up(sf_importance *w, double factor) {
     add_errors(&w->errors, &w->errors, factor - 1);
     for (size_t i = 0; i < w->count; i++) {
@@ -339,25 +344,26 @@ static void scale_up(sf_importance *w, double factor) {
     }
 }
 
-/* Marks those that stand for pairs on trial. */
-static sf_status watch_trials(sf_fitter *f, weigh_job *job) {
+/* Prepares the attribution of errors to the tentatively merged Gaussians. */
+static sf_status attribute_to_merged(sf_fitter *f, importance_job *job) {
     const sf_merges *t = &f->merges;
-    job->tried = sf_calloc(f->ctx, job->worth->count, 1);
-    job->worth->attributed = sf_calloc(f->ctx, job->worth->count, sizeof *job->worth->attributed);
-    if (!job->tried || !job->worth->attributed) return SF_ERR_MEMORY;
-    for (size_t k = 0; k < t->count; k++) job->tried[t->list[k].leader] = 1;
+    job->merged = sf_calloc(f->ctx, job->importance->count, 1);
+    job->importance->attributed =
+        sf_calloc(f->ctx, job->importance->count, sizeof *job->importance->attributed);
+    if (!job->merged || !job->importance->attributed) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < t->count; k++) job->merged[t->list[k].leader] = 1;
     job->before = t->tiles, job->before_count = t->tile_count;
     return SF_OK;
 }
 
 sf_status sf_measure_importance(sf_fitter *f, size_t views, sf_importance *w) {
-    weigh_job job = {.ws = &f->workspace, .worth = w};
+    importance_job job = {.ws = &f->workspace, .importance = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status && f->merges.count) status = watch_trials(f, &job);
-    uint8_t *tried = job.tried;
-    if (!status) status = look_at_level(f, 0, views, look_at, &job, &there);
-    sf_free(f->ctx, tried);
+    if (!status && f->merges.count) status = attribute_to_merged(f, &job);
+    uint8_t *merged = job.merged;
+    if (!status) status = sample_at_level(f, 0, views, add_view_importance, &job, &there);
+    sf_free(f->ctx, merged);
     w->whole = !views || views >= there;
     if (!status && w->views && w->views < there) scale_up(w, (double)there / (double)w->views);
     return status;

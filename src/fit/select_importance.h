@@ -15,7 +15,7 @@ typedef struct sf_attributed_error {
 typedef struct sf_errors {
     double squares;     /* squared error */
     double corrected;   /* squared error after the least-squares gain and bias of each view and channel, which
-                           no   Gaussian could correct */
+                           no Gaussian could correct */
     double tile_energy; /* of the corrected errors: squares of their sums over tiles of 16 by 16 pixels */
     double values;      /* pixel weights, times the channels */
 } sf_errors;

@@ -1,4 +1,4 @@
-/* select_merge.h - tentative merges: one Gaussian stands for two until the error shows what that costs. */
+/* select_merge.h - tentative merges: one Gaussian replaces two until the rise of the error is known. */
 #ifndef SF_FIT_SELECT_MERGE_H
 #define SF_FIT_SELECT_MERGE_H
 
@@ -7,8 +7,8 @@
 
 enum { SF_MERGE_STEPS = 100 /* in which the neighbours adapt before merges are judged */ };
 
-/* Whether merges are worth measuring importance for; if not, they are tried only when it is measured anyway.
- */
+/* Whether it pays to measure importance for merges alone; if not, merges are tried only when it is measured
+ * anyway. */
 int sf_merges_promise(const sf_merges *merges);
 
 /* Begins a round: merges the candidates with the least expected rise of the error. importance: of the model
@@ -16,10 +16,10 @@ int sf_merges_promise(const sf_merges *merges);
  * merged. */
 sf_status sf_merges_begin(sf_fitter *fitter, sf_importance *importance);
 
-/* Ends the round. A merge holds if the squared error attributed to it rose by no more than the prune
- * threshold of the Gaussians that it saves, and by what is invisible (`invisible`, a squared error): those
- * are marked for removal in densify.gradient_sum. The other merges are undone, and the scores of their
- * Gaussians become INFINITY. */
+/* Ends the round. A merge holds if the squared error attributed to it rose by at most `threshold` for each
+ * Gaussian that it saves; error below `invisible`, a squared error of a value, does not count. If the total
+ * rise exceeds the total threshold, every merge is undone. Where a merge holds, b is marked for removal in
+ * densify.gradient_sum. Undone merges set the scores of their Gaussians to INFINITY. */
 void sf_merges_decide(sf_fitter *fitter, sf_importance *importance, double threshold, double invisible);
 
 /* Undoes all merges of the round, which is over then. */

@@ -1,8 +1,8 @@
-/* select_merge_candidates.c - two Gaussians that do the work of one become one.
+/* select_merge_candidates.c - finds pairs of Gaussians that one Gaussian can replace.
  *
- * Each of two that lie on each other is needed as long as the other is as it is: what taking one out would
- * cost says nothing. What one in the place of both leaves out does, in the end (select_merge.c; README,
- * Size).
+ * The importance of two overlapping Gaussians says nothing of a merge: each is needed as long as the other
+ * stays as it is. The expected rise is the part of both that their merged Gaussian lacks, times their scores
+ * (select_merge.c; README, Size).
  */
 #include "select_merge_candidates.h"
 
@@ -16,28 +16,28 @@
 #include "opacity.h"
 
 enum {
-    CLOSE = 8,  /* neighbours that each is compared with */
-    CHUNK = 256 /* Gaussians a task */
+    NEIGHBOURS = 8, /* nearest neighbours that each Gaussian is compared with */
+    CHUNK = 256     /* Gaussians a task */
 };
 
-/* Added to the variances, as a part of the largest: none is flat. */
+/* Added to the variances, as a part of the largest, so that the covariance is regular. */
 #define LEAST_VARIANCE 1e-8
 
 /* A Gaussian as a function in space: opacity and colour at its mean, and its covariance. */
 typedef struct blob {
     double mean[3], C[9], det;
     double opacity, rgb[3];
-    double mass; /* opacity times the area that it covers, but for a factor */
+    double mass; /* opacity times its mean projected area, up to a constant factor */
 } blob;
 
 typedef struct merge_job {
     const sf_fitter *fitter;
-    const uint32_t *left; /* [count] those that are there */
+    const uint32_t *mergeable; /* [count] indices of the Gaussians that may be merged */
     size_t count;
-    const sf_nearest *nearest; /* [count][CLOSE], by place in `left` */
+    const sf_nearest *nearest; /* [count][NEIGHBOURS], indices into `mergeable` */
     const float *score;
     double misfit;
-    sf_merge_candidate *best; /* [count] the cheapest of each Gaussian; of a rise of INFINITY: none */
+    sf_merge_candidate *best; /* [count] the best candidate of each; its rise is INFINITY if there is none */
 } merge_job;
 
 static double determinant(const double C[9]) {
@@ -46,9 +46,11 @@ static double determinant(const double C[9]) {
     return sf_dot3(C, row);
 }
 
-static double area_of(double det) { return cbrt(det); } /* its mean over the directions, but for a factor */
+static double area_of(double det) {
+    return cbrt(det);
+} /* Mean projected area over all directions, up to a constant factor. */
 
-static void weigh_in(blob *b) {
+static void set_mass(blob *b) {
     b->det = determinant(b->C);
     b->mass = b->opacity * area_of(b->det);
 }
@@ -68,11 +70,12 @@ static blob blob_of(const sf_params *p, size_t i) {
         b.mean[k] = (double)*sf_value(p, SF_FIELD_mean, i, k);
         b.rgb[k] = fmax(0.5 + SF_SH_0 * (double)*sf_value(p, SF_FIELD_sh0, i, k), 0);
     }
-    weigh_in(&b);
+    set_mass(&b);
     return b;
 }
 
-/* The integral of the product of both, opacities and opacities times colours, in units of (2 pi)^1.5. */
+/* Integral of the product of both as functions with four channels, the opacity and the opacity times each
+ * colour, in units of (2 pi)^1.5. */
 static double product(const blob *a, const blob *b) {
     double C[9], d[3], x[3], colours = 1;
     for (int k = 0; k < 9; k++) C[k] = a->C[k] + b->C[k];
@@ -86,8 +89,8 @@ static double product(const blob *a, const blob *b) {
     return a->opacity * b->opacity * colours * sqrt(a->det * b->det / det) * exp(-0.5 * sf_dot3(d, x));
 }
 
-/* The one with the mass, the mean and the covariance of both. */
-static blob fused(const blob *a, const blob *b) {
+/* The merged Gaussian: the mass, mean and covariance of both. */
+static blob merged_of(const blob *a, const blob *b) {
     blob m = {0};
     double part = a->mass / (a->mass + b->mass), rest = 1 - part, d[3];
     for (int k = 0; k < 3; k++) {
@@ -96,22 +99,22 @@ static blob fused(const blob *a, const blob *b) {
         d[k] = a->mean[k] - b->mean[k];
     }
     for (int k = 0; k < 9; k++) m.C[k] = part * a->C[k] + rest * b->C[k] + part * rest * d[k / 3] * d[k % 3];
-    /* no more opaque than one behind the other */
+    /* at most as opaque as both one behind the other */
     double both = 1 - (1 - a->opacity) * (1 - b->opacity);
     m.opacity = fmin((a->mass + b->mass) / area_of(determinant(m.C)), both);
-    weigh_in(&m);
+    set_mass(&m);
     return m;
 }
 
-/* The part of the square integral of both that their one does not have. */
+/* Square integral of (a + b - merged), relative to that of a + b. */
 static double misfit_of(const blob *a, const blob *b) {
-    blob m = fused(a, b);
+    blob m = merged_of(a, b);
     double both = product(a, a) + product(b, b) + 2 * product(a, b);
     return fmax(both + product(&m, &m) - 2 * (product(a, &m) + product(b, &m)), 0) / both;
 }
 
-/* Those that may be in a pair, and where they are. */
-static size_t list_left(const sf_fitter *f, const float *score, uint32_t *left, float *points) {
+/* Lists the Gaussians that may be merged, and their means. */
+static size_t list_mergeable(const sf_fitter *f, const float *score, uint32_t *mergeable, float *points) {
     size_t n = 0;
     for (size_t i = 0; i < f->model->count; i++) {
         int finite = isfinite(score[i]) && f->model->params.field[SF_FIELD_logit_opacity][i] > SF_INVISIBLE;
@@ -119,20 +122,20 @@ static size_t list_left(const sf_fitter *f, const float *score, uint32_t *left, 
             points[3 * n + (size_t)k] = *sf_value(&f->model->params, SF_FIELD_mean, i, k);
             finite &= isfinite(points[3 * n + (size_t)k]) != 0;
         }
-        if (finite && !(f->densify.gradient_sum[i] < 0)) left[n++] = (uint32_t)i;
+        if (finite && !(f->densify.gradient_sum[i] < 0)) mergeable[n++] = (uint32_t)i;
     }
     return n;
 }
 
 static sf_merge_candidate best_of(const merge_job *job, size_t k) {
     const sf_params *p = &job->fitter->model->params;
-    uint32_t i = job->left[k];
+    uint32_t i = job->mergeable[k];
     sf_merge_candidate best = {INFINITY, i, i};
     blob a = blob_of(p, i);
     double reach = sqrt(fmax(fmax(a.C[0], a.C[4]), a.C[8]));
-    for (const sf_nearest *n = job->nearest + CLOSE * k, *end = n + CLOSE; n < end; n++) {
+    for (const sf_nearest *n = job->nearest + NEIGHBOURS * k, *end = n + NEIGHBOURS; n < end; n++) {
         if (!((double)n->distance <= 2 * reach)) break;
-        uint32_t other = job->left[n->point];
+        uint32_t other = job->mergeable[n->point];
         blob b = blob_of(p, other);
         double misfit = misfit_of(&a, &b),
                rise = misfit * ((double)job->score[i] + (double)job->score[other]);
@@ -191,61 +194,62 @@ static void set_shape(const sf_params *p, size_t i, const blob *m) {
     sf_set_opacity(p, i, (float)m->opacity);
 }
 
-/* Value c of a field; 0 of a band that the Gaussian lacks. */
+/* Value c of a field; 0 if the Gaussian lacks the band. */
 static float value_of(const sf_model *m, int field, size_t i, int c) {
     return i < m->banded[sf_field_band(field)] ? *sf_value(&m->params, field, i, c) : 0;
 }
 
-void sf_apply_merge(sf_fitter *f, const sf_merge_candidate *pair) {
+void sf_apply_merge(sf_fitter *f, const sf_merge_candidate *candidate) {
     const sf_model *m = f->model;
     const sf_params *p = &m->params;
-    blob a = blob_of(p, pair->a), b = blob_of(p, pair->b), one = fused(&a, &b);
+    blob a = blob_of(p, candidate->a), b = blob_of(p, candidate->b), one = merged_of(&a, &b);
     float part = (float)(a.mass / (a.mass + b.mass));
     for (int field = SF_FIELD_sh0; field < SF_FIELD_COUNT; field++)
-        for (int c = 0; pair->a < m->banded[sf_field_band(field)] && c < sf_field_components(field); c++) {
-            float *x = sf_value(p, field, pair->a, c);
-            *x = part * *x + (1 - part) * value_of(m, field, pair->b, c);
+        for (int c = 0; candidate->a < m->banded[sf_field_band(field)] && c < sf_field_components(field);
+             c++) {
+            float *x = sf_value(p, field, candidate->a, c);
+            *x = part * *x + (1 - part) * value_of(m, field, candidate->b, c);
         }
-    set_shape(p, pair->a, &one);
-    sf_optimizer_restart(&f->moments, m, pair->a);
+    set_shape(p, candidate->a, &one);
+    sf_optimizer_restart(&f->moments, m, candidate->a);
 }
 
-/* Leaves the cheapest pairs of Gaussians that are in no cheaper one; returns how many there are. */
-static size_t choose(sf_merge_candidate *pairs, size_t count, uint8_t *taken) {
+/* Keeps the pairs of the least rise so that each Gaussian is in one at most; returns their number. */
+static size_t choose(sf_merge_candidate *candidates, size_t count, uint8_t *taken) {
     size_t n = 0, chosen = 0;
     for (size_t i = 0; i < count; i++)
-        if (pairs[i].rise < INFINITY) pairs[n++] = pairs[i];
-    qsort(pairs, n, sizeof *pairs, by_rise);
+        if (candidates[i].rise < INFINITY) candidates[n++] = candidates[i];
+    qsort(candidates, n, sizeof *candidates, by_rise);
     for (size_t k = 0; k < n; k++) {
-        if (taken[pairs[k].a] || taken[pairs[k].b]) continue;
-        taken[pairs[k].a] = taken[pairs[k].b] = 1;
-        pairs[chosen++] = pairs[k];
+        if (taken[candidates[k].a] || taken[candidates[k].b]) continue;
+        taken[candidates[k].a] = taken[candidates[k].b] = 1;
+        candidates[chosen++] = candidates[k];
     }
     return chosen;
 }
 
 sf_status sf_find_merge_candidates(sf_fitter *f, double misfit, const float *score,
-                                   sf_merge_candidate **pairs, size_t *count) {
+                                   sf_merge_candidate **candidates, size_t *count) {
     size_t all = f->model->count;
     float *points = sf_alloc(f->ctx, all, 3 * sizeof *points);
-    sf_nearest *nearest = sf_alloc(f->ctx, all, CLOSE * sizeof *nearest);
+    sf_nearest *nearest = sf_alloc(f->ctx, all, NEIGHBOURS * sizeof *nearest);
     uint8_t *taken = sf_calloc(f->ctx, all, 1);
-    uint32_t *left = sf_alloc(f->ctx, all, sizeof *left);
-    *pairs = sf_alloc(f->ctx, all, sizeof **pairs);
-    sf_status status = points && nearest && *pairs && taken && left ? SF_OK : SF_ERR_MEMORY;
-    size_t n = status ? 0 : list_left(f, score, left, points);
-    if (!status) status = sf_find_nearest(f->ctx, points, n, CLOSE, nearest);
+    uint32_t *mergeable = sf_alloc(f->ctx, all, sizeof *mergeable);
+    *candidates = sf_alloc(f->ctx, all, sizeof **candidates);
+    sf_status status = points && nearest && *candidates && taken && mergeable ? SF_OK : SF_ERR_MEMORY;
+    size_t n = status ? 0 : list_mergeable(f, score, mergeable, points);
+    if (!status) status = sf_find_nearest(f->ctx, points, n, NEIGHBOURS, nearest);
     if (!status) {
-        merge_job job = {f, left, n, nearest, score, misfit, *pairs};
+        merge_job job = {f, mergeable, n, nearest, score, misfit, *candidates};
         sf_pool_run(f->ctx->pool, (n + CHUNK - 1) / CHUNK, find_task, &job);
-        *count = choose(*pairs, n, taken);
+        *count = choose(*candidates, n, taken);
     } else {
-        sf_free(f->ctx, *pairs);
-        *pairs = NULL;
+        sf_free(f->ctx, *candidates);
+        *candidates = NULL;
     }
     sf_free(f->ctx, points);
     sf_free(f->ctx, nearest);
     sf_free(f->ctx, taken);
-    sf_free(f->ctx, left);
+    sf_free(f->ctx, mergeable);
     return status;
 }

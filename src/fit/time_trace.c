@@ -1,14 +1,14 @@
-/* time_trace.c - how far a run limited by time was at each of its steps: kept, so that it can be repeated. */
+/* time_trace.c - the time of each step of a run with a time limit, kept so that the run can be repeated. */
 #include "time_trace.h"
 
 #include <string.h>
 
 #include "../base/clock.h"
 
-enum { LEAST_ROOM = 1 << 14 /* steps: further room is needed seldom */ };
+enum { LEAST_ROOM = 1 << 14 /* steps: the array rarely grows again */ };
 
-/* A step's time decides its learning rate and its level alike: it is cut to ticks before anything is made of
- * it, so that ticks alone are enough to repeat it. */
+/* The time of a step determines its learning rate and resolution level. It is rounded to ticks before any
+ * use, so that the ticks alone repeat the step. */
 double sf_time_fraction(const sf_fitter *f) {
     if (f->trace.replayed) {
         size_t step = (size_t)f->step;
@@ -20,7 +20,7 @@ double sf_time_fraction(const sf_fitter *f) {
     return part > 0 ? (double)(uint32_t)(part * SF_PLAN_TICKS) / SF_PLAN_TICKS : 0;
 }
 
-/* Of `fraction` the part that is time's, for the step to come. */
+/* Adds the time of the step to come, a fraction of the limit, to the trace. */
 static void keep(sf_fitter *f, double fraction) {
     size_t step = (size_t)f->step;
     size_t need = step < LEAST_ROOM ? LEAST_ROOM : step + 1;
@@ -36,7 +36,7 @@ static void keep(sf_fitter *f, double fraction) {
 double sf_next_time_fraction(sf_fitter *f) {
     double time = sf_time_fraction(f);
     if (f->options.time_limit > 0 && !f->trace.replayed && !f->trace.lost && time < 1) {
-        if (f->trace.count < (size_t)f->step) /* the limit came after the first steps */
+        if (f->trace.count < (size_t)f->step) /* the limit was set after the first steps */
             f->trace.lost = 1;
         else
             keep(f, time);

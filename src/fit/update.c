@@ -1,4 +1,4 @@
-/* update.c - one step of the optimiser. */
+/* update.c - one step of the optimizer. */
 #include "update.h"
 
 #include <math.h>
@@ -12,19 +12,19 @@
 typedef struct update_job {
     sf_fitter *fitter;
     sf_adam step[SF_FIELD_COUNT];
-    uint32_t key[SF_FIELD_COUNT]; /* of the rounding of moments */
+    uint32_t key[SF_FIELD_COUNT]; /* seed of the stochastic rounding of moments */
     float most_ratio, most_scale; /* logarithms of the greatest aspect and scale */
-    float fade, shrink;           /* of logits, by the opacity, and of log-scales, in this step */
-    double noise;                 /* of densify_relocate.c */
+    float fade, shrink;           /* decay in this step: of logits, times the opacity; of log-scales */
+    double noise;                 /* strength of the noise of densify_relocate.c */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
 static float most_of(float a, float b) { return a > b ? a : b; }
 
-/* The log-scales of a block: within what a model's file may hold, no axis longer than the limit, and the
- * longest at most so many times the middle one, for needles and giants fit one view and hurt the others. To
- * take a giant away would leave a hole for as long as others need to fill it. Without branches or calls, so
- * that it is vectors. */
+/* Limits the log-scales of a block: to the range that files allow, to the greatest scale, and the longest
+ * axis to the greatest ratio to the middle one. Needles and very large Gaussians fit one view and hurt
+ * others; removing them would leave a hole until others fill it. No branches or calls, so that compilers
+ * vectorise it. */
 static void limit_scales(float *block, float most_ratio, float most_scale) {
     float *x = block, *y = block + SF_LANES, *z = block + 2 * SF_LANES;
     for (int k = 0; k < 3 * SF_LANES; k++)
@@ -45,9 +45,9 @@ static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
     }
 }
 
-/* What no picture holds up shrinks and fades: beside Adam, which would make whole steps of the least pull
- * where nothing pulls against it, and of those alone that the picture shows, for what few views see must not
- * fade while others are looked at. */
+/* Decay of opacities and scales. It is decoupled from Adam, which would turn the least gradient into whole
+ * steps where no other acts. Only visible Gaussians decay: those that few views see must not fade while other
+ * views are drawn. */
 static void regularise(const update_job *job, size_t first, size_t end) {
     const sf_fitter *f = job->fitter;
     const sf_params *p = &f->model->params;
@@ -59,7 +59,7 @@ static void regularise(const update_job *job, size_t first, size_t end) {
     }
 }
 
-/* Of all that has a mean, also what no view shows: momentum moves it. */
+/* Calls `part` for all fields with a moving average, also of invisible blocks: momentum moves them. */
 static void around_mean(const sf_fitter *f, size_t first, size_t end,
                         void (*part)(const sf_optimizer_state *, int, size_t, size_t, const float *)) {
     for (int field = 0; sf_has_momentum(field); field++) {
@@ -75,7 +75,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
     around_mean(f, first, end, sf_mean_open);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
-        /* neither what these blocks lack nor a band that is not in use yet has a gradient */
+        /* no gradient: a band that these blocks lack, or that is not in use yet */
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         if (!seen && !sf_has_momentum(field)) continue; /* nothing would change */
@@ -92,8 +92,8 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     gather_statistics(f, first * SF_LANES, last);
 }
 
-/* What a field's moments are rounded by in this step: by the seed, the step and the field alone, so that
- * nothing has to be kept. */
+/* Seed of the rounding of moments of a field in this step: a function of seed, step and field, so that it
+ * need not be stored. */
 static uint32_t rounding_key(const sf_fitter *f, int field) {
     sf_rng rng;
     sf_rng_seed(&rng, (uint64_t)f->options.seed);

@@ -1,4 +1,4 @@
-/* views.c - the table of what is learned of each training view. */
+/* views.c - the table of learned values of each training view. */
 #include "views.h"
 
 #include <string.h>
@@ -42,7 +42,7 @@ static sf_status find_lens(sf_view_states *views, sf_context *ctx, const sf_came
 
 static sf_status append(sf_view_states *views, sf_scene *scene, uint32_t id) {
     sf_view *view = sf_scene_retain_id(scene, id);
-    if (!view) return SF_OK; /* gone since */
+    if (!view) return SF_OK; /* removed since */
     sf_view_state state = {.id = id, .given = view->camera};
     sf_view_release(view);
     memcpy(state.R_cw, state.given.R_cw, sizeof state.R_cw);

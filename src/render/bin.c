@@ -5,8 +5,8 @@
  * tiles. Memory is therefore accessed in order or within a cache. First chunks of Gaussians, then rows are
  * parallel tasks.
  *
- * Every pair of Gaussian and tile is an entry of the tile's list and owns a slot, numbered Gaussian by
- * Gaussian. The backward pass writes its sums into the slots, and the Gaussians read theirs in order: no
+ * Each pair of Gaussian and tile is an entry of the tile's list and owns a slot; slots are numbered Gaussian
+ * by Gaussian. The backward pass writes its sums into the slots, and each Gaussian adds its own in order: no
  * atomics, and the same bytes for any number of threads.
  */
 #include "workspace.h"
@@ -19,7 +19,7 @@
 enum {
     LINE = 16,    /* counts in a cache line */
     CHUNK = 1024, /* Gaussians a task */
-    PASSES = 3,   /* of the sort */
+    PASSES = 3,   /* of the radix sort */
     MOST_BITS = 11,
     MOST_DIGITS = 1 << MOST_BITS /* 3 passes of 11 bits: any float */
 };
@@ -28,7 +28,7 @@ typedef struct bin_job {
     sf_workspace *ws;
     size_t tiles_x, tiles_y, chunks, pitch;
     uint32_t *spans;     /* [chunks] spans, then spans before the chunk's */
-    uint32_t *slots;     /* [chunks] the same of slots */
+    uint32_t *slots;     /* [chunks] the same for slots */
     uint32_t *strips;    /* [chunks][pitch] strips in each row, then where the chunk's next one goes */
     uint32_t *pairs;     /* [chunks][pitch] entries in each row */
     uint32_t *row_begin; /* [tiles_y + 1] strips before the row's */
@@ -101,8 +101,9 @@ static void deal_strips_task(void *job_pointer, size_t chunk, int thread) {
     }
 }
 
-/* Sorts n strips by depth, equal depths left in their order: a radix sort by way of `spare`. Returns where
- * they are. Positive floats sort like their bits; those of a row share the upper ones. */
+/* Sorts n strips stably by depth: a radix sort with `spare` as second buffer. Returns the buffer with the
+ * result. Positive floats sort like their bits. The keys are differences from the least depth of the row,
+ * which need fewer bits. */
 static sf_strip *sort_strips(sf_strip *strips, sf_strip *spare, size_t n) {
     uint32_t at[PASSES][MOST_DIGITS], least = UINT32_MAX, most = 0;
     for (size_t k = 0; k < n; k++) {
@@ -131,7 +132,7 @@ static sf_strip *sort_strips(sf_strip *strips, sf_strip *spare, size_t n) {
     return strips;
 }
 
-/* A row of tiles: its lists. */
+/* Makes the lists of a row of tiles. */
 static void row_task(void *job_pointer, size_t row, int thread) {
     (void)thread;
     const bin_job *job = job_pointer;
@@ -153,7 +154,7 @@ static void row_task(void *job_pointer, size_t row, int thread) {
     for (size_t k = 0; k < n; k++) {
         uint32_t gaussian = strips[k].gaussian, slot = strips[k].slot;
         uint32_t tiles = (uint32_t)(strips[k].span.x1 - strips[k].span.x0), *at = next + strips[k].span.x0;
-        /* Whether it is one tile or two is not foreseeable: without branches. */
+        /* Branchless: whether a strip has one tile or two is unpredictable. */
         if (!tiles) continue;
         uint32_t two = tiles > 1, to = at[0]++, second = at[1];
         at[1] += two;
@@ -170,7 +171,7 @@ static void row_task(void *job_pointer, size_t row, int thread) {
     }
 }
 
-/* Exclusive prefix sum in place; the total is returned. */
+/* Exclusive prefix sum in place; returns the total. */
 static uint64_t prefix_sum(uint32_t *counts, size_t n) {
     uint64_t sum = 0;
     for (size_t i = 0; i < n; i++) {
@@ -181,7 +182,7 @@ static uint64_t prefix_sum(uint32_t *counts, size_t n) {
     return sum;
 }
 
-/* Counts by chunk and row to where the chunk's strips of the row begin. */
+/* Turns counts by chunk and row into the index at which the chunk's strips of the row begin. */
 static void place_strips(const bin_job *job) {
     uint32_t sum = 0;
     for (size_t row = 0; row < job->tiles_y; row++) {
@@ -195,7 +196,7 @@ static void place_strips(const bin_job *job) {
     job->row_begin[job->tiles_y] = sum;
 }
 
-/* The first entry of each row, at its first tile. */
+/* Sets the first entry of each row, at its first tile. */
 static void place_entries(const bin_job *job) {
     uint32_t sum = 0;
     for (size_t row = 0; row < job->tiles_y; row++) {
@@ -263,7 +264,7 @@ sf_status sf_stage_bin(sf_workspace *ws) {
     sf_pool_run(pool, job.chunks, span_task, &job);
     uint64_t slots = prefix_sum(job.slots, job.chunks);
     if (slots > INT32_MAX) return too_many(ws, slots, "tile");
-    status = entry_room(ws, (size_t)slots + 1); /* tiles point into the lists even where there is no entry */
+    status = entry_room(ws, (size_t)slots + 1); /* tiles point into the lists even if there is no entry */
     if (status) return status;
 
     sf_pool_run(pool, job.chunks, deal_strips_task, &job);

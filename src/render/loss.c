@@ -5,8 +5,8 @@
 
 #include "../base/pool.h"
 
-/* Tasks of a channel: even for a small picture enough of them to keep many threads busy; bands of fewer rows
- * than this spend more on the rows around them. */
+/* Tasks of a channel: enough to keep many threads busy on a small picture. Bands of fewer rows than
+ * LEAST_BAND would spend more time on the rows around them. */
 enum { LEAST_BAND = 24 };
 
 typedef struct loss_job {
@@ -40,7 +40,7 @@ static void loss_task(void *job_pointer, size_t task, int thread) {
     ws->ctx->kernels->loss(&args);
 }
 
-/* d_rgb must be 0 wherever a tile reaches beyond the picture: the kernel sees to the columns. */
+/* Clears d_rgb in the rows of tiles beyond the picture; the kernel clears the columns. */
 static void clear_below(const sf_workspace *ws) {
     size_t from = (size_t)ws->eye.height * ws->stride, end = ws->plane_rows * ws->stride;
     for (int ch = 0; ch < SF_CHANNELS; ch++) memset(ws->d_rgb[ch] + from, 0, (end - from) * sizeof(float));
@@ -50,7 +50,7 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_
                    int with_gradient, sf_loss_value *value) {
     double scale = 1.0 / (3.0 * weight_sum);
     size_t height = (size_t)ws->eye.height;
-    /* the sums are kept by row: the bands may follow the number of threads */
+    /* sums are stored by row, since the number of bands may depend on the number of threads */
     int threads = sf_pool_threads(ws->ctx->pool), per_channel = threads < 2 ? 1 : (4 * threads + 2) / 3;
     loss_job job = {.ws = ws,
                     .delta = (float)delta,
@@ -69,8 +69,8 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_
         if (job.with_ssim) ssim += sums[height];
     }
     value->l1 = l1 * scale;
-    /* Where the weight is 0 both pictures are 0 and S is 1: the sum is made of 1 - S, to which such windows
-     * add nothing. */
+    /* Where the weight is 0 both pictures are 0 and S is 1. So the sum is of 1 - S, to which such windows add
+     * nothing. */
     double all = 3.0 * ws->eye.width * ws->eye.height;
     value->ssim = job.with_ssim ? 1.0 - (all - ssim) * scale : 0.0;
     value->loss = (1 - lambda) * value->l1 + lambda * (1 - value->ssim);

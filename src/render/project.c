@@ -20,8 +20,8 @@ static sf_status room(sf_workspace *ws, size_t count) {
     return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->gaussian_capacity, need);
 }
 
-/* The highest degree up to `most` in block `first`, and where the blocks of that degree end, at `end` at the
- * latest. A block with Gaussians of several degrees counts by its highest: bands that a lane lacks are 0. */
+/* The highest degree of block `first`, at most `most`, and the end of the blocks of that degree, at most
+ * `end`. A block with Gaussians of several degrees has the highest of them: bands that a lane lacks are 0. */
 static size_t end_of_degree(const sf_workspace *ws, int most, size_t first, size_t end, int *degree) {
     int d = most;
     while (d && sf_blocks(ws->banded[d]) <= first) d--;
@@ -89,7 +89,7 @@ typedef struct project_bwd_job {
     void *user;
 } project_bwd_job;
 
-/* The fields of a degree to a thread's part of the room for gradients. */
+/* Points the fields of a degree into the thread's gradient buffer. */
 static sf_params grads_of(const sf_workspace *ws, int thread, int degree) {
     sf_params grads = {{NULL}};
     float *at = ws->grads + (size_t)thread * grads_size();

@@ -5,9 +5,8 @@
 
 #include "../base/statistics.h"
 
-double sf_psnr_of(double mse) {
-    return -10 * log10(mse < 1e-10 ? 1e-10 : mse); /* a target that is not finite stays seen */
-}
+/* NaN stays NaN: a target that is not finite must be noticed. */
+double sf_psnr_of(double mse) { return -10 * log10(mse < 1e-10 ? 1e-10 : mse); }
 
 static double weight_at(const sf_workspace *ws, size_t at) {
     return ws->has_weight ? (double)ws->weight[at] : 1.0;
@@ -28,7 +27,7 @@ static double fit_left(const sf_workspace *ws, int ch, size_t end, double *gain,
             s.w += weight, s.x += weight * value, s.y += weighted;
             s.xx += weight * value * value, s.xy += weighted * value;
         }
-    sf_line_fit(&s, 1e-9 * s.w * s.xx, gain, bias); /* rounding is no spread */
+    sf_line_fit(&s, 1e-9 * s.w * s.xx, gain, bias); /* a smaller variance is rounding */
     return s.w;
 }
 

@@ -1,5 +1,4 @@
-/* render.c - the differentiable renderer, the loss and the figures of merit, for callers with plain arrays.
- */
+/* render.c - the differentiable renderer, the loss and the quality metrics, for callers with plain arrays. */
 #include "workspace.h"
 
 #include <math.h>
@@ -122,7 +121,7 @@ sf_status sf_render_backward(sf_renderer *renderer, const sf_model *model, const
     return status;
 }
 
-/* Puts two pictures of the caller's into the workspace of comparisons; the sum of the weights is returned. */
+/* Copies two pictures of the caller into the comparison workspace; returns the sum of the weights. */
 static sf_status load_pair(sf_renderer *renderer, int width, int height, const float *rgb,
                            const float *target, const float *weight, double *weight_sum) {
     sf_workspace *ws = &renderer->comparison;
@@ -172,7 +171,7 @@ sf_status sf_loss(sf_renderer *renderer, const sf_image_pair *pair, double lambd
 /* The render is clamped at 2, not 1, because a darker exposure may show detail above white. */
 #define BRIGHTEST 2.0f
 
-/* The planes within 0..most, and 0 where they are no number. */
+/* Clamps the planes to 0..most; NaN becomes 0. */
 static void clamp_planes(sf_workspace *ws, float most) {
     for (int ch = 0; ch < SF_CHANNELS; ch++)
         for (size_t y = 0; y < (size_t)ws->eye.height; y++)

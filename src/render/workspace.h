@@ -1,8 +1,9 @@
-/* workspace.h - one step's arrays, and its stages: project -> bin -> blend -> loss and the same backwards.
+/* workspace.h - the buffers of one step, and its stages: project, bin, blend, loss, and their backward
+ * passes.
  *
  * Each stage is one function: it reads what earlier stages left in the workspace and writes one result. Where
- * the cut into tasks shows in a sum it does not depend on the number of threads, and sums over tasks are made
- * in their order: the same bytes come out for any number of threads.
+ * the order of a sum depends on the division into tasks, that does not depend on the number of threads, and
+ * tasks are summed in order: the same bytes for any number of threads.
  */
 #ifndef SF_RENDER_WORKSPACE_H
 #define SF_RENDER_WORKSPACE_H
@@ -16,7 +17,7 @@
 
 enum {
     SF_PROJECT_BLOCKS = 16, /* blocks of SF_LANES Gaussians a task */
-    SF_GRAD_BLOCKS = 4, /* blocks whose gradients are handed on at a time: 15 KB, a part of the L1 cache */
+    SF_GRAD_BLOCKS = 4,     /* blocks whose gradients are passed on together: 15 KB, a part of the L1 cache */
     SF_CHANNELS = 3
 };
 
@@ -91,15 +92,15 @@ void sf_workspace_reduced(sf_workspace *ws, int factor);
 sf_status sf_workspace_loss_room(sf_workspace *ws);
 
 /* The stages, in order. Those that return a status make room when the picture or the model has grown. */
-/* sh_degree: bands to use of those that a Gaussian has, no higher than the model's. The model's arrays must
- * stand until the way back is done. */
+/* sh_degree: the highest band to use, at most the model's. The model's arrays must stay until the backward
+ * pass is done. */
 sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degree, int antialiased);
 sf_status sf_stage_bin(sf_workspace *ws);
 void sf_stage_blend(sf_workspace *ws, const float background[3], int with_depth);
 
 /* The loss of ws->rgb against ws->target (with ws->weight where has_weight) and, if with_gradient, ws->d_rgb.
- * lambda 0 leaves SSIM out (and value->ssim 0) unless with_ssim. delta: Huber's loss stands in the place of
- * L1; 0: L1. weight_sum: of the weights of all pixels. */
+ * lambda 0 leaves SSIM out (and value->ssim 0) unless with_ssim. delta: of Huber's loss, which replaces L1;
+ * 0: L1. weight_sum: of the weights of all pixels. */
 void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_sum, int with_ssim,
                    int with_gradient, sf_loss_value *value);
 
@@ -107,21 +108,21 @@ sf_status sf_stage_blend_bwd(sf_workspace *ws);
 /* Runs blend_importance: its sums go to the slots; it reads ws->d_rgb and ws->weight, which is 0 outside the
  * picture. */
 sf_status sf_stage_blend_importance(sf_workspace *ws);
-/* Takes the gradients of blocks first .. end-1 while the cache still holds them: they stand at the start of
- * grads' arrays, of which those are NULL whose band none of these blocks has; lanes that lack a band have 0.
- * Called on the pool's threads, for each block once. */
+/* Receives the gradients of blocks first .. end-1 while they are in the cache: at the start of the arrays of
+ * grads. The array of a band is NULL if none of these blocks has it; lanes that lack a band have 0. Called on
+ * the pool's threads, once for each block. */
 typedef void (*sf_grads_fn)(void *user, const sf_params *grads, size_t first, size_t end);
-/* camera: NULL or [SF_CAMERA_SUMS], overwritten. A failure comes before the first call of `take`. */
+/* camera: NULL or [SF_CAMERA_SUMS], overwritten. On failure `take` has not been called. */
 sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn take, void *user);
 /* dL/dbackground = sum T dL/dgamma, [3]. */
 sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background);
 
-/* quality.c: PSNR of a mean squared error, which is floored at 1e-10; and sf_quality's psnr_corrected of
- * ws->rgb, as bright as it is, against ws->target, NAN where a half has no weight. */
+/* quality.c: PSNR of a mean squared error, which is at least 1e-10; and psnr_corrected of sf_quality for
+ * ws->rgb against ws->target, without clamping; NAN if a half has no weight. */
 double sf_psnr_of(double mse);
 double sf_corrected_psnr(const sf_workspace *ws);
 
-/* The planes to the caller's [H][W] and [H][W][3], and back (zeros beyond the picture). */
+/* Copies the planes to the caller's [H][W] and [H][W][3], and back (zeros beyond the picture). */
 void sf_copy_out(const sf_workspace *ws, const sf_image_out *out);
 void sf_copy_in(const sf_workspace *ws, const float *rgb, const float *weight, float *const plane[3]);
 

@@ -1,4 +1,4 @@
-/* arrange.c - Gaussians in the order of falling SH degree, and other orders of them.
+/* arrange.c - reorders Gaussians by falling SH degree, or in any order.
  *
  * One field's array at a time is copied to scratch memory and back, so that the peak is one more array, not a
  * second model.
@@ -15,18 +15,18 @@ int sf_degree_of(const sf_model *model, size_t i) {
     return degree;
 }
 
-sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *places, size_t n, uint32_t *where,
+sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *entries, size_t n, uint32_t *where,
                           sf_order *order) {
     size_t at[SF_BANDS];
     *order = (sf_order){.from = sf_alloc(ctx, n, sizeof *order->from)};
     if (!order->from) return SF_ERR_MEMORY;
     for (size_t k = 0; k < n; k++)
-        for (int band = 0; band <= places[k].degree; band++) order->banded[band]++;
-    for (int degree = 0; degree < SF_BANDS; degree++) /* those of higher degrees come first */
+        for (int band = 0; band <= entries[k].degree; band++) order->banded[band]++;
+    for (int degree = 0; degree < SF_BANDS; degree++) /* higher degrees come first */
         at[degree] = degree < SF_MAX_SH_DEGREE ? order->banded[degree + 1] : 0;
     for (size_t k = 0; k < n; k++) {
-        size_t to = at[places[k].degree]++;
-        order->from[to] = places[k].from;
+        size_t to = at[entries[k].degree]++;
+        order->from[to] = entries[k].from;
         if (where) where[k] = (uint32_t)to;
     }
     while (order->unmoved < n && order->from[order->unmoved] == order->unmoved) order->unmoved++;
@@ -59,7 +59,7 @@ void sf_order_free(sf_context *ctx, sf_order *order) {
     *order = (sf_order){0};
 }
 
-/* Block b to where it is built; lanes for which there is nothing are 0. */
+/* Builds block b from its source Gaussians; lanes without a source are 0. */
 static void gather_block(int components, const char *array, size_t had, const sf_order *order, size_t end,
                          size_t b, char *block) {
     size_t n = (size_t)components;
@@ -103,17 +103,17 @@ static uint8_t used_degree(const sf_model *model, size_t i) {
 
 sf_status sf_model_pack(sf_model *model) {
     sf_order order = {0};
-    sf_remap_entry *places = sf_alloc(model->ctx, model->count, sizeof *places);
-    if (!places) return SF_ERR_MEMORY;
+    sf_remap_entry *entries = sf_alloc(model->ctx, model->count, sizeof *entries);
+    if (!entries) return SF_ERR_MEMORY;
     for (size_t i = 0; i < model->count; i++)
-        places[i] = (sf_remap_entry){(uint32_t)i, used_degree(model, i)};
-    sf_status status = sf_order_create(model->ctx, places, model->count, NULL, &order);
-    sf_free(model->ctx, places);
+        entries[i] = (sf_remap_entry){(uint32_t)i, used_degree(model, i)};
+    sf_status status = sf_order_create(model->ctx, entries, model->count, NULL, &order);
+    sf_free(model->ctx, entries);
     if (!status) status = sf_order_prepare(model->ctx, &order);
     if (!status) sf_model_reorder(model, &order);
     sf_order_free(model->ctx, &order);
     for (int band = 1; band <= model->sh_degree && !status; band++) {
-        size_t room = model->banded[band]; /* where this fails, the arrays are larger than need be */
+        size_t room = model->banded[band]; /* on failure the arrays stay larger than needed */
         if (sf_blocks(room) * SF_LANES < model->capacity[band]) (void)sf_model_set_room(model, band, room);
     }
     return status;

@@ -1,11 +1,11 @@
-/* bounds.c - where a model lies, as most of its Gaussians say. */
+/* bounds.c - the bounds of a model, without outliers. */
 #include <math.h>
 
 #include "../base/linear.h"
 #include "../base/statistics.h"
 #include "gaussians.h"
 
-/* Of the Gaussians this part is within the radius. */
+/* This part of the Gaussians is within the radius. */
 #define RADIUS_PART 0.8
 
 static double mean_of(const sf_model *model, size_t i, int k) {

@@ -30,7 +30,7 @@ sf_status sf_camera_check(const sf_camera *c) {
     const double *R = c->R_cw;
     double det = R[0] * (R[4] * R[8] - R[5] * R[7]) - R[1] * (R[3] * R[8] - R[5] * R[6]) +
                  R[2] * (R[3] * R[7] - R[4] * R[6]);
-    if (!(det > 0)) return SF_ERR_ARGUMENT; /* a mirror */
+    if (!(det > 0)) return SF_ERR_ARGUMENT; /* a reflection */
     for (int k = 0; k < 3; k++)
         if (!isfinite(c->t_cw[k])) return SF_ERR_ARGUMENT;
     return SF_OK;

@@ -5,13 +5,14 @@
 #include "../base/context.h"
 
 typedef struct sf_cloud {
-    float *xyz;     /* [n][3], world units */
-    uint8_t *rgb;   /* [n][3] */
-    uint32_t *view; /* [n]: whose colour it is, a place among the views that were swept; else 0 */
+    float *xyz;   /* [n][3], world units */
+    uint8_t *rgb; /* [n][3] */
+    uint32_t *
+        view; /* [n]: the view that the colour is from, an index among the views given to the sweep; else 0 */
     size_t n;
 } sf_cloud;
 
-/* Room for n points; n itself stays 0. On failure none is left. */
+/* Makes room for n points; n itself stays 0. On failure nothing is allocated. */
 sf_status sf_cloud_create(sf_context *ctx, size_t n, sf_cloud *cloud);
 void sf_cloud_destroy(sf_context *ctx, sf_cloud *cloud);
 

@@ -1,10 +1,10 @@
-/* curve.c - points in the order of a curve through space. */
+/* curve.c - sorts points along a space-filling curve. */
 #include "curve.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-/* The code of a place, and above it the class. */
+/* Sort key: the class, then the position on the curve. */
 enum { AXIS_BITS = 20, CLASS_AT = 60, CLASSES = 16 };
 
 typedef struct place {
@@ -18,7 +18,7 @@ static int by_code(const void *a, const void *b) {
     return x->index < y->index ? -1 : 1;
 }
 
-/* The bits of a number, two zeros between each. */
+/* Spreads the bits of a number, with two zeros between each. */
 static uint64_t spread(uint64_t x) {
     x = (x | x << 32) & 0x1f00000000ffff;
     x = (x | x << 16) & 0x1f0000ff0000ff;
@@ -27,7 +27,7 @@ static uint64_t spread(uint64_t x) {
     return (x | x << 2) & 0x1249249249249249;
 }
 
-/* The cube around all points. */
+/* The bounding cube of all points. */
 typedef struct cube {
     double least[3], side;
 } cube;
@@ -43,8 +43,8 @@ static cube bound(const float *xyz, size_t n) {
     return c;
 }
 
-/* How far along Hilbert's curve through a cube of 2^AXIS_BITS to each side a cell is (Skilling 2004,
- * "Programming the Hilbert curve"): unlike the Z-curve it never jumps. Changes the axes. */
+/* Index of a cell on Hilbert's curve through a cube of 2^AXIS_BITS cells a side (Skilling 2004, "Programming
+ * the Hilbert curve"). Unlike the Z-curve it never jumps. Changes the axes. */
 static uint64_t along(uint32_t axes[3]) {
     const uint32_t top = 1u << (AXIS_BITS - 1);
     for (uint32_t bit = top; bit > 1; bit >>= 1) {
@@ -70,7 +70,7 @@ static void find_places(const float *xyz, size_t n, const uint8_t *classes, plac
         places[i] = (place){.index = (uint32_t)i};
         if (classes) places[i].code = (uint64_t)(CLASSES - 1 - classes[i]) << CLASS_AT;
         uint32_t axes[3];
-        for (size_t k = 0; k < 3; k++) /* fmax: one that is not finite goes to the front */
+        for (size_t k = 0; k < 3; k++) /* fmax: NaN becomes 0 */
             axes[k] = (uint32_t)fmin(fmax(scale * ((double)xyz[3 * i + k] - c.least[k]), 0), most);
         places[i].code |= along(axes);
     }

@@ -1,11 +1,11 @@
-/* fingerprint.c - by what a scene is known again. */
+/* fingerprint.c - hashes by which a scene is recognised. */
 #include "scene.h"
 
 #include <string.h>
 
 #include "../base/hash.h"
 
-/* Views never change: made once. A thread that comes second makes the same. */
+/* Views never change, so the hash is made once. If two threads make it, it is the same. */
 uint64_t sf_view_hash(sf_view *view) {
     uint64_t hash = atomic_load(&view->hash);
     if (hash) return hash;

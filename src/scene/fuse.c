@@ -1,4 +1,4 @@
-/* fuse.c - agreement between the depths of views, and thinning. */
+/* fuse.c - depth fusion: points whose depths agree between views, and thinning of them. */
 #include "fuse.h"
 
 #include <math.h>
@@ -9,7 +9,7 @@
 #include "neighbours.h"
 
 enum {
-    CELL = 2, /* px: one point at most in CELL x CELL */
+    CELL = 2, /* px: at most one point in CELL x CELL */
     MOST_TRIALS = 100,
 };
 
@@ -42,8 +42,8 @@ static void to_world(const sf_camera *c, double u, double v, double z, double *p
     for (int k = 0; k < 3; k++) p[k] = c->R_cw[k] * q[0] + c->R_cw[3 + k] * q[1] + c->R_cw[6 + k] * q[2];
 }
 
-/* Whether the neighbour's own depth where a point falls in it, at (u, v) with depth z, leads back to the
- * pixel (x, y); `q` is the point that the neighbour has. */
+/* Whether the neighbour's depth at (u, v), where a point of depth z falls, leads back to the pixel (x, y); q:
+ * the neighbour's point. */
 static int confirms(const sf_seen *neighbour, const double uvz[3], const sf_camera *camera, double x,
                     double y, double *q) {
     const sf_camera *c = &neighbour->grey.camera;
@@ -55,8 +55,8 @@ static int confirms(const sf_seen *neighbour, const double uvz[3], const sf_came
     return hypot(back_u - x, back_v - y) <= MOST_PIXEL_ERROR;
 }
 
-/* Whether those neighbours confirm a point whose pictures it falls in, one at least and all but one: no more
- * than two see what is at the edge of the pictures. `p` becomes the mean of what they have. */
+/* Whether at least one neighbour confirms a point, and all but one of those whose pictures it falls in: at
+ * the edge of the pictures only two views may see it. p becomes the mean of the confirmed points. */
 static int is_confirmed(const sf_seen *all, const sf_seen *seen, double x, double y, double *p) {
     size_t confirmed = 0, looking = 0;
     double sum[3] = {p[0], p[1], p[2]}, uvz[3], q[3];
@@ -72,7 +72,7 @@ static int is_confirmed(const sf_seen *all, const sf_seen *seen, double x, doubl
     return confirmed && confirmed + 1 >= looking;
 }
 
-/* The view's own colour, averaged over a pixel of the reduced picture. */
+/* The colour of the view, averaged over a pixel of the reduced picture. */
 static void color_of(const sf_seen *seen, size_t x, size_t y, uint8_t *rgb) {
     size_t factor = (size_t)seen->grey.factor, width = (size_t)seen->view->camera.width;
     size_t pixels = width * (size_t)seen->view->camera.height;
@@ -80,7 +80,7 @@ static void color_of(const sf_seen *seen, size_t x, size_t y, uint8_t *rgb) {
     for (size_t ch = 0; ch < 3; ch++) rgb[ch] = sf_box_mean(corner + ch * pixels, factor, 1, width);
 }
 
-/* Takes pixel (x, y) as the cell's candidate if it has a confirmed depth and a higher score. */
+/* Makes pixel (x, y) the cell's candidate if its depth is confirmed and its score is higher. */
 static void consider_pixel(const sf_seen *all, const sf_seen *seen, size_t x, size_t y, candidate *best) {
     const sf_camera *c = &seen->grey.camera;
     size_t i = y * (size_t)c->width + x;
@@ -130,8 +130,8 @@ static uint64_t voxel_of(const candidate *c, double size) {
 
 enum { NOBODY = 0 }; /* slots hold an index + 1 */
 
-/* Marks the candidate with the highest score of each voxel as kept; returns how many. `slots` has a power of
- * two of them, more than twice the candidates. */
+/* Enters the candidate with the highest score of each voxel into `slots`; returns how many. slot_count is a
+ * power of two, more than twice the candidates. */
 static size_t keep_best(candidate *c, size_t n, double size, uint32_t *slots, size_t slot_count) {
     size_t kept = 0;
     memset(slots, NOBODY, slot_count * sizeof *slots);
@@ -162,7 +162,7 @@ static sf_status thin(sf_context *ctx, candidate *c, size_t n, size_t wanted, sf
         size *= fmax(COARSER, sqrt((double)kept / (double)wanted)); /* points lie on surfaces */
         kept = keep_best(c, n, size, slots, slot_count);
     }
-    if (kept > wanted) kept = wanted; /* a few about the origin and of all spans always remain */
+    if (kept > wanted) kept = wanted; /* voxels around the origin and of different sides always remain */
     sf_status status = sf_cloud_create(ctx, kept, cloud);
     for (size_t i = 0; !status && cloud->n < kept; i++) {
         if (!is_kept(c, i, slots, slot_count)) continue;

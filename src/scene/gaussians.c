@@ -71,7 +71,7 @@ sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS],
     return SF_OK;
 }
 
-/* The capacity is never more than what all arrays of the band have. */
+/* The capacity is at most that of every array of the band. */
 sf_status sf_model_set_room(sf_model *model, int band, size_t room) {
     sf_params *p = &model->params;
     size_t used = model->banded[band], whole = sf_blocks(room) * SF_LANES;
@@ -164,7 +164,7 @@ void sf_model_set_antialiased(sf_model *model, int antialiased) {
     sf_model_note_change(model);
 }
 
-/* Walks one Gaussian's values beside the caller's arrays. */
+/* Walks over one Gaussian's values and the caller's arrays. */
 typedef void (*move_fn)(float *blocked, float *plain);
 
 static void take(float *blocked, float *plain) { *blocked = *plain; }
@@ -183,7 +183,7 @@ typedef struct walk {
 static void move_field(const walk *w, int field, float *plain, size_t stride, size_t at) {
     int n = field_components[field];
     size_t banded = w->banded[sf_field_band(field)];
-    float lacking = 0; /* given as 0; what is taken has been checked to be 0 */
+    float lacking = 0; /* a band that the Gaussian lacks: read as 0; when written, checked to be 0 before */
     for (size_t i = 0; plain && i < w->count; i++)
         for (int c = 0; c < n; c++) {
             int has = w->first + i < banded;

@@ -1,7 +1,7 @@
 /* gaussians.h - the inside of sf_model: the fields as the kernels take them.
  *
- * Gaussians stand in the order of falling SH degree, so that those with a band are the first ones: the array
- * of a band ends with the last Gaussian that has it.
+ * Gaussians are sorted by falling SH degree, so that those with a band come first: the array of a band ends
+ * with the last Gaussian that has it.
  */
 #ifndef SF_SCENE_GAUSSIANS_H
 #define SF_SCENE_GAUSSIANS_H
@@ -11,10 +11,10 @@
 
 #include <splatfit/model.h>
 
-/* The logit-opacity of what is not to be seen. */
+/* Logit of the opacity of an invisible Gaussian. */
 #define SF_INVISIBLE (-20.0f)
 
-/* Greatest |log-scale|: beyond it a file hurts other tools, and is not written. */
+/* Greatest |log-scale|: larger ones break other tools, and are not written to files. */
 #define SF_LOG_SCALE_MOST 20.0f
 
 enum { SF_BANDS = SF_MAX_SH_DEGREE + 1 };
@@ -53,7 +53,8 @@ static inline size_t sf_field_values(int field, size_t count) {
     return sf_blocks(count) * SF_LANES * (size_t)sf_field_components(field);
 }
 
-/* Arrays for room[b] Gaussians with band b (rounded up to SF_LANES), zeroed. On failure none is left. */
+/* Arrays for room[b] Gaussians with band b (rounded up to SF_LANES), zeroed. On failure nothing is allocated.
+ */
 sf_status sf_params_create(sf_context *ctx, const size_t room[SF_BANDS], int sh_degree, sf_params *params);
 void sf_params_destroy(sf_context *ctx, sf_params *params);
 
@@ -61,23 +62,23 @@ void sf_params_destroy(sf_context *ctx, sf_params *params);
  * `room` Gaussians. The first `used` keep their values, the others are 0. On failure the old array stays. */
 sf_status sf_blocked_resize(sf_context *ctx, int components, void *array_pointer, size_t used, size_t room);
 
-/* A model of neutral Gaussians, banded[b] of them with band b, with room for `capacity` >= banded[0]; of the
- * bands that not all have, for those that have them. */
+/* A model of neutral Gaussians, banded[b] of them with band b. Room for `capacity` >= banded[0]; bands that
+ * not all have get room for those that have them. */
 sf_status sf_model_create_banded(sf_context *ctx, const size_t banded[SF_BANDS], size_t capacity,
                                  int sh_degree, sf_model **model);
 
-/* Room for `room` Gaussians, at least those that there are, in the arrays of a band; less where it was more.
- * On failure the model is what it was. */
+/* Sets the capacity of a band's arrays to `room` Gaussians, at least those that have the band. On failure the
+ * model is unchanged. */
 sf_status sf_model_set_room(sf_model *model, int band, size_t room);
 
-/* Keeps the first `count` <= the model's; lanes that leave become neutral. */
+/* Keeps the first `count` Gaussians; the lanes of the others become neutral. */
 void sf_model_resize(sf_model *model, size_t count);
 
 /* A copy, each Gaussian of its degree, with room as above. */
 sf_status sf_model_copy(const sf_model *model, size_t capacity, sf_model **copy);
 /* A copy in which all Gaussians have all bands up to sh_degree (new ones 0, higher ones dropped). */
 sf_status sf_model_copy_whole(const sf_model *model, int sh_degree, sf_model **copy);
-/* The Gaussians of another model of the same sh_degree, for which there is room. */
+/* Replaces the Gaussians by those of a model of the same sh_degree; there must be room. */
 void sf_model_assign(sf_model *model, const sf_model *from);
 
 /* Copies from blocked arrays to the caller's plain ones; 0 for bands that a Gaussian lacks. */
@@ -87,7 +88,7 @@ void sf_params_get(const sf_params *params, const size_t banded[SF_BANDS], int s
 /* The SH degree of Gaussian i. */
 int sf_degree_of(const sf_model *model, size_t i);
 
-/* arrange.c: which Gaussian comes from where. */
+/* arrange.c: reordering. */
 
 /* A copy of Gaussian `from`, with the bands up to `degree`. */
 typedef struct sf_remap_entry {
@@ -95,7 +96,7 @@ typedef struct sf_remap_entry {
     uint8_t degree;
 } sf_remap_entry;
 
-/* Places in the order of falling degree. */
+/* Entries sorted by falling degree. */
 typedef struct sf_order {
     uint32_t *from;          /* [banded[0]] */
     size_t banded[SF_BANDS]; /* afterwards */
@@ -103,19 +104,19 @@ typedef struct sf_order {
     void *scratch;           /* room for the array of any field, from unmoved's block on */
 } sf_order;
 
-/* Sorts n places stably by falling degree. where[k] (may be NULL): the index that places[k] gets.
+/* Sorts n entries stably by falling degree. where[k] (may be NULL): the new index of entries[k].
  * sf_order_free releases it, also after a failure. */
-sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *places, size_t n, uint32_t *where,
+sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *entries, size_t n, uint32_t *where,
                           sf_order *order);
-/* The room that the order takes for the rearranging, without which nothing may be rearranged. */
+/* Allocates the scratch array, which reordering needs. */
 sf_status sf_order_prepare(sf_context *ctx, sf_order *order);
 void sf_order_free(sf_context *ctx, sf_order *order);
 
-/* Rearranges a blocked array of values of 4 bytes that goes with a band, of at most as many components as a
- * field of it, in which `had` Gaussians were; it has room for those that there will be. Who had no value gets
- * 0. */
+/* Reorders a blocked array of values of 4 bytes that goes with a band, with at most as many components as a
+ * field of it. `had`: Gaussians in it before. It must have room for those afterwards. Gaussians without a
+ * value get 0. */
 void sf_blocked_reorder(int components, int band, void *array, size_t had, const sf_order *order);
-/* Rearranges a whole model, which has room; and an array of `count` values of at most 16 bytes beside it. */
+/* Reorders a model, which must have room; and an array of `count` values of at most 16 bytes. */
 void sf_model_reorder(sf_model *model, const sf_order *order);
 void sf_values_reorder(void *values, size_t size, size_t count, const sf_order *order);
 

@@ -13,11 +13,11 @@
 #define SH_C0 0.28209479177387814f
 
 enum {
-    ENOUGH = 100,       /* points to start from */
-    MOST_SWEPT = 20000, /* growth adds where more are needed */
+    ENOUGH = 100,       /* the fewest points to initialise from */
+    MOST_SWEPT = 20000, /* densification adds more where they are needed */
 };
 
-/* Of points in that order the one nearest to their mean. */
+/* The point nearest to the mean of the given points. */
 static uint32_t central(const float *xyz, const uint32_t *points, size_t n) {
     double mean[3] = {0}, least = INFINITY;
     uint32_t nearest = points[0];
@@ -59,7 +59,7 @@ static sf_status thin_points(sf_context *ctx, size_t most, sf_cloud *c) {
     return status;
 }
 
-/* All points, or `most` of them. */
+/* The scene's points, at most `most` of them. */
 static sf_status choose_points(sf_scene *scene, size_t most, sf_cloud *c) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
@@ -73,7 +73,7 @@ static sf_status choose_points(sf_scene *scene, size_t most, sf_cloud *c) {
     return status;
 }
 
-/* The training views of a scene, for sf_scene_release_all. */
+/* Retains the training views, for sf_scene_release_all. SF_ERR_EMPTY: there is none. */
 static sf_status hold_views(sf_scene *scene, sf_view ***views, size_t *n) {
     sf_status status = sf_scene_retain_training(scene, views, n);
     if (!status && !*n) status = sf_fail(scene->ctx, SF_ERR_EMPTY, "scene: no training view");
@@ -116,7 +116,7 @@ static sf_status points_from_views(sf_context *ctx, const sf_view *const *views,
     return status;
 }
 
-/* The scene's own points, none where they are too few or lie nowhere in particular. */
+/* The scene's sparse points; none if they are too few or do not agree with the pictures. */
 static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, size_t n,
                                  const sf_init_options *options, sf_cloud *c) {
     sf_scene_info info;

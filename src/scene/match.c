@@ -1,9 +1,9 @@
-/* match.c - a plane sweep: for planes of constant depth in the reference, neighbours are seen through them
- * and compared with it by normalised cross-correlation over small windows; a pixel's depth is where that
- * peaks.
+/* match.c - plane-sweep stereo: for planes of constant depth in the reference, neighbours are warped through
+ * the plane and compared with it by normalised cross-correlation over small windows. The depth of a pixel is
+ * where the correlation peaks.
  *
- * A sample outside of a neighbour's picture or masked is NaN: every window with one has a variance that
- * compares false, and so no score. Loops run over whole blocks of pixels, so that compilers make vectors of
+ * A sample outside of a neighbour's picture or masked is NaN: the variance of a window with one compares
+ * false, and the window gets no score. Loops run over whole blocks of pixels, so that compilers vectorise
  * them.
  */
 #include "match.h"
@@ -21,9 +21,10 @@ enum {
     MARGIN = 16, /* on both sides of a row; >= RADIUS, and keeps rows aligned */
 };
 
-/* Texture: the least standard deviation in a window, of 0..1; noise of 8-bit pictures lies below it. */
+/* Texture: the least standard deviation in a window, of values in 0..1; noise of 8-bit pictures is below it.
+ */
 #define LEAST_DEVIATION 0.012
-/* The least correlation, and by how much it must exceed that of any other peak. */
+/* The least correlation of a peak, and its least margin over any other peak. */
 #define LEAST_SCORE 0.7f
 #define LEAST_LEAD  0.03f
 #define NO_SCORE    (-2.0f)
@@ -65,8 +66,8 @@ void sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey) {
     }
 }
 
-/* A neighbour as the reference sees it through a plane: the pixel (x, y) of the reference, at inverse depth
- * w, lies at A (x, y, 1) + w b in the neighbour, in homogeneous pixels. */
+/* The homography from the reference to a neighbour through a plane: pixel (x, y) of the reference, at inverse
+ * depth w, maps to A (x, y, 1) + w b in the neighbour, in homogeneous pixels. */
 typedef struct relation {
     const sf_grey *grey;
     double A[9], b[3];
@@ -126,7 +127,7 @@ int sf_match_planes(const sf_grey *reference, const sf_grey *const *neighbours, 
     return planes > FEWEST ? planes : FEWEST;
 }
 
-/* A row of the reference's pixels, as the neighbour has them through the plane: bilinear. */
+/* Warps a row: the neighbour's values at the reference's pixels through the plane, bilinear. */
 static void warp_row(const sf_grey *grey, const float *H, int y, size_t width, float *restrict out) {
     float most_u = (float)(grey->camera.width - 1), most_v = (float)(grey->camera.height - 1);
     float stride = (float)grey->stride, middle = (float)y + 0.5f; /* products below 2^24 are exact */
@@ -177,7 +178,7 @@ static void sum_rows(const float *restrict rows, size_t apart, size_t width, flo
         }
 }
 
-/* What is known of pixels while planes go by: [height][padded width / BLOCK][STATES][BLOCK]. */
+/* State of each pixel during the sweep: [height][padded width / BLOCK][STATES][BLOCK]. */
 enum {
     SUM,       /* of the reference over the window */
     SHARPNESS, /* 1 / sqrt(n^2 variance) of the reference; 0: too little texture */
@@ -197,7 +198,7 @@ enum { SUM_Y, SUM_YY, SUM_XY, SUMS };
 typedef struct sweep {
     const sf_grey *reference;
     relation to[SF_MATCH_NEIGHBOURS];
-    float H[SF_MATCH_NEIGHBOURS][9]; /* through the plane of the moment */
+    float H[SF_MATCH_NEIGHBOURS][9]; /* through the current plane */
     size_t count, width;             /* width padded */
     float *state;
     float *ring[SF_MATCH_NEIGHBOURS][SUMS];
@@ -242,11 +243,11 @@ static float least_spread(void) {
     return (float)(LEAST_DEVIATION * LEAST_DEVIATION * (SIDE * SIDE) * (SIDE * SIDE));
 }
 
-/* The reference's own sums; its rows pass through the first neighbour's ring. */
+/* Sums of the reference itself; its rows use the ring of the first neighbour. */
 static void measure_reference(sweep *s) {
     const sf_grey *grey = s->reference;
     float *const *ring = s->ring[0];
-    /* the first plane is not known to be a peak before the second is */
+    /* no peak before the second plane */
     static const float start[STATES] = {
         [BEFORE_LAST] = -NO_SCORE, [LAST] = NO_SCORE,       [BEST] = NO_SCORE,
         [BEST_BEFORE] = NO_SCORE,  [BEST_AFTER] = NO_SCORE, [RIVAL] = NO_SCORE,
@@ -271,8 +272,8 @@ static void measure_reference(sweep *s) {
     }
 }
 
-/* The correlation of a block of windows with a neighbour's, of which `y`, `yy` and `xy` are the sums; first
- * and second are the two highest so far. */
+/* Correlation of a block of windows with a neighbour; y, yy and xy: its sums; first and second: the two
+ * highest so far. */
 static void correlate(const float *restrict state, const float *restrict y, const float *restrict yy,
                       const float *restrict xy, float *restrict first, float *restrict second) {
     const float n = SIDE * SIDE, least = least_spread();
@@ -289,8 +290,7 @@ static void correlate(const float *restrict state, const float *restrict y, cons
     }
 }
 
-/* Takes up the scores of a block of pixels in a plane: whether the plane before it was a peak is known now.
- */
+/* Adds the scores of a block of pixels in a plane, and checks whether the plane before it was a peak. */
 static void note(float *restrict state, const float *restrict scores, float plane) {
     float *before = state + BEFORE_LAST * BLOCK, *last = state + LAST * BLOCK, *best = state + BEST * BLOCK;
     float *best_before = state + BEST_BEFORE * BLOCK, *best_after = state + BEST_AFTER * BLOCK;
@@ -315,12 +315,12 @@ static void fill(float *restrict row, size_t width, float value) {
     for (size_t x = 0; x < width; x++) row[x] = value;
 }
 
-/* Takes up the scores of row y in a plane. */
+/* Adds the scores of row y in a plane. */
 static void note_row(const sweep *s, int y, float plane) {
     for (size_t x = 0; x < s->width; x += BLOCK) note(block_of(s, y, x), s->first + x, plane);
 }
 
-/* Scores of the windows about row y, once SIDE rows about it are in the neighbours' rings. */
+/* Scores of the windows around row y, once its SIDE rows are in the neighbours' rings. */
 static void score_row(const sweep *s, int y) {
     fill(s->first, s->width, NO_SCORE);
     fill(s->second, s->width, NO_SCORE);
@@ -330,7 +330,7 @@ static void score_row(const sweep *s, int y) {
             correlate(block_of(s, y, x), s->totals[SUM_Y] + x, s->totals[SUM_YY] + x, s->totals[SUM_XY] + x,
                       s->first + x, s->second + x);
     }
-    if (s->count > 1) /* what only one neighbour confirms may be chance */
+    if (s->count > 1) /* the mean of the two best: one neighbour alone may match by chance */
         for (size_t x = 0; x < s->width; x++) s->first[x] = 0.5f * (s->first[x] + s->second[x]);
 }
 
@@ -390,7 +390,7 @@ void sf_match(const sf_grey *reference, const sf_grey *const *neighbours, size_t
     for (size_t k = 0; k < count; k++) s.to[k] = relate(reference, neighbours[k]);
     for (int plane = 0; plane < range->planes; plane++)
         sweep_plane(&s, range->first + (range->last - range->first) * plane / (range->planes - 1), plane);
-    fill(s.first, s.width, NO_SCORE); /* behind the last plane, for what peaks there */
+    fill(s.first, s.width, NO_SCORE); /* after the last plane, so that a peak there is found */
     for (int y = RADIUS; y < reference->camera.height - RADIUS; y++) note_row(&s, y, (float)range->planes);
     conclude(&s, range, inverse_depth, score);
 }

@@ -1,4 +1,4 @@
-/* match.h - depths of a view, by a plane sweep against its neighbours. */
+/* match.h - depths of a view, by plane-sweep stereo with its neighbours. */
 #ifndef SF_SCENE_MATCH_H
 #define SF_SCENE_MATCH_H
 
@@ -9,7 +9,7 @@ enum { SF_MATCH_NEIGHBOURS = 4 };
 /* A view's picture in grey, box-averaged. */
 typedef struct sf_grey {
     sf_camera camera; /* of this picture */
-    int factor;       /* pixels of the view a pixel, in each direction */
+    int factor;       /* pixels of the view in one pixel of the picture, in each direction */
     size_t stride;    /* floats a row */
     float
         *values; /* [height][stride], -0.5..0.5; NaN where a pixel is masked, and in a margin on both sides */
@@ -23,10 +23,11 @@ void sf_grey_destroy(sf_context *ctx, sf_grey *grey);
 /* The parameters of a sweep. */
 typedef struct sf_match_range {
     double first, last; /* inverse depths (1 / camera z, 1 / world units), 0 <= first < last */
-    int planes;         /* evenly between, >= 3 */
+    int planes;         /* evenly spaced, >= 3 */
 } sf_match_range;
 
-/* Planes so that no pixel moves farther than one pixel in a neighbour from one to the next, 8 .. most. */
+/* Number of planes so that a pixel moves at most one pixel in a neighbour from one plane to the next, 8 ..
+ * most. */
 int sf_match_planes(const sf_grey *reference, const sf_grey *const *neighbours, size_t count, double first,
                     double last, int most);
 

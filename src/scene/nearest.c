@@ -1,4 +1,4 @@
-/* nearest.c - the nearest points, by a balanced k-d tree kept in one array. */
+/* nearest.c - nearest neighbours, by a balanced k-d tree in one array. */
 #include "nearest.h"
 
 #include <math.h>
@@ -28,8 +28,8 @@ static void swap(tree *t, size_t a, size_t b) {
     t->order[b] = keep;
 }
 
-/* Puts the element of rank `middle` of [begin, end) in its place, smaller ones before it. Parts in three, so
- * that many equal points do not make it quadratic. */
+/* Puts the element of rank `middle` of [begin, end) in its place, smaller ones before it. Three-way
+ * partition: many equal points do not make it quadratic. */
 static void select_middle(tree *t, size_t begin, size_t end, size_t middle, int axis) {
     for (;;) {
         float pivot = coordinate(t, begin + (end - begin) / 2, axis);
@@ -78,7 +78,7 @@ static void build(tree *t, size_t begin, size_t end) {
     }
 }
 
-/* The nearest so far, ascending, by the square of the distance. */
+/* The nearest so far, ascending, with squared distances. */
 typedef struct query {
     const float *point;
     uint32_t self;
@@ -109,7 +109,7 @@ static void visit(const tree *t, size_t begin, size_t end, query *q) {
     int left_first = across < 0;
     visit(t, left_first ? begin : middle + 1, left_first ? middle : end, q);
     consider(t, middle, q);
-    if (across * across < q->nearest[q->wanted - 1].distance) /* what is as far does not come nearer */
+    if (across * across < q->nearest[q->wanted - 1].distance) /* points at an equal distance change nothing */
         visit(t, left_first ? middle + 1 : begin, left_first ? end : middle, q);
 }
 

@@ -1,14 +1,14 @@
-/* neighbours.c - the focus of cameras, and the choice of views to match with. */
+/* neighbours.c - the point that cameras look at, and the choice of views to match with. */
 #include "neighbours.h"
 
 #include <math.h>
 
-/* Radians between the rays of two cameras to one point: small ones leave its depth open, large ones change
- * how it looks. */
+/* Angles in radians between the rays of two cameras to one point: small ones do not determine its depth,
+ * large ones change its look. */
 #define BEST_ANGLE  0.16
 #define LEAST_ANGLE 0.012
 #define MOST_ANGLE  0.7
-/* The least cosine between optical axes, and share of the picture that the other sees too. */
+/* The least cosine between optical axes, and the least part of the picture that the other view sees. */
 #define LEAST_COSINE  0.5
 #define LEAST_OVERLAP 0.4
 
@@ -44,7 +44,7 @@ static double distance_between(const double *a, const double *b) {
     return sqrt(dot(d, d));
 }
 
-/* Share of a grid of the camera's pixels, at a depth, that lies in the other's picture. */
+/* Part of a grid of the camera's pixels, at a depth, that is in the other's picture. */
 static double overlap(const sf_camera *camera, const sf_camera *other, double depth) {
     enum { SAMPLES = 5 };
     int inside = 0;
@@ -62,14 +62,14 @@ static double overlap(const sf_camera *camera, const sf_camera *other, double de
     return (double)inside / (SAMPLES * SAMPLES);
 }
 
-/* How well camera `b` suits as a neighbour of `a`: 0 is best, INFINITY is not at all. */
+/* Cost of camera b as a neighbour of a: 0 is best, INFINITY: unsuitable. */
 static double unfitness(const sf_camera *a, const sf_camera *b, double distance) {
     double ca[3], cb[3], to_a[3], to_b[3];
     if (dot(a->R_cw + 6, b->R_cw + 6) < LEAST_COSINE) return INFINITY;
     sf_camera_center(a, ca);
     sf_camera_center(b, cb);
     for (int k = 0; k < 3; k++) {
-        to_a[k] = -distance * a->R_cw[6 + k]; /* from what a looks at */
+        to_a[k] = -distance * a->R_cw[6 + k]; /* from the point that a looks at */
         to_b[k] = cb[k] - (ca[k] + distance * a->R_cw[6 + k]);
     }
     double length = sqrt(dot(to_b, to_b));
@@ -80,7 +80,7 @@ static double unfitness(const sf_camera *a, const sf_camera *b, double distance)
     return fabs(log(angle / BEST_ANGLE)) + fabs(log(length / distance)) + (1 - seen);
 }
 
-/* Whether b lies well apart from all chosen so far, as seen from a. */
+/* Whether b is far enough from all chosen cameras, as seen from a. */
 static int apart(const sf_camera *const *cameras, size_t a, size_t b, const size_t *chosen, size_t count) {
     double ca[3], cb[3], cc[3];
     sf_camera_center(cameras[a], ca);

@@ -6,16 +6,16 @@
 
 #include <splatfit/camera.h>
 
-/* The point nearest to the optical axes of cameras[0..n-1], in the sense of least squares: what cameras that
- * look inward look at. Not finite for parallel axes. */
+/* The least-squares point nearest to the optical axes of cameras[0..n-1]: what cameras that look inward look
+ * at. Not finite for parallel axes. */
 void sf_focus_point(const sf_camera *const *cameras, size_t n, double focus[3]);
 
-/* How far along its axis a camera looks: to the focus where that lies in front, else the scene's extent. */
+/* Distance that a camera looks at: to the focus if that is in front, else the scene's extent. */
 double sf_look_distance(const sf_camera *camera, const double focus[3], double extent);
 
-/* Up to `most` of the n cameras that see what camera `self` sees at `distance` (its camera z, world units)
- * from another place: pictures that overlap, similar directions, rays that meet at an angle good for
- * triangulation, best first and not from one place. Writes their indices; returns how many. */
+/* Finds up to `most` of the n cameras that see what camera `self` sees at `distance` (its camera z, world
+ * units) from another place: overlapping pictures, similar directions, a good triangulation angle; best
+ * first, and not all from one place. Writes their indices; returns how many. */
 size_t sf_choose_neighbours(const sf_camera *const *cameras, size_t n, size_t self, double distance,
                             size_t most, size_t *chosen);
 

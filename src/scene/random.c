@@ -21,11 +21,12 @@ enum {
     NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
     AS_GOOD = NO_MATTER * 3 / 4,        /* one that says nothing of two depths */
 };
-#define ASIDE 1.25 /* how much nearer or farther a point may be than those beside it */
-/* Of the points: of wrong ones a fifth to a quarter agree, of right ones more than half. */
+#define ASIDE 1.25 /* factor by which a point may be nearer or farther than its neighbours */
+/* The least part of the points that must agree: a fifth to a quarter of wrong points do, more than half of
+ * right ones. */
 #define LEAST_AGREE 0.3
 
-/* The pixel that shows a point; 0 if none does, else the point's camera z. */
+/* Projects a point to a pixel; returns its camera z, 0 outside the picture. */
 static double pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) {
     double q[3];
     for (int i = 0; i < 3; i++) {
@@ -56,8 +57,8 @@ static void color_at(const sf_view *view, size_t x, size_t y, uint8_t *rgb) {
     for (size_t k = 0; k < 3; k++) rgb[k] = view->rgb[k * pixels + y * width + x];
 }
 
-/* How much the colour differs from the one that a view has there, at most MOST_DIFFERENCE (something may hide
- * the point), which is also for a point that it does not show. */
+/* Difference of the colour from that of a view at the point, at most MOST_DIFFERENCE, since something may
+ * occlude the point; MOST_DIFFERENCE also if the view does not see it. */
 static int difference(const sf_view *view, const float *xyz, const uint8_t *rgb) {
     size_t x, y;
     uint8_t there[3];
@@ -75,7 +76,7 @@ typedef struct question {
     const sf_view *view, *others[LOOKS];
     size_t xs[AROUND], ys[AROUND];
     uint8_t colors[AROUND][3];
-    double nearest, farthest; /* depths that come into question, world units */
+    double nearest, farthest; /* range of depths to search, world units */
 } question;
 
 static question ask(const sf_view *view, size_t x, size_t y) {
@@ -87,13 +88,13 @@ static question ask(const sf_view *view, size_t x, size_t y) {
         q.xs[i] = clamped((int)x + step * across[i], c->width);
         q.ys[i] = clamped((int)y + step * down[i], c->height);
         if (!counts(view, q.xs[i], q.ys[i]))
-            q.xs[i] = x, q.ys[i] = y; /* nothing is asked about what is masked */
+            q.xs[i] = x, q.ys[i] = y; /* a masked pixel is replaced by the central one */
         color_at(view, q.xs[i], q.ys[i], q.colors[i]);
     }
     return q;
 }
 
-/* How much the colours differ from those that the others have at a depth, where the point is then. */
+/* Sum of the colour differences to the other views at a depth; xyz: the point at that depth. */
 static int answer(const question *q, double depth, float xyz[3]) {
     float p[AROUND][3];
     int sum = 0;
@@ -105,15 +106,15 @@ static int answer(const question *q, double depth, float xyz[3]) {
     return sum;
 }
 
-/* All depths about a distance. */
+/* Sets the range of depths around a distance. */
 static void ask_about(question *q, double distance) { q->nearest = distance / 3, q->farthest = 3 * distance; }
 
 static void ask_anybody(question *q, const sf_view *const *views, size_t n, sf_rng *rng) {
     for (int k = 0; k < LOOKS; k++) q->others[k] = views[sf_rng_below(rng, n)];
 }
 
-/* Draws views that see what is behind the pixel, at the middle of the depths that come into question, and
- * can tell them apart; anybody where hardly one does. */
+/* Draws views that see the point at the middle of the depth range and can tell its depths apart; any views if
+ * hardly one does. */
 static void ask_witnesses(question *q, const sf_view *const *views, size_t n, sf_rng *rng) {
     float middle[3];
     size_t x, y;
@@ -124,7 +125,7 @@ static void ask_witnesses(question *q, const sf_view *const *views, size_t n, sf
     }
 }
 
-/* What the points of a cloud cover of the pictures. */
+/* Depths of a cloud's points in the cells of all pictures. */
 typedef struct cover {
     const sf_view *const *views;
     size_t n;
@@ -139,7 +140,7 @@ static float depth_at(const cover *c, size_t view, size_t x, size_t y) {
     return c->depths[view * CELLS * CELLS + cell_of(&c->views[view]->camera, x, y)];
 }
 
-/* In how many pictures a point would hang before what is seen there. */
+/* Number of pictures in which a point would occlude the covered surface. */
 static size_t hides(const cover *c, const float *xyz) {
     size_t count = 0, x, y;
     for (size_t i = 0; i < c->n; i++) {
@@ -149,9 +150,9 @@ static size_t hides(const cover *c, const float *xyz) {
     return count;
 }
 
-/* The least difference at a few random depths of those in question, where the point hides as little as it
- * may. Of depths that are as good the point is at the farthest: what hangs before a wall without texture
- * pleases the one view that it is near to, and stands in the way of others. */
+/* The least difference at a few random depths of the range, among those where the point occludes the fewest
+ * views. Of depths that are equally good it takes the farthest: a point in front of a wall without texture
+ * fits the view it is close to, and occludes others. */
 static int best_answer(const question *q, const cover *c, sf_rng *rng, float *xyz) {
     int sums[DEPTHS], least = INT_MAX;
     double depths[DEPTHS], farthest = 0;
@@ -172,8 +173,8 @@ static int best_answer(const question *q, const cover *c, sf_rng *rng, float *xy
     return least;
 }
 
-/* Finds what the cloud covers; returns the share of the pictures that it leaves open. `number` has room
- * for as many as there are depths, all 0. */
+/* Fills the cells from a cloud; returns the part of the pictures that is not covered. number: scratch, one
+ * for each cell, all 0. */
 static double find_cover(cover *c, const sf_cloud *cloud, uint32_t *number) {
     size_t open = 0, cells = c->n * CELLS * CELLS, x, y;
     for (size_t i = 0; i < c->n; i++)
@@ -193,8 +194,8 @@ static double find_cover(cover *c, const sf_cloud *cloud, uint32_t *number) {
     return (double)open / (double)cells;
 }
 
-/* The depths of the covered cells that are the nearest to a pixel, in squares about it: what no point was
- * found on lies between them, or a little aside. Leaves the question as it is where none is covered. */
+/* Sets the range of depths from the covered cells nearest to a pixel, in a growing square: surfaces without
+ * points are between them, or a little aside. No change if no cell is covered. */
 static void ask_beside(question *q, const cover *c, size_t view, size_t x, size_t y) {
     size_t at = cell_of(&c->views[view]->camera, x, y);
     const float *depths = c->depths + view * CELLS * CELLS;
@@ -213,8 +214,8 @@ static void ask_beside(question *q, const cover *c, size_t view, size_t x, size_
     q->nearest = nearest / ASIDE, q->farthest = farthest * ASIDE;
 }
 
-/* A random pixel that is neither covered nor masked, of a random view, whose place is told; c->n if none was
- * found. */
+/* Finds a random pixel of a random view that is neither covered nor masked; returns the view's index, c->n if
+ * none was found. */
 static size_t random_pixel(const cover *c, sf_rng *rng, size_t *x, size_t *y) {
     for (int trial = 0; trial < TRIALS; trial++) {
         size_t i = (size_t)sf_rng_below(rng, c->n);
@@ -237,7 +238,7 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
         for (size_t i = 0; i < n; i++) cameras[i] = &views[i]->camera;
         sf_focus_point(cameras, n, focus);
         void (*ask_views)(question *, const sf_view *const *, size_t, sf_rng *) =
-            cloud->n ? ask_witnesses : ask_anybody; /* what depths there are is known beside points alone */
+            cloud->n ? ask_witnesses : ask_anybody; /* without points the range of depths is only a guess */
         size_t wanted = cloud->n + (size_t)((double)count * find_cover(&c, cloud, number)), x, y, i;
         for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
             question q = ask(views[i], x, y);

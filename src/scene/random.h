@@ -1,17 +1,16 @@
-/* random.h - points at random where nothing better is known. */
+/* random.h - random points for initialisation. */
 #ifndef SF_SCENE_RANDOM_H
 #define SF_SCENE_RANDOM_H
 
 #include "../base/rng.h"
 #include "sweep.h"
 
-/* Appends points behind random pixels of the n > 0 views (>= 1): `count` of them times the share of the
- * pictures in which no point of `cloud` lies yet, and only there. Of random depths, about those of the points
- * beside the pixel where the picture has any, each point has one at which it hangs before what is known to be
- * seen in as few other views as may be, and about which views agree best in colour; the farthest of those
- * that are as good. `cloud` has room for `count` more. Masked pixels give none. The scene's extent (world
- * units) stands for the distance of what cameras see whose axes do not meet. SF_ERR_MEMORY: cloud is as it
- * was. */
+/* Appends points behind random pixels of the n > 0 views: `count` times the part of the pictures in which no
+ * point of `cloud` lies yet, and only there. Depths are random, around those of the points beside the pixel
+ * if there are any. Of several depths a point gets one at which it occludes known surfaces in the fewest
+ * other views and whose colours agree best between views; of equally good ones the farthest. `cloud` must
+ * have room for `count` more. Masked pixels give none. Cameras whose axes do not meet are taken to look at
+ * the scene's extent (world units). SF_ERR_MEMORY: cloud is unchanged. */
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud);
 

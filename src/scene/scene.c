@@ -118,7 +118,7 @@ sf_status sf_scene_add_view(sf_scene *scene, const char *name, const sf_camera *
     sf_status status = sf_view_create(scene->ctx, name, camera, split, pixels->mask != NULL, &view);
     if (status) return status;
     copy_planar(pixels, view);
-    sf_view_retain(view); /* the scene may lose it to another thread before its id is read */
+    sf_view_retain(view); /* another thread may remove it before its id is read */
     status = sf_scene_take_view(scene, view);
     if (!status && id) *id = view->id;
     sf_view_release(view);
@@ -146,7 +146,7 @@ sf_status sf_scene_remove_view(sf_scene *scene, uint32_t id) {
     return SF_OK;
 }
 
-/* Views never change: another one, with the same pixels, takes the place. */
+/* Views never change: a new one with the same pixels replaces the old one. */
 static sf_status copy_view(sf_view *from, const sf_camera *camera, sf_view **out) {
     size_t pixels = (size_t)camera->width * (size_t)camera->height;
     sf_status status = sf_view_create(from->ctx, from->name, camera, from->split, from->weight != NULL, out);
@@ -165,7 +165,8 @@ sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], 
     memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
     memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
     sf_status status = sf_camera_check(&camera)
-                           ? sf_fail(scene->ctx, SF_ERR_ARGUMENT, "pose: of view %u: is none", id)
+                           ? sf_fail(scene->ctx, SF_ERR_ARGUMENT,
+                                     "pose: of view %u: not a rotation and a finite translation", id)
                            : copy_view(old, &camera, &new);
     sf_view_release(old);
     if (status) return status;
@@ -174,7 +175,7 @@ sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], 
     old = new;
     if (i < scene->view_count) old = scene->views[i], scene->views[i] = new;
     pthread_mutex_unlock(&scene->lock);
-    sf_view_release(old); /* or the new one, where the view has gone since */
+    sf_view_release(old); /* or the new one, if the view was removed meanwhile */
     return SF_OK;
 }
 
@@ -259,8 +260,8 @@ static double median_distance(const sf_scene *scene, const double *center) {
     return sf_median(distances, n);
 }
 
-/* Sets info->center; returns the largest distance of a training camera from it, 0 where all stand in one
- * place: rounding of their mean is not an extent. */
+/* Sets info->center; returns the largest distance of a training camera from it, 0 if all are in one place:
+ * rounding of the mean is no extent. */
 static double measure_spread(const sf_scene *scene, sf_scene_info *info) {
     double largest = 0, c[3];
     for (size_t i = 0; i < scene->view_count; i++) {

@@ -9,7 +9,7 @@
 
 #include <splatfit/scene.h>
 
-/* What is known of the lens that took a picture, before it was made a pinhole camera's. */
+/* The lens that took a picture, before the picture was rectified. */
 typedef struct sf_lens_note {
     const char *model; /* static; NULL: not known */
     double seen, kept; /* degrees across: by the lens, by the pinhole camera */
@@ -26,9 +26,9 @@ typedef struct sf_view {
     sf_camera camera;
     char *name;
     sf_lens_note lens;
-    int masked, alpha;          /* had a mask's file, an alpha channel */
+    int masked, alpha;          /* whether there was a mask file, an alpha channel */
     uint8_t *rgb;               /* [3][height][width], 8-bit sRGB values, planar */
-    uint8_t *weight;            /* [height][width], 255 counts in full; NULL: all do */
+    uint8_t *weight;            /* [height][width], 255 is full weight; NULL: all have it */
     atomic_uint_least64_t hash; /* of rgb and weight, made when first asked for; 0: not yet */
 } sf_view;
 
@@ -41,7 +41,7 @@ struct sf_scene {
     float *points;         /* [n][3], world units */
     uint8_t *point_colors; /* [n][3] */
     size_t point_count, point_capacity, color_capacity;
-    const char *kind; /* static; NULL: made by hand */
+    const char *kind; /* static; NULL: made by the caller */
     size_t skipped_missing, skipped_pose, skipped_points, undistorted_views, rotated_views;
     size_t first_skipped_point; /* in the order of adding */
 };
@@ -58,17 +58,17 @@ int sf_view_is_hidden(const sf_view *view);
 /* Whether the pinhole picture has lost three degrees or more of the lens's field of view. */
 int sf_lens_is_cropped(const sf_lens_note *lens);
 
-/* Gives the caller's reference to the scene; sets view->id. On failure the view is released. */
+/* Passes the caller's reference to the scene; sets view->id. On failure the view is released. */
 sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
 
 /* A new reference to view `id`; NULL: no such view. */
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
-/* New references to all views, or to the training views, in order, and the end of them; after a failure, too,
- * it may be called. */
+/* Retains all views, or the training views, in order; sf_scene_release_all releases them, and may be called
+ * after a failure, too. */
 sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
 sf_status sf_scene_retain_training(sf_scene *scene, sf_view ***views, size_t *count);
 void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count);
-/* Whether all training cameras stand in one place, but for rounding. */
+/* Whether all training cameras are in one place, up to rounding. */
 int sf_scene_in_one_place(sf_scene *scene);
 /* fingerprint.c: the hash of a view's picture and weights. */
 uint64_t sf_view_hash(sf_view *view);

@@ -19,16 +19,16 @@ enum {
     FINE_SIDE = 256,
     COARSE_PLANES = 128, /* at most */
     FINE_PLANES = 80,
-    ENOUGH = 40, /* depths of a view that tell its range */
+    ENOUGH = 40, /* the fewest depths that determine the range of a view */
 };
 
-/* The inverse depth of the farthest plane of the coarse sweep, in 1 / extents: all but infinity. */
+/* Inverse depth of the farthest plane of the coarse sweep, in 1 / extents: nearly infinity. */
 #define FARTHEST 0.01
 /* The fraction of the coarse depths that may lie outside the range, and the margin added on both sides. */
 #define OUTLIERS   0.02
 #define RANGE_ROOM 0.15
 
-/* One run of the pool over all views. */
+/* A parallel run over all views. */
 typedef struct sweep_job {
     sf_context *ctx;
     sf_seen *seen;
@@ -76,7 +76,7 @@ static int factor_for(const sf_camera *camera, int longest) {
     return factor < least ? factor : least;
 }
 
-/* Pictures whose longest side is at most `longest`, and room for their depths. */
+/* Makes pictures of at most `longest` px, and room for their depths. */
 static sf_status make_pictures(sweep_job *job, int longest) {
     sf_status status = SF_OK;
     job->scratch_floats = 0;
@@ -97,8 +97,7 @@ static sf_status make_pictures(sweep_job *job, int longest) {
     return status;
 }
 
-/* The views that a view is matched with, for what it sees at its distance, and planes close enough for them.
- */
+/* Chooses the neighbours of each view at its distance, and the number of planes. */
 static void choose_partners(sweep_job *job, const sf_camera *const *cameras, int most_planes) {
     for (size_t i = 0; i < job->n; i++) {
         sf_seen *seen = &job->seen[i];
@@ -111,7 +110,7 @@ static void choose_partners(sweep_job *job, const sf_camera *const *cameras, int
     }
 }
 
-/* Narrows a view's range to `n` inverse depths, which are put in order. */
+/* Narrows a view's range to `n` inverse depths, which get sorted. */
 static void narrow(sf_seen *seen, float *found, size_t n, const sf_match_range *widest) {
     qsort(found, n, sizeof *found, sf_compare_floats);
     double low = (double)found[(size_t)(OUTLIERS * (double)n)];
@@ -129,8 +128,7 @@ static size_t gather_depths(const sf_seen *seen, float *found) {
     return n;
 }
 
-/* The range of each view from the depths that the coarse sweep found in it; of all views together for those
- * in which it found few. */
+/* Sets the range of each view from its coarse depths; where these are few, from those of all views. */
 static sf_status narrow_ranges(sweep_job *job, const sf_match_range *widest) {
     size_t room = 0, all = 0;
     for (size_t i = 0; i < job->n; i++)
@@ -149,7 +147,7 @@ static sf_status narrow_ranges(sweep_job *job, const sf_match_range *widest) {
         else if (all >= ENOUGH)
             seen->distance = together.distance;
         else
-            seen->range.last = seen->range.first; /* nothing to look for */
+            seen->range.last = seen->range.first; /* an empty range: not matched */
     }
     sf_free(job->ctx, found);
     return SF_OK;

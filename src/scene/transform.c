@@ -1,4 +1,4 @@
-/* transform.c - a model turned, scaled, moved; and cut to a box. */
+/* transform.c - rotates, scales and moves a model, and crops it to a box. */
 #include <math.h>
 
 #include "../base/linear.h"
@@ -12,10 +12,9 @@
 
 enum { SH = (SF_MAX_SH_DEGREE + 1) * (SF_MAX_SH_DEGREE + 1), NODES = 4, TURNS = 8 };
 
-/* A colour f(d) = sum_m c_m Y_m(d) that turns with the scene becomes f(R^T d), of which the coefficients in
- * the same band are D c, D_mn = integral over the sphere of Y_m(d) Y_n(R^T d). Products of two bands of
- * degree 3 are polynomials of degree 6, which Gauss' quadrature of 4 heights with 8 directions each sums
- * exactly. */
+/* Rotation of SH: a colour f(d) = sum_m c_m Y_m(d) becomes f(R^T d). Its coefficients in the same band are D
+ * c, D_mn = integral over the sphere of Y_m(d) Y_n(R^T d). Products of two bands of degree 3 are polynomials
+ * of degree 6, which Gauss quadrature with 4 heights and 8 directions each integrates exactly. */
 static void sh_rotation(const double R[9], double D[SH][SH]) {
     static const double height[NODES] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
                                          0.8611363115940526},

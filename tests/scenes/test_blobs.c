@@ -46,7 +46,7 @@ static void finds_the_size(void **state) {
                   progress.seconds);
     assert_true(progress.gaussians >= c->least && progress.gaussians <= c->most);
     assert_true(psnr > c->psnr);
-    if (c->gray < 0) assert_non_null(strstr(test_log, "growth ends at ")); /* and says why */
+    if (c->gray < 0) assert_non_null(strstr(test_log, "densification ends at ")); /* and says why */
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
