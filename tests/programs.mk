@@ -29,7 +29,9 @@ REF_OBJ   := $(REF_SRC:%.c=$(O)/%.o)
 # What several programs of tests/unit share: a library, so that each takes only what it calls.
 FIXTURES  := $(O)/tests/unit/fixtures.a
 FIXTURE_OBJ := $(patsubst %.c,$(O)/%.o,$(wildcard tests/unit/*_fixture.c))
-$(FIXTURES): $(FIXTURE_OBJ) ; $(Q)rm -f $@ && $(AR) rcs $@ $^
+$(FIXTURES): $(FIXTURE_OBJ)
+	@mkdir -p $(@D)
+	$(Q)rm -f $@ && $(AR) rcs $@ $^
 # What starts the program.
 PROGRAM_OBJ := $(O)/tests/program.o
 # What the programs of tests/check share.
