@@ -13,7 +13,7 @@ int main(int argc, char **argv) {
     if (!status)
         status = sf_scene_load(ctx, argv[1], NULL, &scene); /* or sf_scene_add_view with your pixels */
     if (!status) status = sf_fitter_create(ctx, scene, NULL, NULL, &fitter);
-    if (!status) status = sf_fitter_run(fitter, NULL, NULL); /* or sf_fitter_step in a loop of your own */
+    if (!status) status = sf_fitter_run(fitter, NULL, NULL); /* or call sf_fitter_step in your own loop */
     if (!status) status = sf_fitter_snapshot(fitter, &model);
     if (!status) status = sf_model_save(model, argv[2]);
     /* README: end */
