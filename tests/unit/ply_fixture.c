@@ -1,4 +1,4 @@
-/* ply_fixture.c - values of models and bytes of files. */
+/* ply_fixture.c - makes models and files. */
 #include "ply_fixture.h"
 
 #include <stdio.h>

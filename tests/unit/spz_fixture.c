@@ -1,4 +1,4 @@
-/* spz_fixture.c - values of models. */
+/* spz_fixture.c - makes models and compares values. */
 #include "spz_fixture.h"
 
 #include <math.h>
