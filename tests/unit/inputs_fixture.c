@@ -27,6 +27,8 @@ uint8_t inputs_shade(int view, int x, int y, int channel) {
     return (uint8_t)(20 + 60 * view + 5 * x + 3 * y + 10 * channel);
 }
 
+/* Files. */
+
 static void make_folders(const char *project, const char *name) {
     char part[512];
     snprintf(part, sizeof part, "%s/%s", project, name);
@@ -63,6 +65,8 @@ static void append(char *text, const char *format, ...) {
     va_end(args);
     assert_true(n >= 0 && (size_t)n < TEXT - used);
 }
+
+/* Pictures. */
 
 void inputs_put_png(const char *project, const char *name, int view, int divisor, kind k) {
     size_t width = (size_t)(WIDTH / divisor), height = (size_t)(HEIGHT / divisor), at = 0, size;
@@ -171,6 +175,8 @@ void inputs_put_mask_of(const char *project, const char *name, int divisor, int 
 void inputs_put_mask(const char *project, const char *name, int divisor) {
     inputs_put_mask_of(project, name, divisor, 255);
 }
+
+/* COLMAP. */
 
 const char inputs_pinhole[] = "PINHOLE 24 16 20 21 12.5 8.5";
 static const char two_points[] = "1 1 2 3 10 20 30 0.5\n2 -1 0 2 40 50 60 0.5 1 0\n";
@@ -316,6 +322,8 @@ void inputs_make_kind(const char *project, kind k, const char *ending) {
     put_model(project, "sparse/0/", inputs_pinhole, 0, VIEWS, form);
 }
 
+/* transforms.json. */
+
 static void add_matrix(char *text, int view) {
     double R[9];
     const double *t = inputs_translations[view];
@@ -354,6 +362,8 @@ void inputs_make_ngp(const char *project, const char *more) {
                           "'file_path':'./images/%s.png','sharpness':30,");
 }
 
+/* OpenSfM. */
+
 void inputs_put_opensfm(const char *project, const char *file, const char *camera, int first, int end,
                         const char *form) {
     char text[TEXT] = "";
@@ -379,6 +389,8 @@ void inputs_make_opensfm(const char *project, const char *camera) {
     inputs_put_pictures(project, "images", ".png", RGB);
     inputs_put_opensfm(project, "reconstruction.json", camera, 0, VIEWS, "%s.png");
 }
+
+/* Archives: stored, by hand. */
 
 static void add_u16(uint8_t *data, size_t *size, unsigned value) {
     add_bytes(data, size, &(uint16_t){(uint16_t)value}, 2);
