@@ -1,0 +1,156 @@
+/* test_cli_models.c - where the program writes a model, and in which format. */
+#include "cli_fixture.h"
+
+#include <fcntl.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* Where a model goes. */
+
+static void test_model_to_standard_output(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS("fit", SHORT_FIT, "-o", "out/m.ply"));
+    assert_int_equal(unlink(work("out/cameras.json")), 0);
+    content file = content_of("out/m.ply");
+    outcome o = run_ok("fit", SHORT_FIT, "-o", "-");
+    assert_int_equal(o.out_size, file.size);
+    assert_memory_equal(o.out, file.data, file.size);
+    test_assert_contains(o.err, "done after 10 steps", __FILE__, __LINE__); /* people read it there */
+    assert_int_equal(test_count_entries(work("out")), 1);
+    free_outcome(&o);
+    free(file.data);
+}
+
+/* The other end of a pipe gets the model, and the pipe is still one. */
+static void test_model_to_a_pipe(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS("fit", SHORT_FIT, "-o", "out/m.ply", "--cameras", "none"));
+    content file = content_of("out/m.ply");
+    assert_int_equal(mkfifo(work("out/pipe"), 0600), 0);
+    int fd = open(work("out/pipe"), O_RDONLY | O_NONBLOCK), status = 0, ended = 0;
+    assert_true(fd >= 0);
+    pid_t pid = start_program(ARGS("fit", SHORT_FIT, "-o", "out/pipe"), NULL);
+    double since = now();
+    char *got = malloc(file.size + 1);
+    size_t size = 0;
+    assert_non_null(got);
+    for (;;) {
+        ssize_t n = read(fd, got + size, file.size + 1 - size);
+        if (n > 0) size += (size_t)n;
+        if (n > 0) continue;
+        if (ended) break; /* nothing more after its end */
+        ended = has_ended(pid, since, &status);
+        if (!ended) test_pause_ms(5);
+    }
+    close(fd);
+    outcome o = take_outcome(status);
+    assert_int_equal(o.code, 0);
+    assert_int_equal(size, file.size);
+    assert_memory_equal(got, file.data, size);
+    struct stat st;
+    assert_true(!stat(work("out/pipe"), &st) && S_ISFIFO(st.st_mode));
+    assert_int_equal(test_count_entries(work("out")), 2);
+    free(got);
+    free(file.data);
+    free_outcome(&o);
+}
+
+static void test_model_to_a_device(void **state) {
+    (void)state;
+    clear_out();
+    struct stat st;
+    run_quietly(ARGS("fit", SHORT_FIT, "-o", "/dev/null"));
+    assert_true(!stat("/dev/null", &st) && S_ISCHR(st.st_mode));
+    assert_int_equal(test_count_entries(work("out")), 0);
+}
+
+/* Models in other formats. */
+
+static void test_convert(void **state) {
+    (void)state;
+    clear_out();
+    outcome o = run_ok("convert", "good.ply", "out/m.spz", SCENE, "--json", "out/c.json");
+    test_assert_contains(o.out, "good.ply: ", __FILE__, __LINE__);
+    test_assert_contains(o.out, " times smaller; 5 Gaussians, SH degree 1", __FILE__, __LINE__);
+    test_assert_contains(o.out, "2 views held out: PSNR ", __FILE__, __LINE__);
+    test_assert_contains(o.out, "7 views to train on: PSNR ", __FILE__, __LINE__);
+    free_outcome(&o);
+    json_t *json = test_json(work("out/c.json")), *compared = json_object_get(json, "compared");
+    content in = content_of("good.ply"), out = content_of("out/m.spz");
+    assert_true(test_number(json, "bytes_in") == (double)in.size);
+    assert_true(test_number(json, "bytes_out") == (double)out.size);
+    assert_int_equal(json_array_size(json_object_get(compared, "views")), SCENE_VIEWS);
+    assert_true(test_number(json_array_get(json_object_get(compared, "means"), 0), "psnr") > 30);
+    json_decref(json);
+    free(in.data);
+    free(out.data);
+    assert_int_equal(count_in("out/m.spz"), 5);
+
+    o = run_ok("convert", "out/m.spz", "out/m.splat", "--sh-degree", "0");
+    test_assert_contains(o.out, "8 views from a ring around the model: PSNR ", __FILE__, __LINE__);
+    free_outcome(&o);
+    assert_int_equal(count_in("out/m.splat"), 5);
+    run_quietly(ARGS("convert", "good.ply", "out/same.ply", "-q"));
+    assert_same_files("good.ply", "out/same.ply");
+    run_quietly(ARGS("convert", "good.ply", "out/rub.spz", "--spz-frame", "rub", "--sh-bits", "8,8"));
+    run_quietly(ARGS("convert", "good.ply", "out/own.spz", "--sh-bits", "8,8"));
+    run_quietly(ARGS("convert", "out/rub.spz", "out/rub.ply", "--spz-frame", "rub"));
+    o = run_ok("convert", "out/own.spz", "out/own.ply");
+    test_assert_contains(o.out, " times larger; 5 Gaussians", __FILE__, __LINE__);
+    free_outcome(&o);
+    run_quietly(ARGS("convert", "good.ply", "/dev/null"));
+    assert_int_equal(count_in("out/rub.ply"), 5);
+}
+
+/* All commands take all formats. */
+static void test_formats(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS(FIT, "-o", "out/m.spz", "--cameras", "none"));
+    run_quietly(ARGS("convert", "out/m.spz", "out/m.splat", "-q"));
+    static const char *const models[] = {"out/m.spz", "out/m.splat"};
+    for (size_t i = 0; i < COUNT(models); i++) {
+        outcome o = run_ok("info", models[i]);
+        test_assert_contains(o.out, i ? "SH degree 0" : "SH degree 3", __FILE__, __LINE__);
+        free_outcome(&o);
+        o = run_ok("eval", models[i], SCENE);
+        test_assert_contains(o.out, "mean", __FILE__, __LINE__);
+        free_outcome(&o);
+        run_quietly(ARGS("render", models[i], SCENE, "--out", "rendered", "-q"));
+        run_quietly(ARGS(FIT, "--from", models[i], "-o", "out/from.ply", "--cameras", "none", "-q"));
+    }
+}
+
+static void test_convert_refuses(void **state) {
+    (void)state;
+    clear_out();
+    assert_refused(ARGS("convert", "good.ply"), USAGE, "convert", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--sh-bits", "5"), USAGE, "--sh-bits", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--sh-bits", "5,9"), USAGE, "--sh-bits", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--sh-degree", "4"), USAGE, "sh-degree", 0);
+    assert_refused(ARGS("convert", "good.ply", "out/a.spz", "--spz-frame", "luf"), USAGE, "--spz-frame", 0);
+    assert_refused(ARGS("convert", "good.ply", "absent/a.spz"), FAILED, "absent", 0);
+    assert_refused(ARGS("convert", "absent.spz", "out/a.ply"), FAILED, "absent.spz: ", 0);
+    write_text("bad.spz", "\x1f\x8b");
+    assert_refused(ARGS("convert", "bad.spz", "out/a.ply"), FAILED, "bad.spz: truncated", 0);
+    assert_refused(ARGS("eval", "bad.spz", SCENE), FAILED, "bad.spz: truncated", 0);
+    write_text("bad.splat", "123");
+    assert_refused(ARGS("info", "bad.splat"), FAILED, "bad.splat: size", 0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_model_to_standard_output),
+        cmocka_unit_test(test_model_to_a_pipe),
+        cmocka_unit_test(test_model_to_a_device),
+        cmocka_unit_test(test_convert),
+        cmocka_unit_test(test_formats),
+        cmocka_unit_test(test_convert_refuses),
+    };
+    return cmocka_run_group_tests(tests, cli_set_up, NULL);
+}
