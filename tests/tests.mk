@@ -10,8 +10,10 @@ test: build-tests
 	$(run_tests) $(UNIT) $(GOLD) $(CHECK) $(STAB) $(PAGES) $(SCRIPTS)
 test-golden: $(GOLD)
 	$(call show_tests) $(GOLD)
+# All parts of tests of tests/unit, as TESTS finds them.
+parts_of    = $(patsubst %.c,$(O)/%,$(sort $(foreach t,$(1),$(wildcard tests/unit/test_$(t).c tests/unit/test_$(t)_*.c))))
 # make test asks for fewer of the long jobs' blocks.
-ALLOCATIONS := $(O)/tests/unit/test_allocations
+ALLOCATIONS := $(call parts_of,allocations)
 test-allocations: $(ALLOCATIONS)
 	$(call show_tests,SPLATFIT_FULL=1) $(ALLOCATIONS)
 # SPLATFIT_DATA names the folder of real scenes.
@@ -26,7 +28,7 @@ crash: $(PROGRAM) $(SHIM)
 
 .PHONY: check check-cpus mutants
 # The programs that hold kernels to float64, once a level; then what compares the levels.
-LEVEL_TESTS := $(patsubst %,$(O)/tests/unit/test_%,bin render loss) $(O)/tests/golden/test_golden
+LEVEL_TESTS := $(call parts_of,bin render loss) $(O)/tests/golden/test_golden
 # Where it is not emulated: so are the quick experiments.
 CHECKED := $(LEVEL_TESTS) $(if $(RUN),,$(STAB))
 check: $(CHECKED) $(CHECK) $(PROGRAM)
