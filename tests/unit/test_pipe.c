@@ -1,96 +1,12 @@
 /* test_pipe.c - frames from pipes and files: YUV4MPEG2, JPEGs one after another, plain pixels. */
-#define _XOPEN_SOURCE 700 /* mkfifo, setitimer */
-#include "testing.h"
+#include "pipe_fixture.h"
 
-#include <dirent.h>
-#include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <sys/time.h>
-#include <sys/wait.h>
-#include <time.h>
-#include <unistd.h>
 
-#include "../../src/capture/format.h"
-#include "../../src/capture/jpeg_cut.h"
-#include "../../src/capture/y4m.h"
-
-/* A file in the making. */
-typedef struct buffer {
-    uint8_t data[1 << 17];
-    size_t size;
-} buffer;
-
-static buffer file; /* of the test that runs */
-
-static void add(const void *data, size_t size) {
-    assert_true(size <= sizeof file.data - file.size);
-    memcpy(file.data + file.size, data, size);
-    file.size += size;
-}
-
-static void add_text(const char *text) { add(text, strlen(text)); }
-
-/* Byte i of frame `number`. */
-static uint8_t pixel(uint64_t number, size_t i) { return (uint8_t)(31 * number + 7 * i + i / 251); }
-
-static void add_pixels(uint64_t number, size_t size) {
-    assert_true(size <= sizeof file.data - file.size);
-    for (size_t i = 0; i < size; i++) file.data[file.size++] = pixel(number, i);
-}
-
-/* The name of a source that reads the file. */
-static const char *put_file(const char *options) {
-    static char name[600];
-    const char *path = test_path("frames");
-    test_write(path, file.data, file.size);
-    snprintf(name, sizeof name, "pipe:%s%s", path, options);
-    return name;
-}
-
-static sf_source *open_source(sf_context *ctx, const char *name) {
-    sf_source *source;
-    assert_ok(ctx, sf_source_open(ctx, name, &source));
-    return source;
-}
-
-/* All bytes of the frame's planes, close together, are those of frame `number`. */
-static void assert_pixels(const sf_frame *frame, uint64_t number) {
-    size_t at = 0, bytes, rows;
-    for (int i = 0; i < SF_FRAME_PLANES; i++) {
-        sf_pixel_plane(frame->format, frame->width, frame->height, i, &bytes, &rows);
-        assert_true(!rows == !frame->plane[i]);
-        for (size_t y = 0; y < rows; y++)
-            for (size_t x = 0; x < bytes; x++, at++)
-                assert_int_equal(frame->plane[i][y * frame->stride[i] + x], pixel(number, at));
-    }
-    assert_true(at > 0);
-}
-
-/* Takes frames 0 .. count-1, then the end. */
-static void assert_frames(sf_context *ctx, sf_source *source, uint64_t count, double fps) {
-    sf_frame frame;
-    for (uint64_t i = 0; i < count; i++) {
-        assert_ok(ctx, sf_source_next(source, -1, &frame));
-        assert_int_equal(frame.sequence, i);
-        assert_true(llabs(frame.time_ns - (int64_t)((double)i * 1e9 / fps)) <= 1);
-        assert_int_equal(frame.dmabuf, -1);
-        assert_false(frame.has_camera);
-        assert_pixels(&frame, i);
-        sf_source_release(source, &frame);
-    }
-    assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_END);
-    assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_END);
-}
-
-static sf_source_counts counts_of(const sf_source *source) {
-    sf_source_counts counts;
-    sf_source_count(source, &counts);
-    return counts;
-}
+#include "capture/jpeg_cut.h"
 
 /* Plain pixels. */
 
@@ -103,9 +19,9 @@ static void test_raw_formats(void **state) {
         char options[64];
         const char *name = sf_pixel_format_name((sf_pixel_format)format);
         snprintf(options, sizeof options, "?size=5x3&format=%s&fps=25", name);
-        file.size = 0;
-        for (uint64_t i = 0; i < 4; i++) add_pixels(i, sizes[format]);
-        sf_source *source = open_source(ctx, put_file(options));
+        pipe_file.size = 0;
+        for (uint64_t i = 0; i < 4; i++) pipe_add_pixels(i, sizes[format]);
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(options));
         sf_source_info info;
         sf_source_describe(source, &info);
         assert_int_equal(info.width, 5);
@@ -114,9 +30,9 @@ static void test_raw_formats(void **state) {
         assert_true(info.frames_per_second == 25);
         assert_false(info.live);
         test_assert_contains(info.name, "frames", __FILE__, __LINE__);
-        assert_frames(ctx, source, 4, 25);
-        assert_int_equal(counts_of(source).given, 4);
-        assert_int_equal(counts_of(source).damaged + counts_of(source).dropped, 0);
+        pipe_assert_frames(ctx, source, 4, 25);
+        assert_int_equal(pipe_counts_of(source).given, 4);
+        assert_int_equal(pipe_counts_of(source).damaged + pipe_counts_of(source).dropped, 0);
         sf_source_close(&source);
     }
     sf_context_destroy(&ctx);
@@ -133,11 +49,11 @@ static void test_colours(void **state) {
                  {"?size=4x2&format=YUYV&matrix=2020&range=full", SF_YUV_2020, 1},
                  {"?size=4x2&format=YUYV&matrix=601&range=limited", SF_YUV_601, 0}};
     sf_context *ctx = test_context();
-    file.size = 0;
-    add_pixels(0, 16);
+    pipe_file.size = 0;
+    pipe_add_pixels(0, 16);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         sf_frame frame;
-        sf_source *source = open_source(ctx, put_file(cases[i].options));
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(cases[i].options));
         assert_ok(ctx, sf_source_next(source, -1, &frame));
         assert_int_equal(frame.matrix, cases[i].matrix);
         assert_int_equal(frame.full_range, cases[i].full);
@@ -151,12 +67,12 @@ static void test_cut_short(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     for (size_t cut = 1; cut < 27; cut += 5) {
-        file.size = 0;
-        for (uint64_t i = 0; i < 3; i++) add_pixels(i, 27);
-        file.size -= cut;
-        sf_source *source = open_source(ctx, put_file("?size=5x3&format=NV12"));
-        assert_frames(ctx, source, 2, 30);
-        assert_int_equal(counts_of(source).damaged, 1);
+        pipe_file.size = 0;
+        for (uint64_t i = 0; i < 3; i++) pipe_add_pixels(i, 27);
+        pipe_file.size -= cut;
+        sf_source *source = pipe_open_source(ctx, pipe_put_file("?size=5x3&format=NV12"));
+        pipe_assert_frames(ctx, source, 2, 30);
+        assert_int_equal(pipe_counts_of(source).damaged, 1);
         sf_source_close(&source);
     }
     sf_context_destroy(&ctx);
@@ -184,11 +100,11 @@ static void test_y4m_matrix(void **state) {
         char header[64];
         sf_frame frame;
         snprintf(header, sizeof header, "YUV4MPEG2 W1 H%d C%s\nFRAME\n", cases[i].height, cases[i].colours);
-        file.size = 0;
-        add_text(header);
-        add_pixels(0, (size_t)cases[i].height * 3); /* and more than it takes */
+        pipe_file.size = 0;
+        pipe_add_text(header);
+        pipe_add_pixels(0, (size_t)cases[i].height * 3); /* and more than it takes */
         test_log_clear();
-        sf_source *source = open_source(ctx, put_file(cases[i].options));
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(cases[i].options));
         assert_ok(ctx, sf_source_next(source, -1, &frame));
         assert_int_equal(frame.matrix, cases[i].matrix);
         assert_int_equal(strstr(test_log, "BT.709 is taken") != NULL, cases[i].said);
@@ -218,16 +134,16 @@ static void test_y4m_colours(void **state) {
     sf_context *ctx = test_context();
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         sf_frame frame;
-        file.size = 0;
-        add_text(cases[i].header);
+        pipe_file.size = 0;
+        pipe_add_text(cases[i].header);
         for (uint64_t k = 0; k < 3; k++) {
-            add_text(k == 1 ? "FRAME Ip Xwhatever\n" : "FRAME\n");
-            add_pixels(k, cases[i].bytes);
+            pipe_add_text(k == 1 ? "FRAME Ip Xwhatever\n" : "FRAME\n");
+            pipe_add_pixels(k, cases[i].bytes);
         }
-        sf_source *source = open_source(ctx, put_file(""));
-        assert_frames(ctx, source, 3, 30);
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(""));
+        pipe_assert_frames(ctx, source, 3, 30);
         sf_source_close(&source);
-        source = open_source(ctx, put_file("?matrix=709"));
+        source = pipe_open_source(ctx, pipe_put_file("?matrix=709"));
         assert_ok(ctx, sf_source_next(source, -1, &frame));
         assert_int_equal(frame.format, cases[i].format);
         assert_int_equal(frame.full_range, cases[i].full);
@@ -241,14 +157,14 @@ static void test_y4m_rate(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_source_info info;
-    file.size = 0;
-    add_text("YUV4MPEG2 W5 H3 F30000:1001\nFRAME\n");
-    add_pixels(0, 27);
-    sf_source *source = open_source(ctx, put_file(""));
+    pipe_file.size = 0;
+    pipe_add_text("YUV4MPEG2 W5 H3 F30000:1001\nFRAME\n");
+    pipe_add_pixels(0, 27);
+    sf_source *source = pipe_open_source(ctx, pipe_put_file(""));
     sf_source_describe(source, &info);
     assert_true(info.frames_per_second > 29.969 && info.frames_per_second < 29.971);
     sf_source_close(&source);
-    source = open_source(ctx, put_file("?fps=12.5"));
+    source = pipe_open_source(ctx, pipe_put_file("?fps=12.5"));
     sf_source_describe(source, &info);
     assert_true(info.frames_per_second == 12.5);
     sf_source_close(&source);
@@ -287,18 +203,18 @@ static void test_y4m_refused(void **state) {
     sf_context *ctx = test_context();
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         sf_source *source;
-        file.size = 0;
-        add_text(bad[i].header);
-        assert_status(ctx, sf_source_open(ctx, put_file(""), &source), bad[i].status);
+        pipe_file.size = 0;
+        pipe_add_text(bad[i].header);
+        assert_status(ctx, sf_source_open(ctx, pipe_put_file(""), &source), bad[i].status);
         assert_error_names(ctx, bad[i].part);
         assert_error_names(ctx, "frames");
         assert_null(source);
     }
-    file.size = 0;
-    add_text("YUV4MPEG2 ");
-    for (int i = 0; i < 200; i++) add_text("Xpadding ");
+    pipe_file.size = 0;
+    pipe_add_text("YUV4MPEG2 ");
+    for (int i = 0; i < 200; i++) pipe_add_text("Xpadding ");
     sf_source *source;
-    assert_status(ctx, sf_source_open(ctx, put_file(""), &source), SF_ERR_FORMAT);
+    assert_status(ctx, sf_source_open(ctx, pipe_put_file(""), &source), SF_ERR_FORMAT);
     sf_context_destroy(&ctx);
 }
 
@@ -309,14 +225,14 @@ static void test_y4m_wrong_frame(void **state) {
     sf_context *ctx = test_context();
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         sf_frame frame;
-        file.size = 0;
-        add_text("YUV4MPEG2 W5 H3 F30:1\nFRAME\n"); /* 22 + 6 bytes */
-        add_pixels(0, 27);
-        add_text(wrong[i]);
-        add_pixels(1, 27);
-        sf_source *source = open_source(ctx, put_file(""));
+        pipe_file.size = 0;
+        pipe_add_text("YUV4MPEG2 W5 H3 F30:1\nFRAME\n"); /* 22 + 6 bytes */
+        pipe_add_pixels(0, 27);
+        pipe_add_text(wrong[i]);
+        pipe_add_pixels(1, 27);
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(""));
         assert_ok(ctx, sf_source_next(source, -1, &frame));
-        assert_pixels(&frame, 0);
+        pipe_assert_pixels(&frame, 0);
         sf_source_release(source, &frame);
         assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_FORMAT);
         assert_error_names(ctx, "offset 55: ");
@@ -324,15 +240,15 @@ static void test_y4m_wrong_frame(void **state) {
         sf_source_close(&source);
     }
     for (size_t cut = 1; cut < 33; cut += 8) { /* also within the header of the frame */
-        file.size = 0;
-        add_text("YUV4MPEG2 W5 H3 F30:1\nFRAME\n");
-        add_pixels(0, 27);
-        add_text("FRAME\n");
-        add_pixels(1, 27);
-        file.size -= cut;
-        sf_source *source = open_source(ctx, put_file(""));
-        assert_frames(ctx, source, 1, 30);
-        assert_int_equal(counts_of(source).damaged, 1);
+        pipe_file.size = 0;
+        pipe_add_text("YUV4MPEG2 W5 H3 F30:1\nFRAME\n");
+        pipe_add_pixels(0, 27);
+        pipe_add_text("FRAME\n");
+        pipe_add_pixels(1, 27);
+        pipe_file.size -= cut;
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(""));
+        pipe_assert_frames(ctx, source, 1, 30);
+        assert_int_equal(pipe_counts_of(source).damaged, 1);
         sf_source_close(&source);
     }
     sf_context_destroy(&ctx);
@@ -412,15 +328,15 @@ static void test_jpegs(void **state) {
     sf_context *ctx = test_context();
     jpeg a = make_jpeg(ctx, 40, 30, 1), small = make_jpeg(ctx, 8, 8, 2), b = with_thumbnail(&a, &small);
     static const char *const options[] = {"", "?format=MJPEG", "?format=MJPEG&size=40x30&fps=10"};
-    file.size = 0;
-    add(a.data, a.size);
-    add(b.data, b.size);
-    add_text("\r\n--boundary\r\nContent-Type: image/jpeg\r\n\r\n"); /* as web cameras part them */
-    add(small.data, small.size);
+    pipe_file.size = 0;
+    pipe_add(a.data, a.size);
+    pipe_add(b.data, b.size);
+    pipe_add_text("\r\n--boundary\r\nContent-Type: image/jpeg\r\n\r\n"); /* as web cameras part them */
+    pipe_add(small.data, small.size);
     for (int i = 0; i < 3; i++) {
         sf_source_info info;
         sf_frame frame;
-        sf_source *source = open_source(ctx, put_file(options[i]));
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(options[i]));
         sf_source_describe(source, &info);
         assert_int_equal(info.format, SF_PIXEL_MJPEG);
         assert_int_equal(info.width, 40);
@@ -429,7 +345,7 @@ static void test_jpegs(void **state) {
         assert_jpeg(ctx, source, &b, 1, 40, 30);
         assert_jpeg(ctx, source, &small, 2, 8, 8);
         assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_END);
-        assert_int_equal(counts_of(source).damaged, 0);
+        assert_int_equal(pipe_counts_of(source).damaged, 0);
         sf_source_close(&source);
     }
     sf_context_destroy(&ctx);
@@ -442,22 +358,22 @@ static void test_cut_jpegs(void **state) {
     jpeg a = make_jpeg(ctx, 40, 30, 1), b = make_jpeg(ctx, 40, 30, 2);
     sf_frame frame;
     for (size_t cut = 2; cut < 600; cut += 97) {
-        file.size = 0;
-        add(a.data, a.size);
-        add(b.data, b.size - cut);
-        add(b.data, b.size);
-        add(a.data, a.size - cut);
-        sf_source *source = open_source(ctx, put_file(""));
+        pipe_file.size = 0;
+        pipe_add(a.data, a.size);
+        pipe_add(b.data, b.size - cut);
+        pipe_add(b.data, b.size);
+        pipe_add(a.data, a.size - cut);
+        sf_source *source = pipe_open_source(ctx, pipe_put_file(""));
         assert_jpeg(ctx, source, &a, 0, 40, 30);
         assert_jpeg(ctx, source, &b, 2, 40, 30);
         assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_END);
-        assert_int_equal(counts_of(source).damaged, 2);
+        assert_int_equal(pipe_counts_of(source).damaged, 2);
         sf_source_close(&source);
     }
     sf_source *source;
-    file.size = 0;
-    add(a.data, a.size - 10);
-    assert_status(ctx, sf_source_open(ctx, put_file(""), &source), SF_ERR_EMPTY);
+    pipe_file.size = 0;
+    pipe_add(a.data, a.size - 10);
+    assert_status(ctx, sf_source_open(ctx, pipe_put_file(""), &source), SF_ERR_EMPTY);
     assert_error_names(ctx, "no whole JPEG");
     assert_null(source);
     sf_context_destroy(&ctx);
@@ -469,18 +385,19 @@ static void test_cutter(void **state) {
     sf_context *ctx = test_context();
     jpeg a = make_jpeg(ctx, 24, 16, 1), thumbnail = make_jpeg(ctx, 8, 8, 2),
          b = with_thumbnail(&a, &thumbnail);
-    file.size = 0;
-    add(a.data, a.size);
-    add_text("\xff");
-    add(b.data, b.size);
-    add(b.data, b.size - 20);
-    add(a.data, a.size);
+    pipe_file.size = 0;
+    pipe_add(a.data, a.size);
+    pipe_add_text("\xff");
+    pipe_add(b.data, b.size);
+    pipe_add(b.data, b.size - 20);
+    pipe_add(a.data, a.size);
     for (size_t chunk = 1; chunk < 2000; chunk = 2 * chunk + 1) {
         sf_jpeg_cutter cutter = {0};
         size_t whole = 0, begun = 0, broken = 0, ends[4] = {0};
-        for (size_t at = 0; at < file.size;) {
-            size_t taken, left = file.size - at;
-            sf_jpeg_event event = sf_jpeg_cut(&cutter, file.data + at, left < chunk ? left : chunk, &taken);
+        for (size_t at = 0; at < pipe_file.size;) {
+            size_t taken, left = pipe_file.size - at;
+            sf_jpeg_event event =
+                sf_jpeg_cut(&cutter, pipe_file.data + at, left < chunk ? left : chunk, &taken);
             at += taken;
             begun += event == SF_JPEG_BEGIN;
             broken += event == SF_JPEG_BROKEN;
@@ -491,7 +408,7 @@ static void test_cutter(void **state) {
         assert_int_equal(broken, 1);
         assert_int_equal(ends[0], a.size);
         assert_int_equal(ends[1], a.size + 1 + b.size);
-        assert_int_equal(ends[2], file.size);
+        assert_int_equal(ends[2], pipe_file.size);
     }
     uint32_t random = 1;
     for (int round = 0; round < 300; round++) { /* flipped bytes: no matter what, all is taken */
@@ -519,284 +436,6 @@ static void test_cutter(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* Pipes in time. */
-
-enum { SMALL = 27 };
-#define SMALL_OPTIONS "?size=5x3&format=NV12"
-
-static const char *fifo_name(const char *options) {
-    static char name[600];
-    const char *path = test_path("fifo");
-    unlink(path);
-    assert_int_equal(mkfifo(path, 0600), 0);
-    snprintf(name, sizeof name, "pipe:%s%s", path, options);
-    return name;
-}
-
-/* A process that writes frames first .. first+count-1 into the fifo. */
-static pid_t start_writer(const char *header, uint64_t first, uint64_t count, long pause) {
-    const char *path = test_path("fifo");
-    pid_t pid = fork();
-    assert_true(pid >= 0);
-    if (pid) return pid;
-    int fd = open(path, O_WRONLY);
-    uint8_t bytes[SMALL];
-    for (const char *c = header; *c; c++)
-        if (write(fd, c, 1) != 1) _exit(1); /* byte by byte */
-    for (uint64_t k = first; k < first + count; k++) {
-        for (size_t i = 0; i < SMALL; i++) bytes[i] = pixel(k, i);
-        if (write(fd, bytes, SMALL) != SMALL) _exit(1);
-        if (pause) test_pause_ms(pause);
-    }
-    _exit(0);
-}
-
-static void assert_ended(pid_t pid) {
-    int status;
-    assert_int_equal(waitpid(pid, &status, 0), pid);
-    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
-}
-
-/* Nobody writes yet: the wait ends, and the source goes on once frames come. */
-static void test_timeout(void **state) {
-    (void)state;
-    sf_context *ctx = test_context();
-    sf_frame frame;
-    sf_source *source = open_source(ctx, fifo_name(SMALL_OPTIONS));
-    for (int i = 0; i < 2; i++) {
-        assert_status(ctx, sf_source_next(source, 3, &frame), SF_ERR_TIMEOUT);
-        assert_error_names(ctx, "no frame within 3 ms");
-        assert_null(frame.plane[0]);
-    }
-    pid_t writer = start_writer("", 0, 5, 0);
-    assert_frames(ctx, source, 5, 30);
-    assert_ended(writer);
-    sf_source_close(&source);
-    sf_context_destroy(&ctx);
-}
-
-/* The writer waits for a slow reader: nothing is lost. */
-static void test_nothing_is_lost(void **state) {
-    (void)state;
-    enum { FRAMES = 100 };
-    sf_context *ctx = test_context();
-    sf_frame frame;
-    sf_source *source = open_source(ctx, fifo_name(SMALL_OPTIONS));
-    pid_t writer = start_writer("", 0, FRAMES, 0);
-    for (uint64_t i = 0; i < FRAMES; i++) {
-        if (i % 20 == 0) test_pause_ms(5);
-        assert_ok(ctx, sf_source_newest(source, -1, &frame)); /* not live: the next */
-        assert_int_equal(frame.sequence, i);
-        assert_pixels(&frame, i);
-        sf_source_release(source, &frame);
-    }
-    assert_status(ctx, sf_source_next(source, -1, &frame), SF_ERR_END);
-    assert_int_equal(counts_of(source).skipped + counts_of(source).dropped, 0);
-    assert_ended(writer);
-    sf_source_close(&source);
-    sf_context_destroy(&ctx);
-}
-
-/* A live pipe is read whether or not anybody takes frames; each is given, skipped or dropped, and counted. */
-static void live(int newest) {
-    enum { FRAMES = 3000 }; /* more than a pipe holds */
-    sf_context *ctx = test_context();
-    sf_frame frame;
-    sf_source *source = open_source(ctx, fifo_name(SMALL_OPTIONS "&live=1"));
-    pid_t writer = start_writer("", 0, FRAMES, 0);
-    assert_ended(writer); /* though nothing was taken */
-    uint64_t gaps = 0, next = 0;
-    int64_t last_ns = 0;
-    sf_status status;
-    while ((status = newest ? sf_source_newest(source, -1, &frame) : sf_source_next(source, -1, &frame)) ==
-           SF_OK) {
-        assert_true(frame.sequence >= next && frame.time_ns >= last_ns);
-        assert_pixels(&frame, frame.sequence);
-        gaps += frame.sequence - next;
-        next = frame.sequence + 1;
-        last_ns = frame.time_ns;
-        sf_source_release(source, &frame);
-    }
-    assert_status(ctx, status, SF_ERR_END);
-    sf_source_counts counts = counts_of(source);
-    assert_int_equal(next, FRAMES); /* the last one is among those that waited */
-    assert_int_equal(counts.given + counts.skipped + counts.dropped, FRAMES);
-    assert_int_equal(counts.skipped + counts.dropped, gaps);
-    assert_true(newest ? counts.given >= 1 : counts.skipped == 0);
-    assert_int_equal(counts.damaged, 0);
-    sf_source_close(&source);
-    sf_context_destroy(&ctx);
-}
-
-static void test_live(void **state) {
-    (void)state;
-    live(0);
-    live(1);
-}
-
-static void on_alarm(int number) { (void)number; }
-
-/* A header that comes byte by byte, while signals interrupt. */
-static void test_interrupted(void **state) {
-    (void)state;
-    sf_context *ctx = test_context();
-    struct sigaction action = {.sa_handler = on_alarm}, old;
-    const struct itimerval often = {{0, 2000}, {0, 2000}}, never = {{0, 0}, {0, 0}};
-    char header[] = "YUV4MPEG2 W5 H3 F30:1\nFRAME\n";
-    const char *name = fifo_name("");
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGALRM, &action, &old);
-    pid_t writer = start_writer(header, 0, 1, 20);
-    setitimer(ITIMER_REAL, &often, NULL);
-    sf_source *source = open_source(ctx, name);
-    assert_frames(ctx, source, 1, 30);
-    setitimer(ITIMER_REAL, &never, NULL);
-    sigaction(SIGALRM, &old, NULL);
-    assert_ended(writer);
-    sf_source_close(&source);
-    sf_context_destroy(&ctx);
-}
-
-static int open_files(void) { return test_count_entries("/proc/self/fd"); }
-
-/* Closing ends a reader that waits, for bytes or for room, and leaves no file open. */
-static void test_close(void **state) {
-    (void)state;
-    sf_context *ctx = test_context();
-    int before = open_files();
-    sf_frame frame;
-    sf_source *source = open_source(ctx, fifo_name(SMALL_OPTIONS));
-    sf_source_close(&source);
-    source = open_source(ctx, fifo_name(SMALL_OPTIONS));
-    int silent = open(test_path("fifo"), O_WRONLY);
-    assert_true(silent >= 0);
-    assert_status(ctx, sf_source_next(source, 1, &frame), SF_ERR_TIMEOUT);
-    sf_source_close(&source);
-    assert_null(source);
-    close(silent);
-    file.size = 0;
-    for (uint64_t i = 0; i < 20; i++) add_pixels(i, SMALL);
-    source = open_source(ctx, put_file(SMALL_OPTIONS));
-    assert_ok(ctx, sf_source_next(source, -1, &frame)); /* it is out when the source is closed */
-    sf_source_close(&source);
-    assert_int_equal(open_files(), before);
-    sf_context_destroy(&ctx);
-}
-
-static void test_standard_input(void **state) {
-    (void)state;
-    sf_context *ctx = test_context();
-    file.size = 0;
-    add_text("YUV4MPEG2 W5 H3 F30:1\nFRAME\n");
-    add_pixels(0, SMALL);
-    put_file("");
-    int saved = dup(STDIN_FILENO), fd = open(test_path("frames"), O_RDONLY);
-    assert_true(fd >= 0 && dup2(fd, STDIN_FILENO) == STDIN_FILENO);
-    close(fd);
-    sf_source *source = open_source(ctx, "pipe:-");
-    assert_frames(ctx, source, 1, 30);
-    sf_source_close(&source);
-    assert_true(fcntl(STDIN_FILENO, F_GETFD) >= 0); /* it is not ours to close */
-    if (saved >= 0) {
-        dup2(saved, STDIN_FILENO);
-        close(saved);
-    }
-    sf_context_destroy(&ctx);
-}
-
-static void test_leases(void **state) {
-    (void)state;
-    sf_context *ctx = test_context();
-    sf_frame a, b, c;
-    file.size = 0;
-    for (uint64_t i = 0; i < 12; i++) add_pixels(i, SMALL);
-    sf_source *source = open_source(ctx, put_file(SMALL_OPTIONS));
-    assert_ok(ctx, sf_source_next(source, -1, &a));
-    for (uint64_t i = 1; i < 11; i++) {
-        assert_ok(ctx, sf_source_next(source, -1, &b));
-        assert_status(ctx, sf_source_next(source, -1, &c), SF_ERR_ARGUMENT);
-        assert_pixels(&a, i - 1);
-        assert_pixels(&b, i);
-        sf_source_release(source, &a);
-        a = b;
-    }
-    sf_source_close(&source);
-    sf_context_destroy(&ctx);
-}
-
-static void test_bad_names(void **state) {
-    (void)state;
-    static const struct {
-        const char *options, *part;
-    } bad[] = {
-        {"?size=5x3", "format: \"\" is none of RGB24"},
-        {"?format=NV12", "size: \"\" is not WIDTHxHEIGHT"},
-        {"?size=5x3&format=NV21", "format: \"NV21\" is none of RGB24"},
-        {"?size=5&format=NV12", "size: \"5\""},
-        {"?size=5x&format=NV12", "size: \"5x\""},
-        {"?size=x3&format=NV12", "size: \"x3\""},
-        {"?size=5x3x2&format=NV12", "size: \"5x3x2\""},
-        {"?size=0x3&format=NV12", "size: \"0x3\""},
-        {"?size=65536x3&format=NV12", "size: \"65536x3\""},
-        {"?size=65535x65535&format=NV12", "size: \"65535x65535\""},
-        {"?size=5x3&format=MJPG", "format: \"MJPG\""},
-        {"?size=5x3&format=NV12&matrix=602", "matrix: \"602\" is none of 601 709 2020"},
-        {"?size=5x3&format=NV12&range=some", "range: \"some\" is none of limited full"},
-        {"?fps=-1", "fps: -1"},
-        {"?fps=1001", "fps: 1001"},
-        {"?live=2", "live: 2"},
-        {"?live=0.5", "live: 0.5"},
-        {"?speed=2", "unknown option \"speed\""},
-    };
-    sf_context *ctx = test_context();
-    sf_source *source;
-    int before = open_files();
-    file.size = 0;
-    add_pixels(0, SMALL);
-    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        assert_status(ctx, sf_source_open(ctx, put_file(bad[i].options), &source), SF_ERR_ARGUMENT);
-        assert_error_names(ctx, bad[i].part);
-        assert_error_names(ctx, "pipe:");
-        assert_null(source);
-    }
-    assert_status(ctx, sf_source_open(ctx, "pipe:", &source), SF_ERR_IO);
-    char name[600];
-    snprintf(name, sizeof name, "pipe:%s", test_path("absent"));
-    assert_status(ctx, sf_source_open(ctx, name, &source), SF_ERR_IO);
-    assert_error_names(ctx, "absent: cannot be opened");
-    snprintf(name, sizeof name, "pipe:%s", test_folder());
-    assert_status(ctx, sf_source_open(ctx, name, &source), SF_ERR_IO);
-    assert_error_names(ctx, "is a folder");
-    assert_int_equal(open_files(), before);
-    sf_context_destroy(&ctx);
-}
-
-/* Wherever memory ends it is said, and nothing stays behind. */
-static void test_memory_ends(void **state) {
-    (void)state;
-    test_allocations a = {.fail_at = 0};
-    sf_allocator allocator = {test_count_alloc, test_count_free, &a};
-    sf_context_options options = {.allocator = &allocator, .threads = 1};
-    sf_context *ctx;
-    assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
-    long before = a.live, failures = 0;
-    file.size = 0;
-    add_pixels(0, SMALL);
-    for (sf_status status = SF_ERR_MEMORY; status != SF_OK; failures++) {
-        sf_source *source;
-        sf_frame frame;
-        a.fail_at = a.calls + failures + 1;
-        status = sf_source_open(ctx, put_file(SMALL_OPTIONS), &source);
-        if (status == SF_OK) status = sf_source_next(source, -1, &frame);
-        if (status != SF_OK) assert_int_equal(status, SF_ERR_MEMORY);
-        sf_source_close(&source);
-        assert_int_equal(a.live, before);
-    }
-    assert_true(failures > 4);
-    a.fail_at = 0;
-    sf_context_destroy(&ctx);
-}
-
 int main(void) {
     signal(SIGPIPE, SIG_IGN);
     const struct CMUnitTest tests[] = {
@@ -806,11 +445,6 @@ int main(void) {
         cmocka_unit_test(test_y4m_refused), cmocka_unit_test(test_y4m_wrong_frame),
         cmocka_unit_test(test_jpegs),       cmocka_unit_test(test_jpeg_ends),
         cmocka_unit_test(test_cut_jpegs),   cmocka_unit_test(test_cutter),
-        cmocka_unit_test(test_timeout),     cmocka_unit_test(test_nothing_is_lost),
-        cmocka_unit_test(test_live),        cmocka_unit_test(test_interrupted),
-        cmocka_unit_test(test_close),       cmocka_unit_test(test_standard_input),
-        cmocka_unit_test(test_leases),      cmocka_unit_test(test_bad_names),
-        cmocka_unit_test(test_memory_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
