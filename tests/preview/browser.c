@@ -1,6 +1,8 @@
 /* browser.c - see browser.h. */
 #include "browser.h"
 
+#include "../../src/io/picture.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -287,4 +289,19 @@ void browser_picture(browser *b, const char *selector, const char *path) {
     test_write(path, data, size);
     free(data);
     json_decref(result);
+}
+
+float *browser_pixels(browser *b, sf_context *ctx, const char *selector, int width, int height) {
+    sf_picture picture;
+    browser_picture(b, selector, test_path("seen.png"));
+    assert_ok(ctx, sf_picture_load(ctx, test_path("seen.png"), &picture));
+    assert_int_equal(picture.width, width);
+    assert_int_equal(picture.height, height);
+    size_t pixels = (size_t)width * (size_t)height;
+    float *rgb = malloc(3 * pixels * sizeof *rgb);
+    assert_non_null(rgb);
+    for (size_t i = 0; i < pixels; i++)
+        for (size_t c = 0; c < 3; c++) rgb[3 * i + c] = picture.rgb[c * pixels + i] / 255.0f;
+    sf_picture_free(ctx, &picture);
+    return rgb;
 }

@@ -45,4 +45,7 @@ void browser_touch(browser *b, const char *type, int n, const double (*at)[2]);
 /* The screen, or what of it the element covers, as a PNG file. */
 void browser_picture(browser *b, const char *selector, const char *path);
 
+/* What the page shows of an element, width by height, as RGB in 0..1, pixel by pixel; the caller frees it. */
+float *browser_pixels(browser *b, sf_context *ctx, const char *selector, int width, int height);
+
 #endif

@@ -98,28 +98,13 @@ static void set_status(fixture *f, const char *json) { assert_ok(f->ctx, sf_prev
 
 /* ---- The model ---- */
 
-/* What the page shows of the element, as floats. */
-static float *seen(fixture *f, const char *selector, int width, int height) {
-    sf_picture picture;
-    browser_picture(&shared, selector, test_path("seen.png"));
-    assert_ok(f->ctx, sf_picture_load(f->ctx, test_path("seen.png"), &picture));
-    assert_int_equal(picture.width, width);
-    assert_int_equal(picture.height, height);
-    size_t pixels = (size_t)width * (size_t)height;
-    float *rgb = malloc(3 * pixels * sizeof *rgb);
-    assert_non_null(rgb);
-    for (size_t i = 0; i < pixels; i++)
-        for (size_t c = 0; c < 3; c++) rgb[3 * i + c] = picture.rgb[c * pixels + i] / 255.0f;
-    sf_picture_free(f->ctx, &picture);
-    return rgb;
-}
-
 /* PSNR of the page's canvas against the library's picture of the same camera. */
 static double likeness(fixture *f, const sf_model *model, sf_camera camera) {
     sf_renderer *renderer;
     sf_quality quality;
     int w = camera.width, h = camera.height;
-    float *wanted = malloc(3 * sizeof *wanted * (size_t)w * (size_t)h), *got = seen(f, "#view", w, h);
+    float *wanted = malloc(3 * sizeof *wanted * (size_t)w * (size_t)h),
+          *got = browser_pixels(&shared, f->ctx, "#view", w, h);
     assert_non_null(wanted);
     assert_ok(f->ctx, sf_renderer_create(f->ctx, &renderer));
     const sf_image_out out = {.rgb = wanted};
@@ -471,9 +456,9 @@ static void test_small_screens(void **state) {
 }
 
 static void test_it_comes_back(void **state) {
+    (void)state;
     fixture f = start();
     char listen[64];
-    (void)state;
     set_status(&f, "{\"state\": \"first\"}");
     browser_open(&shared, sf_preview_url(f.p));
     browser_await(&shared, "document.querySelector('#state').textContent == 'first'");

@@ -16,62 +16,63 @@ static void assert_refused(bench *b, const char *name, sf_status status, const c
     assert_int_equal(b->driver.maps, 0);
 }
 
+static const struct {
+    uint32_t fourcc, planes;
+    int multi; /* 2: on both kinds of nodes */
+    sf_pixel_format format;
+    const char *name;
+    size_t row[PLANES], rows[PLANES];
+} formats[] = {
+    {V4L2_PIX_FMT_YUYV, 1, 2, SF_PIXEL_YUYV, "yuyv", {128}, {48}},
+    {V4L2_PIX_FMT_UYVY, 1, 2, SF_PIXEL_UYVY, "UYVY", {128}, {48}},
+    {V4L2_PIX_FMT_RGB24, 1, 2, SF_PIXEL_RGB24, "RGB3", {192}, {48}},
+    {V4L2_PIX_FMT_BGR24, 1, 2, SF_PIXEL_BGR24, "BGR24", {192}, {48}},
+    {V4L2_PIX_FMT_GREY, 1, 2, SF_PIXEL_GREY, "grey", {64}, {48}},
+    {V4L2_PIX_FMT_NV12, 1, 2, SF_PIXEL_NV12, "NV12", {64, 64}, {48, 24}},
+    {V4L2_PIX_FMT_YUV420, 1, 2, SF_PIXEL_YU12, "YUV420", {64, 32, 32}, {48, 24, 24}},
+    {V4L2_PIX_FMT_YUV422P, 1, 2, SF_PIXEL_422P, "422P", {64, 32, 32}, {48, 48, 48}},
+    {V4L2_PIX_FMT_NV12M, 2, 1, SF_PIXEL_NV12, "NV12", {64, 64}, {48, 24}},
+    {V4L2_PIX_FMT_NV12M, 2, 1, SF_PIXEL_NV12, "NV12M", {64, 64}, {48, 24}},
+    {V4L2_PIX_FMT_YUV420M, 3, 1, SF_PIXEL_YU12, "YM12", {64, 32, 32}, {48, 24, 24}},
+    {V4L2_PIX_FMT_YUV422M, 3, 1, SF_PIXEL_422P, "YM16", {64, 32, 32}, {48, 48, 48}},
+    {V4L2_PIX_FMT_YUV444M, 3, 1, SF_PIXEL_444P, "444P", {64, 64, 64}, {48, 48, 48}},
+};
+
 /* Each format, in one plane of memory or several, with rows as long as they need be and longer. */
 static void test_formats(void **state) {
     (void)state;
-    static const struct {
-        uint32_t fourcc, planes;
-        int multi; /* 2: on both kinds of nodes */
-        sf_pixel_format format;
-        const char *name;
-        size_t row[PLANES], rows[PLANES];
-    } cases[] = {
-        {V4L2_PIX_FMT_YUYV, 1, 2, SF_PIXEL_YUYV, "yuyv", {128}, {48}},
-        {V4L2_PIX_FMT_UYVY, 1, 2, SF_PIXEL_UYVY, "UYVY", {128}, {48}},
-        {V4L2_PIX_FMT_RGB24, 1, 2, SF_PIXEL_RGB24, "RGB3", {192}, {48}},
-        {V4L2_PIX_FMT_BGR24, 1, 2, SF_PIXEL_BGR24, "BGR24", {192}, {48}},
-        {V4L2_PIX_FMT_GREY, 1, 2, SF_PIXEL_GREY, "grey", {64}, {48}},
-        {V4L2_PIX_FMT_NV12, 1, 2, SF_PIXEL_NV12, "NV12", {64, 64}, {48, 24}},
-        {V4L2_PIX_FMT_YUV420, 1, 2, SF_PIXEL_YU12, "YUV420", {64, 32, 32}, {48, 24, 24}},
-        {V4L2_PIX_FMT_YUV422P, 1, 2, SF_PIXEL_422P, "422P", {64, 32, 32}, {48, 48, 48}},
-        {V4L2_PIX_FMT_NV12M, 2, 1, SF_PIXEL_NV12, "NV12", {64, 64}, {48, 24}},
-        {V4L2_PIX_FMT_NV12M, 2, 1, SF_PIXEL_NV12, "NV12M", {64, 64}, {48, 24}},
-        {V4L2_PIX_FMT_YUV420M, 3, 1, SF_PIXEL_YU12, "YM12", {64, 32, 32}, {48, 24, 24}},
-        {V4L2_PIX_FMT_YUV422M, 3, 1, SF_PIXEL_422P, "YM16", {64, 32, 32}, {48, 48, 48}},
-        {V4L2_PIX_FMT_YUV444M, 3, 1, SF_PIXEL_444P, "444P", {64, 64, 64}, {48, 48, 48}},
-    };
-    for (size_t i = 0; i < 4 * COUNT(cases); i++) {
+    for (size_t i = 0; i < 4 * COUNT(formats); i++) {
         size_t which = i / 4, padding = i & 1 ? 16 : 0;
         int multi = i & 2 ? 1 : 0;
-        if (cases[which].multi != 2 && cases[which].multi != multi) continue;
+        if (formats[which].multi != 2 && formats[which].multi != multi) continue;
         bench *b = v4l2_bench_start();
         fake_node *n = &b->driver.nodes[0];
         char name[64];
         n->multi = multi;
         n->padding = (uint32_t)padding;
         n->data_offset = multi ? 24 : 0;
-        v4l2_set_format(n, cases[which].fourcc, cases[which].planes);
-        snprintf(name, sizeof name, "v4l2:/dev/video0?size=64x48&format=%s", cases[which].name);
+        v4l2_set_format(n, formats[which].fourcc, formats[which].planes);
+        snprintf(name, sizeof name, "v4l2:/dev/video0?size=64x48&format=%s", formats[which].name);
         v4l2_open_source(b, name);
         for (uint64_t k = 0; k < 6; k++) {
             sf_frame frame = v4l2_next_frame(b);
             size_t offset = 0;
             assert_int_equal(frame.sequence, k);
-            assert_int_equal(frame.format, cases[which].format);
+            assert_int_equal(frame.format, formats[which].format);
             assert_int_equal(frame.width, 64);
             assert_int_equal(frame.height, 48);
             assert_int_equal(frame.dmabuf, -1);
             for (int p = 0; p < PLANES; p++) {
-                size_t row = cases[which].row[p], stride = row + padding;
+                size_t row = formats[which].row[p], stride = row + padding;
                 if (!row) {
                     assert_null(frame.plane[p]);
                     continue;
                 }
-                int together = cases[which].planes == 1;
+                int together = formats[which].planes == 1;
                 if (together && p && row < 64) stride = (64 + padding) / 2;
                 v4l2_assert_plane(&frame, p, together ? 0 : (uint32_t)p, together ? offset : 0, stride, row,
-                                  cases[which].rows[p]);
-                offset += stride * cases[which].rows[p];
+                                  formats[which].rows[p]);
+                offset += stride * formats[which].rows[p];
             }
             sf_source_release(b->source, &frame);
         }

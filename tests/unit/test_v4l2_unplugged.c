@@ -282,14 +282,8 @@ static void test_memory_ends(void **state) {
 
 /* 7. The list of cameras */
 
-static void test_devices(void **state) {
-    (void)state;
-    bench *b = v4l2_bench_start();
-    fake *f = &b->driver;
-    sf_devices *devices;
-    sf_device_info info;
-    sf_device_mode mode;
-    size_t before = 0;
+/* Beside the webcam a sensor of any size and a second webcam. */
+static void plug_in_others(fake *f) {
     f->nodes[1].plugged = 1; /* metadata: no camera */
     f->nodes[2] = f->nodes[0];
     f->nodes[2].card = "Sensor";
@@ -298,6 +292,17 @@ static void test_devices(void **state) {
     v4l2_set_format(&f->nodes[2], V4L2_PIX_FMT_NV12M, 2);
     f->nodes[2].formats[0].sizes[0] = (fake_size){1, 1, 60};
     f->nodes[3] = f->nodes[0];
+}
+
+static void test_devices(void **state) {
+    (void)state;
+    bench *b = v4l2_bench_start();
+    fake *f = &b->driver;
+    sf_devices *devices;
+    sf_device_info info;
+    sf_device_mode mode;
+    size_t before = 0;
+    plug_in_others(f);
     assert_ok(b->ctx, sf_devices_find(b->ctx, &devices));
     while (!sf_devices_get(devices, before, &info)) before++; /* of this machine itself */
     v4l2_plan_fault(f, 1, 0, 0);
