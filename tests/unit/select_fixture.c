@@ -60,5 +60,5 @@ sf_fitter *select_fitter_of(sf_context *ctx, sf_scene *scene, const sf_model *mo
 }
 
 const ball select_three[3] = {{{0, 0, 0}, {0.3f, 0.3f, 0.3f}, 0.8f, 0.9f},
-                             {{0.2f, 0.1f, 0.3f}, {0.2f, 0.4f, 0.2f}, 0.6f, 0.4f},
-                             {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
+                              {{0.2f, 0.1f, 0.3f}, {0.2f, 0.4f, 0.2f}, 0.6f, 0.4f},
+                              {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
