@@ -359,3 +359,37 @@ void test_kill(pid_t pid) {
     assert_int_equal(kill(pid, SIGKILL), 0);
     assert_int_equal(waitpid(pid, NULL, 0), pid);
 }
+
+void test_refuse_model(sf_context *ctx, const char *path, sf_status expected, const char *part) {
+    sf_model *model = (sf_model *)ctx;
+    assert_status(ctx, sf_model_load(ctx, path, &model), expected);
+    assert_null(model);
+    assert_error_names(ctx, path);
+    assert_error_names(ctx, part);
+    assert_null(strchr(sf_last_error(ctx), '\n'));
+}
+
+void test_draw(sf_context *ctx, const sf_model *model, const sf_camera *camera, float *rgb) {
+    sf_renderer *renderer;
+    sf_image_out out = {.rgb = rgb};
+    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
+    assert_ok(ctx, sf_render(renderer, model, camera, NULL, &out));
+    sf_renderer_destroy(&renderer);
+}
+
+void test_source_without_memory(sf_context *ctx, test_allocations *memory, const char *(*name)(void),
+                                long least) {
+    long before = memory->live, failures = 0;
+    for (sf_status status = SF_ERR_MEMORY; status != SF_OK; failures++) {
+        sf_source *source;
+        sf_frame frame;
+        memory->fail_at = memory->calls + failures + 1;
+        status = sf_source_open(ctx, name(), &source);
+        if (status == SF_OK) status = sf_source_next(source, -1, &frame);
+        if (status != SF_OK) assert_int_equal(status, SF_ERR_MEMORY);
+        sf_source_close(&source);
+        assert_int_equal(memory->live, before);
+    }
+    assert_true(failures > least);
+    memory->fail_at = 0;
+}

@@ -108,6 +108,16 @@ void test_copy_views(sf_context *ctx, sf_scene *from, sf_scene *to, test_change 
  * stay. */
 sf_scene *test_changed_scene(sf_context *ctx, const char *name, test_change change, void *user);
 
+/* Loading a model fails with this status, in one line that names the path and `part`. */
+void test_refuse_model(sf_context *ctx, const char *path, sf_status expected, const char *part);
+/* The picture of a model, rgb: [height][width][3]. */
+void test_draw(sf_context *ctx, const sf_model *model, const sf_camera *camera, float *rgb);
+/* Opens a source and takes a frame, with one allocation failing after another, until all succeed: each
+ * failure is SF_ERR_MEMORY, and leaves nothing behind. memory: of the context's allocator; name: of the
+ * source, made anew each time; least: there are more failures than that. */
+void test_source_without_memory(sf_context *ctx, test_allocations *memory, const char *(*name)(void),
+                                long least);
+
 /* The folder named by SPLATFIT_DATA, or ends the test as skipped, saying that the variable is not set. */
 const char *test_data(void);
 /* Whether SPLATFIT_QUICK is set, but to 0: each instruction is slow, so tests do less. */

@@ -11,7 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-char capture_program[4096];
+static char program[4096];
 
 static void redirect(const char *path, int flags, int to) {
     int fd = open(path, flags, 0600);
@@ -25,7 +25,7 @@ static void become_program(const char *const *args, rlim_t file_limit) {
     int n = 0;
     snprintf(prefix, sizeof prefix, "%s", getenv("RUN") ? getenv("RUN") : "");
     for (char *word = strtok(prefix, " "); word && n < 20; word = strtok(NULL, " ")) command[n++] = word;
-    command[n++] = capture_program;
+    command[n++] = program;
     for (; *args && n < MAX_COMMAND - 1; args++) memcpy(&command[n++], args, sizeof *args);
     if (*args || chdir(test_folder())) _exit(99);
     signal(SIGHUP, SIG_DFL); /* also where the test runs under nohup */
@@ -127,4 +127,13 @@ json_t *capture_assert_recording(const char *recording, size_t pictures) {
 
 void capture_forget(const char *recording, size_t pictures) {
     json_decref(capture_assert_recording(recording, pictures));
+}
+
+int capture_find_program(void) {
+    const char *given = getenv("SPLATFIT_PROGRAM");
+    char top[2048];
+    if (!getcwd(top, sizeof top)) return 1;
+    given = given && *given ? given : "build/splatfit";
+    snprintf(program, sizeof program, "%s%s%s", *given == '/' ? "" : top, *given == '/' ? "" : "/", given);
+    return 0;
 }

@@ -18,8 +18,8 @@ typedef struct outcome {
     char *out, *err;
 } outcome;
 
-/* The program under test; main sets it. */
-extern char capture_program[4096];
+/* Finds the program under test, before the first run of it; not 0: there is no current folder. */
+int capture_find_program(void);
 
 pid_t capture_start(const char *const *args, rlim_t file_limit);
 outcome capture_wait_for(pid_t pid);

@@ -20,15 +20,6 @@ sf_model *densify_model_of(sf_context *ctx, const ball *balls, size_t count) {
     return model;
 }
 
-void densify_draw(sf_context *ctx, const sf_model *model, int view, float *rgb) {
-    sf_renderer *renderer;
-    sf_camera camera = camera_of(view);
-    sf_image_out out = {.rgb = rgb};
-    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    assert_ok(ctx, sf_render(renderer, model, &camera, NULL, &out));
-    sf_renderer_destroy(&renderer);
-}
-
 sf_scene *densify_scene_of(sf_context *ctx, const ball *balls, size_t count, int spoilt, const float *where,
                            const uint8_t *mask) {
     static float rgb[3 * PIXELS];
@@ -38,7 +29,7 @@ sf_scene *densify_scene_of(sf_context *ctx, const ball *balls, size_t count, int
     assert_ok(ctx, sf_scene_create(ctx, &scene));
     for (int v = 0; v < VIEWS; v++) {
         sf_camera camera = camera_of(v);
-        densify_draw(ctx, model, v, rgb);
+        test_draw(ctx, model, &camera, rgb);
         for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)(255 * fminf(fmaxf(rgb[i], 0), 1) + 0.5f);
         double p[3];
         for (int k = 0; k < 3 && v == spoilt; k++)

@@ -12,7 +12,6 @@ typedef struct ball {
 } ball;
 
 sf_model *densify_model_of(sf_context *ctx, const ball *balls, size_t count);
-void densify_draw(sf_context *ctx, const sf_model *model, int view, float *rgb);
 
 /* All views of balls; in view `spoilt` (-1: none) the picture is white around the middle of `where`. */
 sf_scene *densify_scene_of(sf_context *ctx, const ball *balls, size_t count, int spoilt, const float *where,

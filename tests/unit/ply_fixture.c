@@ -89,15 +89,6 @@ void ply_put_one_gaussian(file *f) {
     for (int i = 0; i < GAUSSIAN_VALUES; i++) ply_put_f32(f, ply_one_gaussian[i]);
 }
 
-void ply_assert_refused(sf_context *ctx, const char *path, sf_status expected, const char *part) {
-    sf_model *model = (sf_model *)ctx;
-    assert_status(ctx, sf_model_load(ctx, path, &model), expected);
-    assert_null(model);
-    assert_error_names(ctx, path);
-    assert_error_names(ctx, part);
-    assert_null(strchr(sf_last_error(ctx), '\n'));
-}
-
 const char ply_ascii_file[] = "ply\nformat ascii 1.0\nelement strip 2\nproperty list uchar int indices\n"
                               "element nothing 2147483647\n"
                               "element vertex 2\n" GAUSSIAN_PROPERTIES "end_header\n"

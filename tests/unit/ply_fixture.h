@@ -54,9 +54,6 @@ extern const float ply_one_gaussian[GAUSSIAN_VALUES];
 /* Appends ply_one_gaussian. */
 void ply_put_one_gaussian(file *f);
 
-/* Loading fails with this status, and the error names the path and `part`. */
-void ply_assert_refused(sf_context *ctx, const char *path, sf_status expected, const char *part);
-
 /* A text file of ply_one_gaussian, twice. */
 extern const char ply_ascii_file[];
 

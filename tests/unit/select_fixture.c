@@ -20,15 +20,6 @@ sf_model *select_model_of(sf_context *ctx, const ball *balls, size_t count, int 
     return model;
 }
 
-void select_draw(sf_context *ctx, const sf_model *model, int view, float *rgb) {
-    sf_renderer *renderer;
-    sf_camera camera = select_camera_of(view);
-    sf_image_out out = {.rgb = rgb};
-    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
-    assert_ok(ctx, sf_render(renderer, model, &camera, NULL, &out));
-    sf_renderer_destroy(&renderer);
-}
-
 sf_scene *select_scene_of_many(sf_context *ctx, const sf_model *model, int times, int unmasked) {
     static float rgb[3 * PIXELS];
     static uint8_t bytes[3 * PIXELS], masked[PIXELS];
@@ -36,7 +27,7 @@ sf_scene *select_scene_of_many(sf_context *ctx, const sf_model *model, int times
     assert_ok(ctx, sf_scene_create(ctx, &scene));
     for (int view = 0; view < VIEWS; view++) {
         sf_camera camera = select_camera_of(view);
-        select_draw(ctx, model, view, rgb);
+        test_draw(ctx, model, &camera, rgb);
         for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
         for (int k = 0; k < times; k++) {
             sf_pixels pixels = {bytes, 3 * WIDTH, k < unmasked ? NULL : masked};

@@ -14,7 +14,6 @@ typedef struct ball {
 } ball;
 
 sf_model *select_model_of(sf_context *ctx, const ball *balls, size_t count, int sh_degree);
-void select_draw(sf_context *ctx, const sf_model *model, int view, float *rgb);
 
 /* Each view of a model so many times, one after another, the first `unmasked` of them with nothing masked and
  * the others altogether. */

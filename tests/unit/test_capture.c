@@ -311,12 +311,7 @@ static void test_older_recording(void **state) {
 }
 
 int main(void) {
-    const char *given = getenv("SPLATFIT_PROGRAM");
-    char top[2048];
-    if (!getcwd(top, sizeof top)) return 1;
-    given = given && *given ? given : "build/splatfit";
-    snprintf(capture_program, sizeof capture_program, "%s%s%s", *given == '/' ? "" : top,
-             *given == '/' ? "" : "/", given);
+    if (capture_find_program()) return 1;
     signal(SIGXFSZ, SIG_IGN);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pictures),

@@ -213,9 +213,10 @@ static void test_picture_stays(void **state) {
     sf_fitter *f = densify_fitter_of(ctx, scene, balls, 4, &options);
     f->model->params.field[SF_FIELD_mean][sf_at(3, 3, 0)] = NAN; /* dead too */
     ((float *)f->moments.part[0][SF_FIELD_mean])[sf_at(2, 3, 1)] = 1;
-    densify_draw(ctx, f->model, 0, before);
+    sf_camera camera = test_camera_around(0, VIEWS, WIDTH, HEIGHT);
+    test_draw(ctx, f->model, &camera, before);
     assert_ok(ctx, sf_relocate(f, 2));
-    densify_draw(ctx, f->model, 0, after);
+    test_draw(ctx, f->model, &camera, after);
     assert_int_equal(f->model->count, 6);
     double each = -expm1(log1p(-0.8) / 6), line_before = 0, line_after = 0;
     for (size_t i = 0; i < 6; i++) {

@@ -260,6 +260,8 @@ static void test_bad_names(void **state) {
     sf_context_destroy(&ctx);
 }
 
+static const char *name_of_source(void) { return pipe_put_file(SMALL_OPTIONS); }
+
 /* Wherever memory ends it is said, and nothing stays behind. */
 static void test_memory_ends(void **state) {
     (void)state;
@@ -268,21 +270,9 @@ static void test_memory_ends(void **state) {
     sf_context_options options = {.allocator = &allocator, .threads = 1};
     sf_context *ctx;
     assert_int_equal(sf_context_create(&ctx, &options), SF_OK);
-    long before = a.live, failures = 0;
     pipe_file.size = 0;
     pipe_add_pixels(0, SMALL);
-    for (sf_status status = SF_ERR_MEMORY; status != SF_OK; failures++) {
-        sf_source *source;
-        sf_frame frame;
-        a.fail_at = a.calls + failures + 1;
-        status = sf_source_open(ctx, pipe_put_file(SMALL_OPTIONS), &source);
-        if (status == SF_OK) status = sf_source_next(source, -1, &frame);
-        if (status != SF_OK) assert_int_equal(status, SF_ERR_MEMORY);
-        sf_source_close(&source);
-        assert_int_equal(a.live, before);
-    }
-    assert_true(failures > 4);
-    a.fail_at = 0;
+    test_source_without_memory(ctx, &a, name_of_source, 4);
     sf_context_destroy(&ctx);
 }
 

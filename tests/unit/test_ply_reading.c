@@ -198,7 +198,7 @@ static void test_all_skipped_is_refused(void **state) {
     ply_put_text(&f, "ply\nformat binary_little_endian 1.0\nelement vertex 1\n" GAUSSIAN_PROPERTIES
                      "end_header\n");
     for (int i = 0; i < GAUSSIAN_VALUES; i++) ply_put_f32(&f, NAN);
-    ply_assert_refused(ctx, ply_write_file(&f), SF_ERR_FORMAT, "none of its 1 Gaussians can be used");
+    test_refuse_model(ctx, ply_write_file(&f), SF_ERR_FORMAT, "none of its 1 Gaussians can be used");
     assert_error_names(ctx, "first: #0, x is nan");
     sf_context_destroy(&ctx);
 }

@@ -82,7 +82,7 @@ static void test_growth_while_views_come(void **state) {
     for (int view = 0; view < VIEWS; view++) { /* each once more */
         sf_camera camera = select_camera_of(view);
         sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
-        select_draw(ctx, truth, view, rgb);
+        test_draw(ctx, truth, &camera, rgb);
         for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
         assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
     }
@@ -113,7 +113,7 @@ static void test_tone_is_no_error(void **state) {
     for (int view = 0; view < VIEWS; view++) {
         sf_camera camera = select_camera_of(view);
         sf_pixels pixels = {bytes, 3 * WIDTH, NULL};
-        select_draw(ctx, model, view, rgb);
+        test_draw(ctx, model, &camera, rgb);
         for (int i = 0; i < 3 * PIXELS; i++)
             bytes[i] = (uint8_t)(255 * (0.7 * fmin((double)rgb[i], 1) + 0.05 * (1 + i % 3)) + 0.5);
         assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
@@ -145,7 +145,7 @@ static double squares_without(sf_context *ctx, sf_scene *scene, const ball *ball
     assert_ok(ctx, sf_scene_training_ids(scene, &ids, &views));
     for (size_t v = 0; v < views; v++) {
         sf_view *view = sf_scene_retain_id(scene, ids[v]);
-        select_draw(ctx, model, (int)v, rgb);
+        test_draw(ctx, model, &view->camera, rgb);
         for (int px = 0; px < PIXELS; px++)
             for (int ch = 0; ch < 3; ch++) {
                 double y = (1 + (gain - 1) * (1 - ch)) * (double)rgb[3 * px + ch] + bias * (1 - ch);
