@@ -180,6 +180,11 @@ static void test_frame_order(void **state) {
     order.driver_sequence = UINT32_MAX;
     assert_true(sf_frame_order_take(&order, 1, 4, &dropped)); /* it wraps */
     assert_true(order.sequence == 14 && dropped == 3);
+    sf_frame_order_restart(&order);
+    assert_true(sf_frame_order_take(&order, 0, 4, &dropped)); /* neither late nor a gap */
+    assert_true(order.sequence == 15 && order.driver_sequence == 0 && dropped == 3);
+    assert_true(sf_frame_order_take(&order, 0, 1, &dropped)); /* a driver that does not count */
+    assert_true(order.sequence == 16 && dropped == 3);
 }
 
 #ifdef SF_HAVE_LIBCAMERA
