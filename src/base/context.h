@@ -24,7 +24,7 @@ struct sf_context {
     const char *unpacked, *archive; /* see sf_show_as; under `lock` */
     struct sf_pool *pool;
     struct sf_kernels *kernels;     /* const after creation; src/kernels */
-    struct sf_libcamera *libcamera; /* src/capture/libcamera.cc's own, under `lock`; NULL: not in use */
+    struct sf_libcamera *libcamera; /* src/capture/libcamera_manager.c's, under `lock`; NULL: not in use */
 #ifndef __cplusplus                 /* whose atomics have other names */
     atomic_int loads_cancelled;     /* sf_scene_cancel_loads */
     atomic_uint_least64_t versions; /* of models, handed out so far */

@@ -39,6 +39,10 @@ size_t sf_pixel_bytes(sf_pixel_format format, int32_t width, int32_t height) {
     return sum;
 }
 
+size_t sf_pixel_stride_part(sf_pixel_format format, int plane) {
+    return plane && (format == SF_PIXEL_YU12 || format == SF_PIXEL_422P) ? 2 : 1;
+}
+
 void sf_frame_set_planes(sf_frame *frame, const uint8_t *data) {
     for (int i = 0; i < SF_FRAME_PLANES; i++) {
         size_t rows;

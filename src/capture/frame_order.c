@@ -2,6 +2,7 @@
 #include "frame_order.h"
 
 int32_t sf_frame_order_ahead(const sf_frame_order *order, uint32_t driver_sequence) {
+    if (order->anew) return 1;
     return (int32_t)(driver_sequence - (order->counted ? order->driver_sequence : UINT32_MAX));
 }
 
@@ -13,6 +14,9 @@ int sf_frame_order_take(sf_frame_order *order, uint32_t driver_sequence, size_t 
     order->sequence = order->counted ? order->sequence + (uint64_t)step : driver_sequence;
     order->driver_sequence = driver_sequence;
     order->counted = 1;
+    order->anew = 0;
     order->late = 0;
     return 1;
 }
+
+void sf_frame_order_restart(sf_frame_order *order) { order->counted = order->anew = 1; }

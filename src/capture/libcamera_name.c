@@ -2,6 +2,7 @@
 #include "libcamera_name.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "../base/query.h"
@@ -55,4 +56,16 @@ sf_status sf_libcamera_read_name(sf_context *ctx, const char *name, sf_libcamera
     request->gain = options[GAIN].value;
     request->buffers = (unsigned)options[BUFFERS].value;
     return SF_OK;
+}
+
+int sf_libcamera_is_meant(const sf_libcamera_request *request, size_t index, const char *id) {
+    int is_number = strspn(request->camera, "0123456789") == strlen(request->camera);
+    return is_number ? strtoul(request->camera, NULL, 10) == index : strcmp(request->camera, id) == 0;
+}
+
+void sf_libcamera_write_name(size_t index, const char *id, char *name, size_t bytes) {
+    if (strlen(id) + sizeof "libcamera:" > bytes || strchr(id, '?'))
+        snprintf(name, bytes, "libcamera:%zu", index);
+    else
+        snprintf(name, bytes, "libcamera:%s", id);
 }

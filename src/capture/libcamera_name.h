@@ -17,4 +17,11 @@ typedef struct sf_libcamera_request {
  * or has a value that is out of its range. */
 sf_status sf_libcamera_read_name(sf_context *ctx, const char *name, sf_libcamera_request *request);
 
+/* Whether the camera of that number and id is the one asked for. */
+int sf_libcamera_is_meant(const sf_libcamera_request *request, size_t index, const char *id);
+
+/* Writes a name that opens the camera: "libcamera:ID", with its number where the id cannot stand in a name.
+ */
+void sf_libcamera_write_name(size_t index, const char *id, char *name, size_t bytes);
+
 #endif

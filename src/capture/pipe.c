@@ -6,13 +6,13 @@
  */
 #include "pipe.h"
 
-#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "../base/clock.h"
+#include "../base/wait.h"
 #include "format.h"
 #include "pace.h"
 #include "pipe_source.h"
@@ -210,9 +210,8 @@ sf_status sf_pipe_start(sf_pipe_source *p) {
 
 void sf_pipe_wait(sf_pipe_source *p, int timeout_ms) {
     int64_t deadline = sf_clock_ns() + (int64_t)timeout_ms * 1000000;
-    struct timespec until = {(time_t)(deadline / 1000000000), (long)(deadline % 1000000000)};
     while (!p->queued && !p->ended)
-        if (pthread_cond_timedwait(&p->changed, &p->lock, &until) == ETIMEDOUT) return;
+        if (!sf_condition_wait(&p->changed, &p->lock, deadline)) return;
 }
 
 static void move_counts(sf_pipe_source *p, sf_source_counts *counts) {

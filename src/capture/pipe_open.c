@@ -10,6 +10,7 @@
 
 #include "../base/clock.h"
 #include "../base/query.h"
+#include "../base/wait.h"
 #include "format.h"
 #include "pipe_source.h"
 #include "y4m.h"
@@ -208,14 +209,10 @@ static sf_status open_pipe(sf_pipe_source *p, const char *name) {
 }
 
 static sf_status init(sf_pipe_source *p, const char *name) {
-    pthread_condattr_t attributes;
     size_t length = strcspn(name, "?");
     p->stream.fd = p->stream.stop = p->stop[0] = p->stop[1] = -1;
     pthread_mutex_init(&p->lock, NULL);
-    pthread_condattr_init(&attributes);
-    pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
-    pthread_cond_init(&p->changed, &attributes);
-    pthread_condattr_destroy(&attributes);
+    sf_condition_init(&p->changed);
     p->name = sf_calloc(p->ctx, length + 1, 1);
     p->stream.buffer = sf_alloc(p->ctx, SF_STREAM_BUFFER, 1);
     if (!p->name || !p->stream.buffer) return SF_ERR_MEMORY;

@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "../base/query.h"
+#include "frame_order.h"
 #include "v4l2_stream.h"
 
 enum { MOST_RESTARTS = 4, RESTART_PAUSE_MS = 100, LOOK_PAUSE_MS = 100, SIGNAL_PAUSE_MS = 1000 };
@@ -33,9 +34,7 @@ typedef struct v4l2_source {
     int locked;              /* exposure, gain and white balance stay as they were */
     unsigned were;           /* which of them the camera chose before */
     int64_t not_before_ns;   /* when the next look or restart may be */
-    uint64_t sequence;       /* of the last frame, beyond 32 bits */
-    uint32_t driver_sequence;
-    enum { SEQUENCE_FIRST, SEQUENCE_GOES_ON, SEQUENCE_ANEW } counting;
+    sf_frame_order order;
     const char *signal; /* why the input carries nothing, as last said; NULL: it carries a picture */
     int64_t signal_asked_ns;
 } v4l2_source;
@@ -120,7 +119,7 @@ static void lose(v4l2_source *s) {
 
 static void welcome(v4l2_source *s, sf_source_counts *counts) {
     sf_log(s->ctx, SF_LOG_WARNING, "%s: %s is back", s->stream->device.path, s->identity.card);
-    s->counting = SEQUENCE_ANEW;
+    sf_frame_order_restart(&s->order);
     s->restarts = 0;
     counts->reopened++;
 }
@@ -151,7 +150,7 @@ static sf_status restart(v4l2_source *s, int64_t deadline_ns) {
     sf_log(s->ctx, SF_LOG_WARNING, "%s: the stream failed and is started again", s->settings.path);
     pause_for(s, RESTART_PAUSE_MS << 2 * s->restarts);
     s->restarts++;
-    s->counting = SEQUENCE_ANEW;
+    sf_frame_order_restart(&s->order);
     sf_v4l2_stream_stop(s->stream);
     sf_v4l2_stream_start(s->stream); /* what fails stays broken, or is gone */
     return SF_OK;
@@ -186,20 +185,11 @@ static void watch_signal(v4l2_source *s) {
 
 /* 3. Frames */
 
-/* Goes on counting over the wrap of the driver's 32 bits; drivers that do not count are counted for. */
+/* Drivers that do not count are counted for. */
 static void count_frame(v4l2_source *s, uint32_t sequence, sf_source_counts *counts) {
-    uint32_t step = sequence - s->driver_sequence;
-    if (s->counting == SEQUENCE_FIRST) {
-        s->sequence = sequence;
-    } else if (s->counting == SEQUENCE_ANEW || step == 0 || step > UINT32_MAX / 2) {
-        s->sequence++;
-    } else {
-        s->sequence += step;
-        counts->dropped += step - 1;
-        if (step > 1) watch_signal(s);
-    }
-    s->counting = SEQUENCE_GOES_ON;
-    s->driver_sequence = sequence;
+    uint64_t dropped = counts->dropped;
+    sf_frame_order_take(&s->order, sequence, 1, &counts->dropped);
+    if (counts->dropped > dropped) watch_signal(s);
 }
 
 /* A frame that has arrived. */
@@ -223,7 +213,7 @@ static void collect(v4l2_source *s, int newest, caught *kept, sf_source_counts *
             counts->skipped++;
             sf_v4l2_stream_give_back(kept->arrival.buffer);
         }
-        *kept = (caught){a, s->sequence};
+        *kept = (caught){a, s->order.sequence};
         if (!newest) return;
     }
 }

@@ -3,6 +3,7 @@
 #include "v4l2_layout.h"
 
 #include "convert.h"
+#include "format.h"
 
 #include <string.h>
 
@@ -119,10 +120,10 @@ typedef struct plane_shape {
 
 /* Of an MJPEG, a file, the one plane has no rows. */
 static uint32_t shape_of(sf_pixel_format format, int32_t w, int32_t h, plane_shape shape[SF_FRAME_PLANES]) {
-    int halves = format == SF_PIXEL_YU12 || format == SF_PIXEL_422P, planes = sf_format_planes(format);
+    int planes = sf_format_planes(format);
     for (int i = 0; i < SF_FRAME_PLANES; i++) {
         sf_pixel_plane(format, w, h, i, &shape[i].row_bytes, &shape[i].rows);
-        shape[i].part = i && halves ? 2 : 1;
+        shape[i].part = sf_pixel_stride_part(format, i);
     }
     return planes ? (uint32_t)planes : 1;
 }

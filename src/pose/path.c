@@ -10,6 +10,7 @@
 #include "../base/clock.h"
 #include "../base/file.h"
 #include "../base/query.h"
+#include "../base/wait.h"
 
 static const uint64_t MOST_BYTES = (uint64_t)1 << 30;
 static const int64_t RESTART_NS = 1000000000;
@@ -119,14 +120,13 @@ sf_status sf_path_at(sf_path *path, int64_t time_ns, double R_cw[9], double t_cw
 sf_status sf_path_wait(sf_path *path, int64_t time_ns, int timeout_ms) {
     if (timeout_ms < 0 || timeout_ms > LONGEST_WAIT_MS) timeout_ms = LONGEST_WAIT_MS;
     int64_t deadline = sf_clock_ns() + (int64_t)timeout_ms * 1000000;
-    struct timespec until = {(time_t)(deadline / 1000000000), (long)(deadline % 1000000000)};
-    int error = 0, there = 0;
+    int in_time = 1, there = 0;
     report(path);
     pthread_mutex_lock(&path->lock);
     for (;;) {
         there = find(path, time_ns) < path->count;
-        if (there || error || !path->live) break;
-        error = pthread_cond_timedwait(&path->arrived, &path->lock, &until);
+        if (there || !in_time || !path->live) break;
+        in_time = sf_condition_wait(&path->arrived, &path->lock, deadline);
     }
     pthread_mutex_unlock(&path->lock);
     if (there) return SF_OK;
@@ -267,16 +267,12 @@ static sf_status fill(sf_path *path, const char *name) {
 
 sf_status sf_path_open(sf_context *ctx, const char *name, sf_path **path) {
     sf_path *p = *path = sf_calloc(ctx, 1, sizeof *p);
-    pthread_condattr_t attributes;
     if (!p) return SF_ERR_MEMORY;
     p->ctx = ctx;
     p->socket = p->stop[0] = p->stop[1] = -1;
     for (int i = 0; i < SF_PATH_SENDERS; i++) p->senders[i].fd = -1;
     pthread_mutex_init(&p->lock, NULL);
-    pthread_condattr_init(&attributes);
-    pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
-    pthread_cond_init(&p->arrived, &attributes);
-    pthread_condattr_destroy(&attributes);
+    sf_condition_init(&p->arrived);
     sf_status status = fill(p, name);
     if (status != SF_OK) sf_path_close(path);
     return status;

@@ -10,53 +10,89 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "capture/auto_exposure.h"
 #include "capture/dma_heaps.h"
 #include "capture/frame_order.h"
+#include "capture/libcamera_controls.h"
 #include "capture/libcamera_format.h"
 #include "capture/libcamera_name.h"
 
-static void assert_set(sf_auto_set set, int enable, int exposure_mode, int gain_mode) {
+static void assert_switches(sf_libcamera_controls set, int enable, int exposure_mode, int gain_mode) {
     assert_int_equal(set.enable, enable);
     assert_int_equal(set.exposure_mode, exposure_mode);
     assert_int_equal(set.gain_mode, gain_mode);
 }
 
 /* A switch of each kind of camera: one for all until 0.4, one for each from 0.5 on, a webcam's of 0.5. */
-static const sf_auto_has none, old = {1, 0, 0}, both = {1, 1, 1}, webcam = {1, 1, 0};
+static const sf_libcamera_has none, old = {.enable = 1, .white_balance = 1},
+                                    both = {.enable = 1, .exposure_mode = 1, .gain_mode = 1},
+                                    webcam = {.enable = 1, .exposure_mode = 1};
 
-static void test_auto_open(void **state) {
+static const sf_libcamera_request nothing, automatic = {.exposure_us = -1}, manual = {.exposure_us = 10000},
+                                           gain = {.gain = 2}, mixed = {.exposure_us = -1, .gain = 2},
+                                           fixed = {.exposure_us = 10000, .gain = 2};
+
+static void test_controls_open(void **state) {
     (void)state;
-    const sf_auto_asked nothing = {0, 0}, automatic = {-1, 0}, manual = {10000, 0}, gain = {0, 2},
-                        mixed = {-1, 2}, fixed = {10000, 2};
-    assert_set(sf_auto_open(none, fixed), -1, -1, -1);
-    assert_set(sf_auto_open(old, nothing), -1, -1, -1);
-    assert_set(sf_auto_open(old, automatic), 1, -1, -1);
-    assert_set(sf_auto_open(old, manual), 0, -1, -1);
-    assert_set(sf_auto_open(old, gain), -1, -1, -1);
-    assert_set(sf_auto_open(both, nothing), -1, -1, -1);
-    assert_set(sf_auto_open(both, automatic), -1, 1, -1);
-    assert_set(sf_auto_open(both, manual), -1, 0, -1);
-    assert_set(sf_auto_open(both, gain), -1, -1, 0);
-    assert_set(sf_auto_open(both, mixed), -1, 1, 0);
-    assert_set(sf_auto_open(both, fixed), -1, 0, 0);
-    assert_set(sf_auto_open(webcam, fixed), -1, 0, -1);
+    assert_switches(sf_libcamera_controls_open(none, &fixed), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_open(old, &nothing), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_open(old, &automatic), 1, -1, -1);
+    assert_switches(sf_libcamera_controls_open(old, &manual), 0, -1, -1);
+    assert_switches(sf_libcamera_controls_open(old, &gain), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_open(both, &nothing), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_open(both, &automatic), -1, 1, -1);
+    assert_switches(sf_libcamera_controls_open(both, &manual), -1, 0, -1);
+    assert_switches(sf_libcamera_controls_open(both, &gain), -1, -1, 0);
+    assert_switches(sf_libcamera_controls_open(both, &mixed), -1, 1, 0);
+    assert_switches(sf_libcamera_controls_open(both, &fixed), -1, 0, 0);
+    assert_switches(sf_libcamera_controls_open(webcam, &fixed), -1, 0, -1);
 }
 
-static void test_auto_lock(void **state) {
+static void test_controls_values(void **state) {
     (void)state;
-    const sf_auto_asked nothing = {0, 0}, automatic = {-1, 0}, manual = {10000, 0}, gain = {0, 2},
-                        fixed = {10000, 2};
-    assert_set(sf_auto_lock(none, nothing, 1), -1, -1, -1);
-    assert_set(sf_auto_lock(old, nothing, 1), 0, -1, -1);
-    assert_set(sf_auto_lock(old, automatic, 0), 1, -1, -1);
-    assert_set(sf_auto_lock(old, manual, 1), -1, -1, -1);
-    assert_set(sf_auto_lock(both, nothing, 1), -1, 0, 0);
-    assert_set(sf_auto_lock(both, automatic, 0), -1, 1, 1);
-    assert_set(sf_auto_lock(both, manual, 1), -1, -1, 0);
-    assert_set(sf_auto_lock(both, gain, 0), -1, 1, -1);
-    assert_set(sf_auto_lock(both, fixed, 0), -1, -1, -1);
-    assert_set(sf_auto_lock(webcam, nothing, 1), -1, 0, -1);
+    sf_libcamera_controls set = sf_libcamera_controls_open(none, &nothing);
+    assert_true(set.exposure_us == 0 && set.gain == 0 && set.frame_us == 0);
+    set = sf_libcamera_controls_open(both, &mixed); /* automatic: no time is set */
+    assert_true(set.exposure_us == 0 && set.gain == 2);
+    const sf_libcamera_request all = {.exposure_us = 10000, .gain = 2.5, .fps = 30};
+    set = sf_libcamera_controls_open(none, &all);
+    assert_true(set.exposure_us == 10000 && set.gain == 2.5 && set.frame_us == 33333);
+    assert_int_equal(set.white_balance, -1);
+    set = sf_libcamera_controls_lock(old, &all, 1);
+    assert_true(set.exposure_us == 0 && set.gain == 0 && set.frame_us == 0);
+}
+
+static void test_controls_lock(void **state) {
+    (void)state;
+    assert_switches(sf_libcamera_controls_lock(none, &nothing, 1), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_lock(old, &nothing, 1), 0, -1, -1);
+    assert_switches(sf_libcamera_controls_lock(old, &automatic, 0), 1, -1, -1);
+    assert_switches(sf_libcamera_controls_lock(old, &manual, 1), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_lock(both, &nothing, 1), -1, 0, 0);
+    assert_switches(sf_libcamera_controls_lock(both, &automatic, 0), -1, 1, 1);
+    assert_switches(sf_libcamera_controls_lock(both, &manual, 1), -1, -1, 0);
+    assert_switches(sf_libcamera_controls_lock(both, &gain, 0), -1, 1, -1);
+    assert_switches(sf_libcamera_controls_lock(both, &fixed, 0), -1, -1, -1);
+    assert_switches(sf_libcamera_controls_lock(webcam, &nothing, 1), -1, 0, -1);
+    assert_int_equal(sf_libcamera_controls_lock(old, &fixed, 1).white_balance, 0);
+    assert_int_equal(sf_libcamera_controls_lock(old, &fixed, 0).white_balance, 1);
+    assert_int_equal(sf_libcamera_controls_lock(both, &nothing, 1).white_balance, -1);
+    const sf_libcamera_has balance = {.white_balance = 1}, gains = {.gain_mode = 1};
+    assert_true(sf_libcamera_can_lock(balance) && sf_libcamera_can_lock(gains) &&
+                sf_libcamera_can_lock(webcam));
+    assert_false(sf_libcamera_can_lock(none));
+}
+
+static void test_check_auto(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    const sf_libcamera_device device = {.ctx = ctx, .id = "played"};
+    const sf_libcamera_has gains = {.gain_mode = 1, .white_balance = 1}, modes = {.exposure_mode = 1};
+    assert_ok(ctx, sf_libcamera_check_auto(&device, none, &fixed));
+    assert_ok(ctx, sf_libcamera_check_auto(&device, old, &automatic));
+    assert_ok(ctx, sf_libcamera_check_auto(&device, modes, &automatic));
+    assert_status(ctx, sf_libcamera_check_auto(&device, gains, &automatic), SF_ERR_UNSUPPORTED);
+    assert_error_names(ctx, "played: exposure: has no automatic exposure");
+    sf_context_destroy(&ctx);
 }
 
 static void make_file(const char *path, mode_t mode) {
@@ -142,24 +178,100 @@ static void test_request(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* By its number, or by its id. */
+static void test_meant(void **state) {
+    (void)state;
+    const sf_libcamera_request by_number = {.camera = "1"}, by_id = {.camera = "/base/i2c@1"};
+    assert_true(sf_libcamera_is_meant(&by_number, 1, "/base/i2c@1"));
+    assert_false(sf_libcamera_is_meant(&by_number, 0, "1"));
+    assert_true(sf_libcamera_is_meant(&by_id, 7, "/base/i2c@1"));
+    assert_false(sf_libcamera_is_meant(&by_id, 7, "/base/i2c@10"));
+    char name[24];
+    sf_libcamera_write_name(3, "/base/i2c@1", name, sizeof name);
+    assert_string_equal(name, "libcamera:/base/i2c@1");
+    sf_libcamera_write_name(3, "/base/i2c@1234", name, sizeof name); /* one byte too many */
+    assert_string_equal(name, "libcamera:3");
+    sf_libcamera_write_name(3, "what?", name, sizeof name); /* an option begins */
+    assert_string_equal(name, "libcamera:3");
+}
+
+static uint32_t fourcc_of(const char *text) {
+    uint32_t code = 0;
+    for (int i = 0; i < 4; i++) code |= (uint32_t)(uint8_t)text[i] << 8 * i;
+    return code;
+}
+
 static void test_formats(void **state) {
     (void)state;
-    const uint32_t nv12 = 'N' | 'V' << 8 | '1' << 16 | '2' << 24;
+    const uint32_t nv12 = fourcc_of("NV12");
     const sf_libcamera_format *f = sf_libcamera_format_of(nv12);
     assert_non_null(f);
     assert_int_equal(f->format, SF_PIXEL_NV12);
     assert_ptr_equal(f, sf_libcamera_format_named("NV12"));
     assert_null(sf_libcamera_format_of(nv12 + 1));
+    assert_null(sf_libcamera_format_of(0));
     assert_null(sf_libcamera_format_named("444p"));
     assert_int_equal(sf_libcamera_format_at(0)->format, SF_PIXEL_YUYV);
     assert_int_equal(sf_libcamera_format_named("mjpeg")->format, SF_PIXEL_MJPEG);
-    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 481, 0), 640 * 481);
-    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 481, 1), 640 * 241);
-    f = sf_libcamera_format_named("yu12");
-    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 480, 2), 320 * 240);
-    f = sf_libcamera_format_named("422p");
-    assert_int_equal(sf_libcamera_plane_bytes(f, 640, 480, 1), 320 * 480);
-    assert_int_equal(sf_libcamera_plane_bytes(sf_libcamera_format_named("mjpeg"), 0, 480, 0), 1);
+    assert_int_equal(sf_libcamera_format_of(fourcc_of("BG24"))->format, SF_PIXEL_RGB24);
+}
+
+static void test_planes(void **state) {
+    (void)state;
+    const struct {
+        sf_pixel_format format;
+        int planes;
+        size_t bytes[3], stride[3];
+    } cases[] = {
+        {SF_PIXEL_NV12, 2, {640 * 481, 640 * 241}, {640, 640}},
+        {SF_PIXEL_YU12, 3, {640 * 481, 320 * 241, 320 * 241}, {640, 320, 320}},
+        {SF_PIXEL_422P, 3, {640 * 481, 320 * 481, 320 * 481}, {640, 320, 320}},
+        {SF_PIXEL_GREY, 1, {640 * 481}, {640}},
+        {SF_PIXEL_MJPEG, 1, {1}, {640}},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const sf_libcamera_picture p = {cases[i].format, 600, 481, 640, SF_YUV_601, 0};
+        assert_int_equal(sf_libcamera_planes(&p), cases[i].planes);
+        for (int k = 0; k < cases[i].planes; k++) {
+            assert_int_equal(sf_libcamera_plane_bytes(&p, k), cases[i].bytes[k]);
+            assert_int_equal(sf_libcamera_stride(&p, k), cases[i].stride[k]);
+        }
+    }
+}
+
+static void test_choice(void **state) {
+    (void)state;
+    const uint32_t codes[] = {fourcc_of("pRAA"), 0, fourcc_of("MJPG"), fourcc_of("NV12")};
+    sf_libcamera_offer offer = {codes[0], codes, 4};
+    char text[64];
+    assert_int_equal(sf_libcamera_format_choose(&offer, "")->format, SF_PIXEL_NV12);
+    offer.own = fourcc_of("MJPG");
+    assert_int_equal(sf_libcamera_format_choose(&offer, "")->format, SF_PIXEL_MJPEG);
+    assert_int_equal(sf_libcamera_format_choose(&offer, "nv12")->format, SF_PIXEL_NV12);
+    assert_null(sf_libcamera_format_choose(&offer, "YUYV"));
+    assert_null(sf_libcamera_format_choose(&offer, "444P"));
+    sf_libcamera_format_list(&offer, text, sizeof text);
+    assert_string_equal(text, "MJPEG, NV12");
+    sf_libcamera_format_list(&offer, text, 9); /* as much as there is room for */
+    assert_string_equal(text, "MJPEG, N");
+
+    offer = (sf_libcamera_offer){codes[0], codes, 2}; /* nothing of ours */
+    assert_null(sf_libcamera_format_choose(&offer, ""));
+    sf_libcamera_format_list(&offer, text, sizeof text);
+    assert_string_equal(text, "no format that splatfit reads");
+    offer.count = 0; /* not told: it is tried */
+    assert_int_equal(sf_libcamera_format_choose(&offer, "YUYV")->format, SF_PIXEL_YUYV);
+}
+
+static void test_modes(void **state) {
+    (void)state;
+    sf_device_mode mode = sf_libcamera_mode(fourcc_of("NV12"), 0, 1920, 1080);
+    assert_string_equal(mode.fourcc, "NV12");
+    assert_true(mode.supported && mode.format == SF_PIXEL_NV12 && mode.width == 1920 && mode.height == 1080);
+    mode = sf_libcamera_mode(fourcc_of("NV12"), 1, 1920, 1080);
+    assert_string_equal(mode.fourcc, "NV12");
+    assert_false(mode.supported);
+    assert_false(sf_libcamera_mode(fourcc_of("pRAA"), 0, 1920, 1080).supported);
 }
 
 static void test_frame_order(void **state) {
@@ -180,6 +292,11 @@ static void test_frame_order(void **state) {
     order.driver_sequence = UINT32_MAX;
     assert_true(sf_frame_order_take(&order, 1, 4, &dropped)); /* it wraps */
     assert_true(order.sequence == 14 && dropped == 3);
+    sf_frame_order_restart(&order);
+    assert_true(sf_frame_order_take(&order, 0, 4, &dropped)); /* neither late nor a gap */
+    assert_true(order.sequence == 15 && order.driver_sequence == 0 && dropped == 3);
+    assert_true(sf_frame_order_take(&order, 0, 1, &dropped)); /* a driver that does not count */
+    assert_true(order.sequence == 16 && dropped == 3);
 }
 
 #ifdef SF_HAVE_LIBCAMERA
@@ -231,9 +348,13 @@ static void test_absent(void **state) {
 #endif
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_auto_open), cmocka_unit_test(test_auto_lock),
-                                       cmocka_unit_test(test_heaps),     cmocka_unit_test(test_request),
-                                       cmocka_unit_test(test_formats),   cmocka_unit_test(test_frame_order),
-                                       cmocka_unit_test(test_names),     cmocka_unit_test(test_absent)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_controls_open), cmocka_unit_test(test_controls_values),
+        cmocka_unit_test(test_controls_lock), cmocka_unit_test(test_check_auto),
+        cmocka_unit_test(test_heaps),         cmocka_unit_test(test_request),
+        cmocka_unit_test(test_meant),         cmocka_unit_test(test_formats),
+        cmocka_unit_test(test_planes),        cmocka_unit_test(test_choice),
+        cmocka_unit_test(test_modes),         cmocka_unit_test(test_frame_order),
+        cmocka_unit_test(test_names),         cmocka_unit_test(test_absent)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
