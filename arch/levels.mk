@@ -14,6 +14,7 @@ LEVELS       := $(LEVELS_$(FAMILY))
 ADDED        := $(if $(filter avx512,$(LEVELS)),avx512_vnni)$(if $(filter aarch64%,$(MACHINE)),neon_dot)
 FLAGS_avx512_vnni := $(FLAGS_avx512) -mavx512vnni
 FLAGS_neon_dot    := -march=armv8.2-a+dotprod
+WITHOUT_neon_dot  := -mcpu=% -march=%
 
 SCALAR_SRC := $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
 VECTOR_SRC := $(if $(LEVELS),$(filter-out arch/vector/roof.c,$(wildcard arch/vector/*.c)))
@@ -36,7 +37,8 @@ define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) -O$(KERNELS_O) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(firstword $(subst _, ,$(1))) -MMD -MP -c -o $$@ $$<
+	$(Q)$(CC) $$(filter-out $(WITHOUT_$(1)),$$(ALL_CFLAGS)) -O$(KERNELS_O) $(FLAGS_$(1)) \
+	    -DSF_LEVEL=$(1) -DSF_LEVEL_$(firstword $(subst _, ,$(1))) -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS) $(ADDED),$(eval $(call level_rule,$(l))))
 

@@ -20,7 +20,11 @@ enum content { ANY, FLAT, SLOPE, CONTENTS };
 typedef struct points {
     sf_patch_args args;
     double range; /* the greatest difference of two pixels */
+    int exact;    /* places of samples have no error */
 } points;
+
+/* A multiple of 1/64: sums of few of them, and halves of them, are exact. */
+static float snapped(double x) { return (float)(floor(x * 64) / 64); }
 
 static void make_pixels(check *c, points *p, enum content content) {
     sf_patch_args *a = &p->args;
@@ -46,13 +50,15 @@ static void make_points(check *c, points *p) {
                            .height = sizes[kind % SIZES][1],
                            .count = 1 + kind / SIZES % SF_LANES}};
     make_pixels(c, p, (enum content)check_pick(c, CONTENTS));
+    p->exact = (int)check_pick(c, 2);
     for (size_t lane = 0; lane < SF_LANES; lane++) {
         double step = check_between(c, 0.5, 3.7), angle = check_between(c, 0, 6.283);
-        p->args.x[lane] = (float)check_between(c, 0, p->args.width - 1);
-        p->args.y[lane] = (float)check_between(c, 0, p->args.height - 1);
+        double x = check_between(c, 0, p->args.width - 1), y = check_between(c, 0, p->args.height - 1);
         if (check_pick(c, 3) == 0) angle = 0;
-        p->args.a[lane] = (float)(step * cos(angle));
-        p->args.b[lane] = (float)(step * sin(angle));
+        p->args.x[lane] = p->exact ? snapped(x) : (float)x;
+        p->args.y[lane] = p->exact ? snapped(y) : (float)y;
+        p->args.a[lane] = p->exact ? snapped(step * cos(angle)) : (float)(step * cos(angle));
+        p->args.b[lane] = p->exact ? snapped(step * sin(angle)) : (float)(step * sin(angle));
     }
     p->args.out = check_floats_out(c, "out", SF_DESCRIPTOR * SF_LANES); /* orient leaves the last ones */
 }
@@ -101,40 +107,54 @@ static double near_middle(int at) { return exp(-0.08 * (at - 7) * (at - 7)); }
  * by so many times the range of the pixels, and the roundings of values. */
 static double gradient_error(const points *p, size_t lane) {
     const sf_patch_args *a = &p->args;
-    double reach = 15 * (fabs((double)a->a[lane]) + fabs((double)a->b[lane]));
-    double place = 6 * FLOAT_UNIT * (fabs((double)a->x[lane]) + fabs((double)a->y[lane]) + reach);
+    double reach = 15 * (fabs((double)a->a[lane]) + fabs((double)a->b[lane])), place = 0;
+    if (!p->exact) place = 6 * FLOAT_UNIT * (fabs((double)a->x[lane]) + fabs((double)a->y[lane]) + reach);
     return 4 * (2 * place * p->range + 8 * FLOAT_UNIT * (p->range + 1)) + 8 * FLOAT_UNIT * p->range;
 }
 
-/* Each part is at most 8.8 times the gradient's error off, and rounded: 225 terms. */
-static double part_error(const points *p, size_t lane) {
-    return 8.8 * gradient_error(p, lane) + 32 * FLOAT_UNIT * p->range;
+/* A sum, and how far it may be off. */
+typedef struct sums {
+    bounded orient[SF_ORIENTATIONS], describe[SF_DESCRIPTOR];
+} sums;
+
+/* Adds the parts, times a weight. Each is off by up to `error` where it, or a neighbour, is not 0, and its
+ * product and the sum are rounded. */
+static void add_parts(bounded *to, const double *parts, int n, double weight, double error) {
+    for (int k = 0; k < n; k++) {
+        double near = parts[k] + parts[(k + 1) % n] + parts[(k + n - 1) % n];
+        to[k].v += weight * parts[k];
+        if (near > 0) to[k].e += weight * (error + 6 * FLOAT_UNIT * near) + FLOAT_UNIT * to[k].v;
+    }
 }
 
-static void check_lane(check *c, const points *p, size_t lane) {
-    static double orient[SF_ORIENTATIONS], describe[SF_DESCRIPTOR];
-    double weight = 0, g[2], parts[SF_ORIENTATIONS];
-    memset(orient, 0, sizeof orient);
-    memset(describe, 0, sizeof describe);
+/* Factors: the greatest that a gradient's error has on a part, which is a difference of products by the sines
+ * and cosines of patch.h, or of the gradient's sides. */
+static void sum_up(const points *p, size_t lane, sums *s) {
+    double g[2], parts[SF_ORIENTATIONS], error = gradient_error(p, lane);
+    memset(s, 0, sizeof *s);
     for (int n = 0; n < SF_GRADIENTS * SF_GRADIENTS; n++) {
         int i = n % SF_GRADIENTS, j = n / SF_GRADIENTS;
         gradient(&p->args, lane, i, j, g);
         split(g, SF_ORIENTATIONS, parts);
-        weight += near_middle(i) * near_middle(j);
-        for (int k = 0; k < SF_ORIENTATIONS; k++) orient[k] += near_middle(i) * near_middle(j) * parts[k];
+        double rounded = 24 * FLOAT_UNIT * hypot(g[0], g[1]);
+        add_parts(s->orient, parts, SF_ORIENTATIONS, near_middle(i) * near_middle(j), 8.8 * error + rounded);
         split(g, SF_DIRECTIONS, parts);
-        for (int cell = 0; cell < SF_CELLS * SF_CELLS; cell++)
-            for (int k = 0; k < SF_DIRECTIONS; k++)
-                describe[cell * SF_DIRECTIONS + k] +=
-                    share_of(j, cell / SF_CELLS) * share_of(i, cell % SF_CELLS) * parts[k];
+        for (int cell = 0; cell < SF_CELLS * SF_CELLS; cell++) {
+            double share = share_of(j, cell / SF_CELLS) * share_of(i, cell % SF_CELLS);
+            add_parts(s->describe + cell * SF_DIRECTIONS, parts, SF_DIRECTIONS, share, 2 * error + rounded);
+        }
     }
-    int is_orient = c->kernel == ORIENT, count = is_orient ? SF_ORIENTATIONS : SF_DESCRIPTOR;
-    double error = (is_orient ? weight : 9) * part_error(p, lane);
-    for (int k = 0; k < count; k++) {
-        double want = is_orient ? orient[k] : describe[k];
-        bounded bound = {want, error + 225 * FLOAT_UNIT * fabs(want)};
-        check_near(c, is_orient ? "orient" : "describe", (size_t)k,
-                   (double)p->args.out[(size_t)k * SF_LANES + lane], bound);
+}
+
+static void check_lane(check *c, const points *p, size_t lane) {
+    sums s;
+    sum_up(p, lane, &s);
+    for (int k = 0; k < (c->kernel == ORIENT ? SF_ORIENTATIONS : SF_DESCRIPTOR); k++) {
+        double got = (double)p->args.out[(size_t)k * SF_LANES + lane];
+        if (c->kernel == ORIENT)
+            check_near(c, "orient", (size_t)k, got, s.orient[k]);
+        else
+            check_near(c, "describe", (size_t)k, got, s.describe[k]);
     }
 }
 
