@@ -10,10 +10,15 @@ FLAGS_avx2   := -mavx2 -mfma
 FLAGS_avx512 := -mavx512f -mavx512bw -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512
 FLAGS_neon   := $(if $(filter arm%,$(MACHINE)),-mfpu=neon-vfpv4)
 LEVELS       := $(LEVELS_$(FAMILY))
+# What some processors of a level add, as LEVEL_ADDED: the file match.c is compiled for it once more.
+ADDED        := $(if $(filter avx512,$(LEVELS)),avx512_vnni)$(if $(filter aarch64%,$(MACHINE)),neon_dot)
+FLAGS_avx512_vnni := $(FLAGS_avx512) -mavx512vnni
+FLAGS_neon_dot    := -march=armv8.2-a+dotprod
+WITHOUT_neon_dot  := -mcpu=% -march=%
 
 SCALAR_SRC := $(wildcard arch/scalar/*.c $(FAMILY:%=arch/%/*.c))
 VECTOR_SRC := $(if $(LEVELS),$(filter-out arch/vector/roof.c,$(wildcard arch/vector/*.c)))
-VECTOR_OBJ := $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o))
+VECTOR_OBJ := $(foreach l,$(LEVELS),$(VECTOR_SRC:%.c=$(O)/%.$(l).o)) $(ADDED:%=$(O)/arch/vector/match.%.o)
 
 # What splatfit bench measures and the library does not hold: the roofline of each level, and blending with polynomials for
 # exp2 of other degrees and without the list of pairs.
@@ -32,9 +37,10 @@ define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) -O$(KERNELS_O) $(FLAGS_$(1)) -DSF_LEVEL=$(1) -DSF_LEVEL_$(1) -MMD -MP -c -o $$@ $$<
+	$(Q)$(CC) $$(filter-out $(WITHOUT_$(1)),$$(ALL_CFLAGS)) -O$(KERNELS_O) $(FLAGS_$(1)) \
+	    -DSF_LEVEL=$(1) -DSF_LEVEL_$(firstword $(subst _, ,$(1))) -MMD -MP -c -o $$@ $$<
 endef
-$(foreach l,$(LEVELS),$(eval $(call level_rule,$(l))))
+$(foreach l,$(LEVELS) $(ADDED),$(eval $(call level_rule,$(l))))
 
 # Declared where they are called, in src/bench/levels.c. They have no sanitizers, which make the compiler slow: the blending that
 # the library holds has them.

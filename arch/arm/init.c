@@ -10,4 +10,7 @@ static void enter_neon(sf_kernels *kernels) {
 
 void sf_kernels_init_arm(sf_kernels *kernels, unsigned mask) {
     if (mask & SF_CPU_NEON) enter_neon(kernels);
+#if defined(__aarch64__)
+    if (mask & SF_CPU_DOT) kernels->match = sf_match_neon_dot;
+#endif
 }

@@ -13,6 +13,7 @@ typedef uint32x4_t vu;
 VEC vf vf_set(float x) { return vdupq_n_f32(x); }
 VEC vf vf_load(const float *p) { return vld1q_f32(p); }
 VEC vf vf_beside(const float *p, int k) { return vld1q_f32(p + k); }
+VEC vf vf_loadu(const float *p) { return vld1q_f32(p); }
 VEC void vf_storeu(float *p, vf a) { vst1q_f32(p, a); }
 VEC void vf_store(float *p, vf a) { vst1q_f32(p, a); }
 VEC vf vf_add(vf a, vf b) { return vaddq_f32(a, b); }
@@ -86,9 +87,24 @@ VEC vu vu_or_where(vu a, vm m, uint32_t bits) { return vorrq_u32(a, vandq_u32(m,
 VEC vu vu_pairs(vf a, vf b) { return vorrq_u32(vcvtq_u32_f32(a), vshlq_n_u32(vcvtq_u32_f32(b), 16)); }
 VEC vu vu_set(uint32_t x) { return vdupq_n_u32(x); }
 VEC vu vu_load(const uint32_t *p) { return vld1q_u32(p); }
+VEC vu vu_load_bytes(const uint8_t *p) { return vreinterpretq_u32_u8(vld1q_u8(p)); }
 VEC vu vu_add(vu a, vu b) { return vaddq_u32(a, b); }
 VEC vu vu_and(vu a, vu b) { return vandq_u32(a, b); }
 VEC vu vu_or(vu a, vu b) { return vorrq_u32(a, b); }
+VEC vu vu_min(vu a, vu b) { return vminq_u32(a, b); }
+VEC vu vu_max(vu a, vu b) { return vmaxq_u32(a, b); }
+VEC vu vu_dot4(vu sum, vu a, vu b) {
+    uint8x16_t x = vreinterpretq_u8_u32(a), y = vreinterpretq_u8_u32(b);
+#if defined(__ARM_FEATURE_DOTPROD)
+    return vdotq_u32(sum, x, y);
+#else
+    uint16x8_t low = vmull_u8(vget_low_u8(x), vget_low_u8(y));
+    uint16x8_t high = vmull_u8(vget_high_u8(x), vget_high_u8(y));
+    uint16x4_t p = vpadd_u16(vget_low_u16(low), vget_high_u16(low)); /* 2 x 127 x 127 fit 16 bits */
+    uint16x4_t q = vpadd_u16(vget_low_u16(high), vget_high_u16(high));
+    return vpadalq_u16(sum, vcombine_u16(p, q));
+#endif
+}
 #define vu_left(a, n)  vshlq_n_u32(a, n)
 #define vu_right(a, n) vshrq_n_u32(a, n)
 VEC vu vf_bits(vf a) { return vreinterpretq_u32_f32(a); }
@@ -133,6 +149,14 @@ VEC void vf_byte_triples(const uint8_t *p, vf out[3]) {
 }
 VEC vu vu_of_pairs(const uint8_t *p) { return vmovl_u16(vreinterpret_u16_u8(vld1_u8(p))); }
 VEC vf vf_of_whole(vu a) { return vcvtq_f32_u32(a); }
+VEC vu vf_whole(vf a) { return vcvtq_u32_f32(a); }
+VEC void vf_gather2(const float *p, vu at, vf *first, vf *second) {
+    float32x4_t a = vcombine_f32(vld1_f32(p + vgetq_lane_u32(at, 0)), vld1_f32(p + vgetq_lane_u32(at, 1)));
+    float32x4_t b = vcombine_f32(vld1_f32(p + vgetq_lane_u32(at, 2)), vld1_f32(p + vgetq_lane_u32(at, 3)));
+    float32x4x2_t parted = vuzpq_f32(a, b);
+    *first = parted.val[0];
+    *second = parted.val[1];
+}
 VEC vf vf_evens(vf a) { return vtrnq_f32(a, a).val[0]; }
 VEC vf vf_odds(vf a) { return vtrnq_f32(a, a).val[1]; }
 VEC vf vf_times_exp2(vf p, vf n) {

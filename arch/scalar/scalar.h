@@ -20,5 +20,10 @@ void sf_adam_half_scalar(float *p, const float *g, uint32_t *moments, size_t n, 
 void sf_rmsprop_scalar(float *p, const float *g, float *v, size_t n, const sf_adam *step);
 void sf_unpack_scalar(const uint8_t *src, const uint8_t *weight, size_t src_stride, int factor, float *dst,
                       int width);
+void sf_blur_scalar(const sf_blur_args *args);
+size_t sf_extrema_scalar(const sf_extrema_args *args);
+void sf_orient_scalar(const sf_patch_args *args);
+void sf_describe_scalar(const sf_patch_args *args);
+void sf_match_scalar(const sf_match_args *args);
 
 #endif

@@ -21,11 +21,20 @@
     void sf_adam_##level(float *p, const float *g, float *m, float *v, size_t n, const sf_adam *step);       \
     void sf_adam_half_##level(float *p, const float *g, uint32_t *moments, size_t n, const sf_adam *step,    \
                               uint32_t number);                                                              \
-    void sf_rmsprop_##level(float *p, const float *g, float *v, size_t n, const sf_adam *step);
+    void sf_rmsprop_##level(float *p, const float *g, float *v, size_t n, const sf_adam *step);              \
+    void sf_blur_##level(const sf_blur_args *args);                                                          \
+    size_t sf_extrema_##level(const sf_extrema_args *args);                                                  \
+    void sf_orient_##level(const sf_patch_args *args);                                                       \
+    void sf_describe_##level(const sf_patch_args *args);                                                     \
+    void sf_match_##level(const sf_match_args *args);
 
 SF_VECTOR_KERNELS(sse4)
 SF_VECTOR_KERNELS(avx2)
 SF_VECTOR_KERNELS(avx512)
 SF_VECTOR_KERNELS(neon)
+
+/* With instructions that not all processors of the level have. */
+void sf_match_avx512_vnni(const sf_match_args *args);
+void sf_match_neon_dot(const sf_match_args *args);
 
 #endif

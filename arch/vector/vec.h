@@ -6,7 +6,7 @@
  *   vf, vm, vu          VW floats; a mask of VW lanes; VW 32-bit integers
  *   vf_add ... vf_div   one operation each: operators on vectors are no vectors on armv7
  *   vf_fma(a,b,c)       a b + c, fused where the level can; vf_fnma: c - a b
- *   vf_load, vf_store   at VW floats' alignment; vf_storeu anywhere
+ *   vf_load, vf_store   at VW floats' alignment; vf_loadu, vf_storeu anywhere
  *   vf_beside(p,k)      p[k ..] of an aligned p, |k| < 6
  *   vf_keep(m,a)        a where m, else 0;  vf_select(m,a,b)  a where m, else b
  *   vf_reciprocal       1 / a within 2^-22;  vf_root  no less than sqrt(a), within 2^-19; a >= 0
@@ -16,7 +16,8 @@
  *   vf_bytes_twice(p)   VW / 2 bytes, each in two lanes that are neighbours
  *   vf_byte_triples(p,q) 3 VW bytes p[3 lane + k] to q[k]
  *   vu_of_pairs(p)      VW pairs of bytes, p[2 lane] + 256 p[2 lane + 1]
- *   vf_of_whole         integers below 2^24 as floats
+ *   vf_of_whole         integers below 2^24 as floats;  vf_whole  whole floats, 0 <= x < 2^24, as integers
+ *   vf_gather2(p,u,a,b) p[u] and p[u + 1] of each lane's own place u below 2^31
  *   vf_evens, vf_odds   of each two neighbours the first, the second, in both lanes
  *   vf_sums8, vf_sum    the sums over the lanes of eight vectors, and of one
  *   vf_transpose        VW rows of 16 floats to 16 vectors
@@ -25,13 +26,13 @@
  *   vm_list_bits(b,f,p) the same of the lowest VM_BITS bits of an integer
  *   vu_pairs(a,b)       a + 65536 b of whole numbers below 65536
  *   vu_or_where(a,m,b)  a | b where m, else a
- *   vu_add, vu_and ...  one operation each, modulo 2^32; vu_left(a,n), vu_right(a,n): by a constant
- *   vf_bits, vf_of_bits floats as their bits, and back
- *   block               VB_COLUMNS x VB_ROWS = VW pixels, row by row; vf_load_block, vf_store_block
- *   vd1, vdm1           VD1 doubles and a mask of them; vd, vdm: two vectors of them, VD doubles
- *   vd_widen, vd_narrow from and to VD floats, aligned to the size of one vector of them
- *   vd_reciprocal       1 / a, and vd_rsqrt  1 / sqrt(a), within 1e-15
- *   vd_split            x = m 2^exponent, 1 <= m < 2, for normal x > 0
+ *   vu_load_bytes       4 VW bytes at their alignment;  vu_dot4(s,a,b)  s and the products of each lane's
+ * four bytes, none of which is above 127 vu_add, vu_and ...  one operation each, modulo 2^32; vu_left(a,n),
+ * vu_right(a,n): by a constant vf_bits, vf_of_bits floats as their bits, and back block VB_COLUMNS x VB_ROWS
+ * = VW pixels, row by row; vf_load_block, vf_store_block vd1, vdm1           VD1 doubles and a mask of them;
+ * vd, vdm: two vectors of them, VD doubles vd_widen, vd_narrow from and to VD floats, aligned to the size of
+ * one vector of them vd_reciprocal       1 / a, and vd_rsqrt  1 / sqrt(a), within 1e-15 vd_split            x
+ * = m 2^exponent, 1 <= m < 2, for normal x > 0
  */
 #ifndef SF_ARCH_VECTOR_VEC_H
 #define SF_ARCH_VECTOR_VEC_H

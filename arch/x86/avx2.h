@@ -12,6 +12,7 @@ typedef __m256i vu;
 VEC vf vf_set(float x) { return _mm256_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm256_load_ps(p); }
 VEC vf vf_beside(const float *p, int k) { return _mm256_loadu_ps(p + k); }
+VEC vf vf_loadu(const float *p) { return _mm256_loadu_ps(p); }
 VEC void vf_storeu(float *p, vf a) { _mm256_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm256_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm256_add_ps(a, b); }
@@ -57,9 +58,16 @@ VEC vu vu_pairs(vf a, vf b) {
 }
 VEC vu vu_set(uint32_t x) { return _mm256_set1_epi32((int)x); }
 VEC vu vu_load(const uint32_t *p) { return _mm256_load_si256((const __m256i *)p); }
+VEC vu vu_load_bytes(const uint8_t *p) { return _mm256_load_si256((const __m256i *)p); }
 VEC vu vu_add(vu a, vu b) { return _mm256_add_epi32(a, b); }
 VEC vu vu_and(vu a, vu b) { return _mm256_and_si256(a, b); }
 VEC vu vu_or(vu a, vu b) { return _mm256_or_si256(a, b); }
+VEC vu vu_min(vu a, vu b) { return _mm256_min_epu32(a, b); }
+VEC vu vu_max(vu a, vu b) { return _mm256_max_epu32(a, b); }
+VEC vu vu_dot4(vu sum, vu a, vu b) {
+    __m256i pairs = _mm256_maddubs_epi16(a, b); /* 2 x 127 x 127 fit 16 bits */
+    return _mm256_add_epi32(sum, _mm256_madd_epi16(pairs, _mm256_set1_epi16(1)));
+}
 #define vu_left(a, n)  _mm256_slli_epi32(a, n)
 #define vu_right(a, n) _mm256_srli_epi32(a, n)
 VEC vu vf_bits(vf a) { return _mm256_castps_si256(a); }
@@ -99,6 +107,19 @@ VEC void vf_byte_triples(const uint8_t *p, vf out[3]) { /* bytes 0 .. 15, and 8 
 }
 VEC vu vu_of_pairs(const uint8_t *p) { return _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)p)); }
 VEC vf vf_of_whole(vu a) { return _mm256_cvtepi32_ps(a); }
+VEC vu vf_whole(vf a) { return _mm256_cvttps_epi32(a); }
+VEC void vf_gather2(const float *p, vu at, vf *first, vf *second) { /* loads are faster than gathers */
+    uint32_t n[8];
+    _mm256_storeu_si256((__m256i *)(void *)n, at);
+#define TWO(i, j)                                                                                            \
+    _mm_loadh_pi(_mm_castpd_ps(_mm_load_sd((const double *)(const void *)(p + n[i]))),                       \
+                 (const __m64 *)(const void *)(p + n[j]))
+    vf a = _mm256_insertf128_ps(_mm256_castps128_ps256(TWO(0, 1)), TWO(4, 5), 1);
+    vf b = _mm256_insertf128_ps(_mm256_castps128_ps256(TWO(2, 3)), TWO(6, 7), 1);
+#undef TWO
+    *first = _mm256_shuffle_ps(a, b, 0x88);
+    *second = _mm256_shuffle_ps(a, b, 0xdd);
+}
 VEC vf vf_evens(vf a) { return _mm256_moveldup_ps(a); }
 VEC vf vf_odds(vf a) { return _mm256_movehdup_ps(a); }
 VEC vf vf_nearest(vf x) { return _mm256_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }

@@ -36,6 +36,7 @@ VEC vf vf_beside(const float *p, int k) {
     }
 #undef SHIFTED
 }
+VEC vf vf_loadu(const float *p) { return _mm512_loadu_ps(p); }
 VEC void vf_storeu(float *p, vf a) { _mm512_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm512_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm512_add_ps(a, b); }
@@ -83,9 +84,20 @@ VEC vu vu_pairs(vf a, vf b) {
 }
 VEC vu vu_set(uint32_t x) { return _mm512_set1_epi32((int)x); }
 VEC vu vu_load(const uint32_t *p) { return _mm512_load_si512(p); }
+VEC vu vu_load_bytes(const uint8_t *p) { return _mm512_load_si512(p); }
 VEC vu vu_add(vu a, vu b) { return _mm512_add_epi32(a, b); }
 VEC vu vu_and(vu a, vu b) { return _mm512_and_si512(a, b); }
 VEC vu vu_or(vu a, vu b) { return _mm512_or_si512(a, b); }
+VEC vu vu_min(vu a, vu b) { return _mm512_min_epu32(a, b); }
+VEC vu vu_max(vu a, vu b) { return _mm512_max_epu32(a, b); }
+VEC vu vu_dot4(vu sum, vu a, vu b) {
+#if defined(__AVX512VNNI__)
+    return _mm512_dpbusd_epi32(sum, a, b);
+#else
+    __m512i pairs = _mm512_maddubs_epi16(a, b); /* 2 x 127 x 127 fit 16 bits */
+    return _mm512_add_epi32(sum, _mm512_madd_epi16(pairs, _mm512_set1_epi16(1)));
+#endif
+}
 #define vu_left(a, n)  _mm512_slli_epi32(a, n)
 #define vu_right(a, n) _mm512_srli_epi32(a, n)
 VEC vu vf_bits(vf a) { return _mm512_castps_si512(a); }
@@ -123,6 +135,25 @@ VEC void vf_byte_triples(const uint8_t *p, vf out[3]) {
 }
 VEC vu vu_of_pairs(const uint8_t *p) { return _mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i *)p)); }
 VEC vf vf_of_whole(vu a) { return _mm512_cvtepi32_ps(a); }
+VEC vu vf_whole(vf a) { return _mm512_cvttps_epi32(a); }
+VEC __m512d vf_pairs_at(const float *p, const uint32_t *at, int first) {
+#define TWO(i, j)                                                                                            \
+    _mm_loadh_pd(_mm_load_sd((const double *)(const void *)(p + at[first + i])),                             \
+                 (const double *)(const void *)(p + at[first + j]))
+    __m256d low = _mm256_insertf128_pd(_mm256_castpd128_pd256(TWO(0, 1)), TWO(2, 3), 1);
+    __m256d high = _mm256_insertf128_pd(_mm256_castpd128_pd256(TWO(4, 5)), TWO(6, 7), 1);
+#undef TWO
+    return _mm512_insertf64x4(_mm512_castpd256_pd512(low), high, 1);
+}
+VEC void vf_gather2(const float *p, vu at, vf *first, vf *second) { /* loads are faster than gathers */
+    const __m512i evens = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+    const __m512i odds = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+    uint32_t n[16];
+    _mm512_storeu_si512(n, at);
+    __m512 low = _mm512_castpd_ps(vf_pairs_at(p, n, 0)), high = _mm512_castpd_ps(vf_pairs_at(p, n, 8));
+    *first = _mm512_permutex2var_ps(low, evens, high);
+    *second = _mm512_permutex2var_ps(low, odds, high);
+}
 VEC vf vf_evens(vf a) { return _mm512_moveldup_ps(a); }
 VEC vf vf_odds(vf a) { return _mm512_movehdup_ps(a); }
 VEC vf vf_nearest(vf x) { return _mm512_roundscale_ps(x, 0); }

@@ -26,4 +26,5 @@ void sf_kernels_init_x86(sf_kernels *kernels, unsigned mask) {
     if (mask & SF_CPU_SSE4) enter_sse4(kernels);
     if (mask & SF_CPU_AVX2) enter_avx2(kernels);
     if (mask & SF_CPU_AVX512) enter_avx512(kernels);
+    if (mask & SF_CPU_VNNI) kernels->match = sf_match_avx512_vnni;
 }

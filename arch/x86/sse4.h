@@ -12,6 +12,7 @@ typedef __m128i vu;
 VEC vf vf_set(float x) { return _mm_set1_ps(x); }
 VEC vf vf_load(const float *p) { return _mm_load_ps(p); }
 VEC vf vf_beside(const float *p, int k) { return _mm_loadu_ps(p + k); }
+VEC vf vf_loadu(const float *p) { return _mm_loadu_ps(p); }
 VEC void vf_storeu(float *p, vf a) { _mm_storeu_ps(p, a); }
 VEC void vf_store(float *p, vf a) { _mm_store_ps(p, a); }
 VEC vf vf_add(vf a, vf b) { return _mm_add_ps(a, b); }
@@ -53,9 +54,16 @@ VEC vu vu_pairs(vf a, vf b) {
 }
 VEC vu vu_set(uint32_t x) { return _mm_set1_epi32((int)x); }
 VEC vu vu_load(const uint32_t *p) { return _mm_load_si128((const __m128i *)p); }
+VEC vu vu_load_bytes(const uint8_t *p) { return _mm_load_si128((const __m128i *)p); }
 VEC vu vu_add(vu a, vu b) { return _mm_add_epi32(a, b); }
 VEC vu vu_and(vu a, vu b) { return _mm_and_si128(a, b); }
 VEC vu vu_or(vu a, vu b) { return _mm_or_si128(a, b); }
+VEC vu vu_min(vu a, vu b) { return _mm_min_epu32(a, b); }
+VEC vu vu_max(vu a, vu b) { return _mm_max_epu32(a, b); }
+VEC vu vu_dot4(vu sum, vu a, vu b) {
+    __m128i pairs = _mm_maddubs_epi16(a, b); /* 2 x 127 x 127 fit 16 bits */
+    return _mm_add_epi32(sum, _mm_madd_epi16(pairs, _mm_set1_epi16(1)));
+}
 #define vu_left(a, n)  _mm_slli_epi32(a, n)
 #define vu_right(a, n) _mm_srli_epi32(a, n)
 VEC vu vf_bits(vf a) { return _mm_castps_si128(a); }
@@ -96,6 +104,17 @@ VEC void vf_byte_triples(const uint8_t *p, vf out[3]) {
 }
 VEC vu vu_of_pairs(const uint8_t *p) { return _mm_cvtepu16_epi32(_mm_loadl_epi64((const __m128i *)p)); }
 VEC vf vf_of_whole(vu a) { return _mm_cvtepi32_ps(a); }
+VEC vu vf_whole(vf a) { return _mm_cvttps_epi32(a); }
+VEC void vf_gather2(const float *p, vu at, vf *first, vf *second) {
+    uint32_t n[4];
+    _mm_storeu_si128((__m128i *)(void *)n, at);
+    vf a = _mm_loadl_pi(_mm_setzero_ps(), (const __m64 *)(const void *)(p + n[0]));
+    vf b = _mm_loadl_pi(_mm_setzero_ps(), (const __m64 *)(const void *)(p + n[2]));
+    a = _mm_loadh_pi(a, (const __m64 *)(const void *)(p + n[1]));
+    b = _mm_loadh_pi(b, (const __m64 *)(const void *)(p + n[3]));
+    *first = _mm_shuffle_ps(a, b, 0x88);
+    *second = _mm_shuffle_ps(a, b, 0xdd);
+}
 VEC vf vf_evens(vf a) { return _mm_moveldup_ps(a); }
 VEC vf vf_odds(vf a) { return _mm_movehdup_ps(a); }
 VEC vf vf_nearest(vf x) { return _mm_round_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC); }

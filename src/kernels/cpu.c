@@ -9,13 +9,16 @@
 #include <sys/auxv.h>
 #endif
 
-/* Lowest first; a level includes those before it of the same machine. */
+/* Lowest first; a level includes those before it of the same machine, and what some of its processors add. */
 static const struct {
     const char *name;
-    unsigned bit;
+    unsigned bit, added;
 } levels[] = {
-    {"scalar", 0},         {"sse4", SF_CPU_SSE4}, {"avx2", SF_CPU_AVX2}, {"avx512", SF_CPU_AVX512},
-    {"neon", SF_CPU_NEON},
+    {"scalar", 0, 0},
+    {"sse4", SF_CPU_SSE4, 0},
+    {"avx2", SF_CPU_AVX2, 0},
+    {"avx512", SF_CPU_AVX512, SF_CPU_VNNI},
+    {"neon", SF_CPU_NEON, SF_CPU_DOT},
 };
 
 enum { LEVELS = sizeof levels / sizeof *levels };
@@ -30,8 +33,11 @@ unsigned sf_cpu_detect(void) {
     if (mask & SF_CPU_AVX2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
         mask |= SF_CPU_AVX512;
+    if (mask & SF_CPU_AVX512 && __builtin_cpu_supports("avx512vnni")) mask |= SF_CPU_VNNI;
 #elif defined(__aarch64__)
-    mask = SF_CPU_NEON; /* part of the architecture */
+    enum { ASIMDDP = 1 << 20 }; /* AT_HWCAP of 64-bit ARM */
+    mask = SF_CPU_NEON;         /* part of the architecture */
+    if (getauxval(AT_HWCAP) & ASIMDDP) mask |= SF_CPU_DOT;
 #elif defined(__arm__)
     enum { NEON = 1 << 12, VFP4 = 1 << 16 }; /* AT_HWCAP of 32-bit ARM */
     unsigned long has = getauxval(AT_HWCAP);
@@ -60,7 +66,7 @@ sf_status sf_cpu_choose(const char *name, unsigned *mask) {
         unsigned bit = levels[i].bit, has = sf_cpu_detect();
         if (strcmp(levels[i].name, name)) continue;
         if (bit && !(has & bit)) return SF_ERR_UNSUPPORTED;
-        *mask = bit ? has & (bit | (bit - 1)) : 0;
+        *mask = bit ? has & (bit | (bit - 1) | levels[i].added) : 0;
         return SF_OK;
     }
     return SF_ERR_ARGUMENT;

@@ -7,8 +7,8 @@
  * For all kernels: arrays do not overlap. Float arrays of Gaussians, planes of pixels and scratch are 64-byte
  * aligned, the others as their type. Arrays of Gaussians are padded to a
  * multiple of SF_LANES with neutral entries (invisible: logit-opacity -20), so that there are no tails.
- * Kernels cannot fail, allocate, lock or print. Denormals are flushed. Equation numbers are those of
- * src/render/README.md.
+ * Kernels cannot fail, allocate, lock or print. Denormals are flushed. Equation numbers M are those of
+ * src/render/README.md, S those of src/sfm/README.md.
  */
 #ifndef SF_KERNELS_KERNELS_H
 #define SF_KERNELS_KERNELS_H
@@ -239,7 +239,74 @@ typedef struct sf_convert_args {
     float *rgb[3];           /* out: [width] each, aligned as floats */
 } sf_convert_args;
 
-/* The kernels: of frames, then in the order of a step. */
+/* Rows of a picture made blurrier (S.1). They have SF_LANES floats beyond `width`, which may hold anything
+ * finite, and are written up to a multiple of SF_LANES. */
+enum { SF_BLUR_RADIUS = 16, SF_BLUR_ROWS = 4 };
+
+typedef struct sf_blur_args {
+    const float *const
+        *rows;         /* [2 radius + count] from `radius` rows above the first to as many below the last */
+    const float *taps; /* [radius + 1] weights, that of the middle first */
+    int radius;        /* px, 1..SF_BLUR_RADIUS */
+    int width;         /* px */
+    int count;         /* rows to be made, 1..SF_BLUR_ROWS */
+    float *scratch;    /* sf_blur_scratch(width) floats */
+    float *out[SF_BLUR_ROWS];        /* out: [width] each */
+    float *difference[SF_BLUR_ROWS]; /* out: [width] each, out less the row as it was; NULL: not wanted */
+} sf_blur_args;
+
+/* Floats of a row on its way, with margins. */
+static inline size_t sf_blur_stride(int width) {
+    return ((size_t)width + SF_LANES - 1) / SF_LANES * SF_LANES + 2 * SF_LANES;
+}
+
+static inline size_t sf_blur_scratch(int width) { return SF_BLUR_ROWS * sf_blur_stride(width); }
+
+/* Columns first .. end-1 of a row of differences between two levels. Rows reach SF_LANES floats beyond
+ * column `end`. */
+typedef struct sf_extrema_args {
+    const float *rows[3][3]; /* of the differences one finer, of this one, one coarser: above, at, below */
+    int first, end;          /* first at least 1 */
+    float threshold;         /* above 0 */
+    uint32_t *columns;       /* out: [end - first] */
+} sf_extrema_args;
+
+/* `count` (1..SF_LANES) points of one level, and a square of SF_PATCH x SF_PATCH samples about each: sample
+ * (i, j) is at (x + u a - v b, y + u b + v a) for u = i - 7.5, v = j - 7.5 and the step (a, b); a place
+ * beyond the rows has the nearest one's value. */
+enum { SF_PATCH = 16, SF_ORIENTATIONS = 32, SF_DESCRIPTOR = 128 };
+
+typedef struct sf_patch_args {
+    const float *pixels; /* [height][stride], aligned; all finite */
+    size_t stride;       /* floats; at most 2^16 */
+    int width, height;   /* px, 2 at least; height stride below 2^24 */
+    size_t count;
+    float x[SF_LANES], y[SF_LANES]; /* px, (0, 0) is the first pixel's middle; within the rows */
+    float a[SF_LANES], b[SF_LANES]; /* of lanes from `count` on nothing is read but finite numbers */
+    float *out; /* out: orient [SF_ORIENTATIONS][SF_LANES], describe [SF_DESCRIPTOR][SF_LANES]; those of
+                   lanes from `count` on are of no meaning */
+} sf_patch_args;
+
+/* Descriptors against descriptors. Bytes are at most SF_MATCH_MOST. Column c of b has byte k at ((c /
+ * SF_LANES) (SF_DESCRIPTOR / 4) + k / 4) 4 SF_LANES + c % SF_LANES 4 + k % 4. */
+enum { SF_MATCH_MOST = 127, SF_MATCH_ROWS = 8, SF_MATCH_BLOCK = 2048 };
+
+typedef struct sf_match_args {
+    const uint8_t *a;                /* [rows][SF_DESCRIPTOR], aligned as Gaussians are */
+    const uint8_t *b;                /* [columns] as above, aligned */
+    size_t rows, columns;            /* multiples of SF_MATCH_ROWS and 2 SF_LANES, SF_MATCH_BLOCK at most */
+    uint32_t *row_best, *row_second; /* out: [rows] greatest and second keys over the columns */
+    uint32_t *column_best, *column_second; /* out: [columns] the same over the rows; aligned */
+} sf_match_args;
+
+/* The key of a product with descriptor `index` of the block: of equal products, the first has the greater. */
+static inline uint32_t sf_match_key(uint32_t product, uint32_t index) {
+    return product * SF_MATCH_BLOCK + (SF_MATCH_BLOCK - 1 - index);
+}
+static inline uint32_t sf_match_product(uint32_t key) { return key / SF_MATCH_BLOCK; }
+static inline uint32_t sf_match_index(uint32_t key) { return SF_MATCH_BLOCK - 1 - key % SF_MATCH_BLOCK; }
+
+/* The kernels: of frames, then in the order of a step, then of photos whose cameras are looked for. */
 #define SF_KERNELS(X)                                                                                        \
     X(convert)                                                                                               \
     X(project)                                                                                               \
@@ -252,7 +319,12 @@ typedef struct sf_convert_args {
     X(project_bwd)                                                                                           \
     X(adam)                                                                                                  \
     X(adam_half)                                                                                             \
-    X(rmsprop)
+    X(rmsprop)                                                                                               \
+    X(blur)                                                                                                  \
+    X(extrema)                                                                                               \
+    X(orient)                                                                                                \
+    X(describe)                                                                                              \
+    X(match)
 
 #define SF_KERNEL_ENUM(name) SF_KERNEL_##name,
 enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
@@ -315,6 +387,26 @@ typedef struct sf_kernels {
      * and its one v[i] follows the mean square of their gradients. Where that is 0 v stays: what is not seen
      * learns nothing, and forgets nothing. step: beta1 is not used. */
     void (*rmsprop)(float *p, const float *g, float *v, size_t n, const sf_adam *step);
+
+    /* The next five give the same bytes at all levels: each operation is rounded for itself, in one order.
+     *
+     * Down the columns, then along the row, with the ends' pixels repeated beyond them (S.1). */
+    void (*blur)(const sf_blur_args *args);
+
+    /* Columns whose difference is beyond the threshold and above, or below, all its 26 neighbours (S.2): of
+     * equal neighbours, the first in the order of layers, rows and columns is the one. Returns how many. */
+    size_t (*extrema)(const sf_extrema_args *args);
+
+    /* Histograms of the gradients' directions about points (S.4). */
+    void (*orient)(const sf_patch_args *args);
+
+    /* Sums of gradients by place and direction (S.5), before they are normalised: direction innermost, then
+     * columns of cells, then rows. */
+    void (*describe)(const sf_patch_args *args);
+
+    /* Best and second best products of each row over the columns, and of each column over the rows: keys
+     * (above), exact (S.7). */
+    void (*match)(const sf_match_args *args);
 } sf_kernels;
 
 /* Enters the kernel `name` of a level into a table. */
@@ -323,8 +415,16 @@ typedef struct sf_kernels {
 
 /* Levels, as a mask. A bit stands for every instruction that the level's files may use, and for the system
  * saving its registers: AVX2 means AVX2 and FMA; AVX512 means F, BW, DQ and VL; NEON means fused multiply-add
- * too. */
-enum { SF_CPU_SSE4 = 1, SF_CPU_AVX2 = 2, SF_CPU_AVX512 = 4, SF_CPU_NEON = 8 };
+ * too. VNNI and DOT are no levels, but what some processors of levels AVX512 and NEON add: sums of products
+ * of bytes, which the kernel `match` has files of its own for. */
+enum {
+    SF_CPU_SSE4 = 1,
+    SF_CPU_AVX2 = 2,
+    SF_CPU_AVX512 = 4,
+    SF_CPU_NEON = 8,
+    SF_CPU_VNNI = 16,
+    SF_CPU_DOT = 32
+};
 
 /* Fills in the best kernels that `mask` allows. */
 void sf_kernels_init(sf_kernels *kernels, unsigned mask);

@@ -39,7 +39,9 @@ function needs(mnemonic, operands) {
     object = $1
     sub(/:$/, "", object)
     parts = split(object, part, ".")
-    has = level[part[parts - 1]] + 0
+    name = part[parts - 1]
+    sub(/_.*/, "", name) # what some processors add to a level
+    has = level[name] + 0
     next
 }
 
