@@ -167,22 +167,32 @@ static void add_sighting(const sf_lens *lens, const sf_rigid *T, const double *p
     }
 }
 
-static void add_all(const sf_sightings *all, const uint32_t *members, size_t count, double scale, int n,
-                    const sf_lens *lens, const sf_rigid *T, sums *s) {
+/* What is refined, and from what. */
+typedef struct refinement {
+    const sf_sightings *all;
+    const uint32_t *members;
+    size_t count;
+    double c2;
+    int n; /* parameters */
+} refinement;
+
+static void add_all(const refinement *f, const sf_lens *lens, const sf_rigid *T, sums *s) {
     memset(s, 0, sizeof *s);
-    for (size_t i = 0; i < count; i++)
-        add_sighting(lens, T, all->points + 3 * (size_t)members[i], all->pixels + 2 * (size_t)members[i],
-                     scale * scale, n, s);
+    for (size_t i = 0; i < f->count; i++) {
+        size_t at = f->members[i];
+        add_sighting(lens, T, f->all->points + 3 * at, f->all->pixels + 2 * at, f->c2, f->n, s);
+    }
 }
 
 double sf_pose_refine(const sf_sightings *all, const uint32_t *members, size_t count, double scale,
                       int with_focal, sf_lens *lens, sf_rigid *T) {
     enum { STEPS = 30 };
-    int n = with_focal ? MOST_PARAMETERS : SF_TWIST;
+    const int n = with_focal ? MOST_PARAMETERS : SF_TWIST;
+    const refinement f = {all, members, count, scale * scale, n};
     double damping = 1e-4;
     sums s, moved;
     if (!count) return INFINITY;
-    add_all(all, members, count, scale, n, lens, T, &s);
+    add_all(&f, lens, T, &s);
     for (int i = 0; i < STEPS && damping < 1e6 && isfinite(s.cost); i++) {
         double A[MOST_PARAMETERS * MOST_PARAMETERS], step[MOST_PARAMETERS];
         sf_rigid next = *T;
@@ -194,7 +204,7 @@ double sf_pose_refine(const sf_sightings *all, const uint32_t *members, size_t c
         sf_cholesky_solve(n, A, step);
         sf_rigid_move(&next, step);
         if (with_focal) other.fx *= exp(step[SF_TWIST]), other.fy *= exp(step[SF_TWIST]);
-        add_all(all, members, count, scale, n, &other, &next, &moved);
+        add_all(&f, &other, &next, &moved);
         if (!(moved.cost < s.cost)) continue;
         int done = s.cost - moved.cost < 1e-9 * s.cost;
         *T = next, *lens = other, s = moved, damping /= 100;
