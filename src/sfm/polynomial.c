@@ -99,7 +99,8 @@ static int isolate(const chain *s, double bound, double *roots) {
         if (inside <= 0) continue;
         if (inside == 1 && sf_polynomial_at(c, degree, now.low) * at_high < 0) {
             roots[found++] = root_between(c, degree, now.low, now.high, at_high > 0);
-        } else if (now.high - now.low <= 1e-13 * fmax(fabs(now.low), fabs(now.high)) || left + 2 > DEPTH) {
+        } else if (now.high - now.low <= fmax(1e-13 * fmax(fabs(now.low), fabs(now.high)), 1e-18 * bound) ||
+                   left + 2 > DEPTH) {
             roots[found++] = middle; /* several in one, or so near that rounding hides it */
         } else {
             int above = sign_changes(s, middle);
