@@ -47,10 +47,11 @@ typedef struct sf_map {
     sf_map_picture *pictures;
     size_t picture_count, placed_count;
     sf_tracks tracks;
-    double (*at)[3];    /* [tracks]: world */
-    uint8_t *has_point; /* [tracks] */
-    uint8_t *is_used;   /* [sightings]: the point was made from it */
-    double spread;      /* px: of a residual's coordinate, by the last bundle */
+    double (*at)[3];                   /* [tracks]: world */
+    uint8_t *has_point;                /* [tracks] */
+    uint8_t *is_used;                  /* [sightings]: the point was made from it */
+    size_t other_maps, other_pictures; /* maps of other places, and the pictures that they had */
+    double spread;                     /* px: of a residual's coordinate, by the last bundle */
 } sf_map;
 
 /* What a map is made from; the caller's, and kept until the map is destroyed. Of pictures: keypoints, count,

@@ -169,15 +169,60 @@ static sf_status finish(mapper *m) {
     return SF_OK;
 }
 
+static sf_status run_once(sf_context *ctx, mapper *m, const sf_map_options *options) {
+    sf_status status = sf_map_create(ctx, m->input, options, &m->map);
+    if (!status) status = begin(m);
+    if (!status) m->adjusted_at = m->map->placed_count;
+    if (!status) status = grow(m);
+    if (!status) status = finish(m);
+    if (status) sf_map_destroy(&m->map);
+    return status;
+}
+
+/* 3. Several places: a map of each, until none that is left can be larger than the largest */
+
+/* Leaves out what a map has placed. Returns how many pictures are left. */
+static size_t leave_out(const sf_map *map, sf_map_picture *pictures) {
+    size_t left = 0;
+    for (size_t i = 0; i < map->picture_count; i++) {
+        pictures[i].is_left_out |= map->pictures[i].is_placed;
+        left += !pictures[i].is_left_out;
+    }
+    return left;
+}
+
+/* The larger one of two maps stays in *best, and tells of the other. */
+static void keep_larger(sf_map **best, sf_map *map) {
+    sf_map *smaller = map;
+    if (!*best || map->placed_count > (*best)->placed_count) smaller = *best, *best = map;
+    if (!smaller) return;
+    if (smaller != map)
+        (*best)->other_maps = smaller->other_maps, (*best)->other_pictures = smaller->other_pictures;
+    (*best)->other_maps++;
+    (*best)->other_pictures += smaller->placed_count;
+    sf_map_destroy(&smaller);
+}
+
 sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map_options *options,
                         sf_mapper_progress progress, void *user, sf_map **map) {
-    mapper m = {.input = input, .progress = progress, .user = user};
-    sf_status status = sf_map_create(ctx, input, options, &m.map);
-    if (!status) status = begin(&m);
-    if (!status) m.adjusted_at = m.map->placed_count;
-    if (!status) status = grow(&m);
-    if (!status) status = finish(&m);
-    if (status) sf_map_destroy(&m.map);
-    *map = m.map;
+    sf_map_input rest = *input;
+    sf_map_picture *pictures = sf_alloc(ctx, input->picture_count + 1, sizeof *pictures);
+    sf_status status = pictures ? SF_OK : SF_ERR_MEMORY;
+    size_t left = input->picture_count;
+    *map = NULL;
+    if (!status) memcpy(pictures, input->pictures, input->picture_count * sizeof *pictures);
+    rest.pictures = pictures;
+    while (!status && left > 1 && (!*map || left > (*map)->placed_count)) {
+        mapper m = {.input = &rest, .progress = progress, .user = user};
+        status = run_once(ctx, &m, options);
+        if (status) break;
+        left = leave_out(m.map, pictures);
+        keep_larger(map, m.map);
+    }
+    if (status == SF_ERR_EMPTY && *map) status = SF_OK;
+    if (status) sf_map_destroy(map);
+    for (size_t i = 0; *map && i < input->picture_count; i++)
+        (*map)->pictures[i].is_left_out = input->pictures[i].is_left_out;
+    sf_free(ctx, pictures);
     return status;
 }

@@ -70,7 +70,7 @@ double sf_homography_error(const double H[18], const double a[2], const double b
     sf_homography_map(H, a, there);
     sf_homography_map(H + 9, b, back);
     double x = there[0] - b[0], y = there[1] - b[1], u = back[0] - a[0], v = back[1] - a[1];
-    return (x * x + y * y + u * u + v * v) / 4;
+    return (x * x + y * y + u * u + v * v) / 2;
 }
 
 static void homography_errors(const void *user, const double *model, size_t begin, size_t end,

@@ -12,8 +12,8 @@ typedef struct sf_pairs {
 } sf_pairs;
 
 /* `pairs` is the problem's user. Models: the matrix; of a homography also its inverse, [18]. Errors:
- * Sampson's distance; of a homography the root of a quarter of the two squared transfer errors' sum, which
- * noise in all four coordinates makes as large. */
+ * Sampson's distance; of a homography the root of the mean of both squared transfer errors, which is twice as
+ * strict: what is nearly a plane is to count as none. */
 sf_ransac_problem sf_essential_problem(const sf_pairs *pairs);
 sf_ransac_problem sf_fundamental_problem(const sf_pairs *pairs);
 sf_ransac_problem sf_homography_problem(const sf_pairs *pairs);

@@ -153,11 +153,77 @@ static void maps_that_end_early(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Pictures 0..8 and 9..17 of a ring, without pairs between them, and some of the second place are unmatched:
+ * the larger map is the result, whichever is found first. */
+static void the_largest_place_is_mapped(void **state) {
+    (void)state;
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sf_map_options options = sf_map_options_default();
+    sf_context *ctx = test_context();
+    sfm_scene s;
+    sfm_scene_make(ctx, &o, &s);
+    sfm_scene_verify(&s, 1);
+    for (uint32_t few = 0; few < 2; few++) { /* the first place is the smaller one, or the second */
+        sf_map *map;
+        size_t kept = 0;
+        sf_match_pair *pairs = malloc(s.pair_count * sizeof *pairs);
+        assert_non_null(pairs);
+        for (size_t i = 0; i < s.pair_count; i++) {
+            uint32_t a = s.pairs[i].first, b = s.pairs[i].second;
+            if ((a < 9) == (b < 9) && (a < 9 ? (few || b < 6) : (!few || b < 15))) pairs[kept++] = s.pairs[i];
+        }
+        sf_map_input input = sfm_scene_input(&s);
+        input.pairs = pairs, input.pair_count = kept;
+        assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+        assert_true(map->placed_count > 6); /* those at the ends of an arc see little */
+        for (size_t v = 0; v < 18; v++) assert_true(!map->pictures[v].is_placed || (few ? v < 9 : v >= 9));
+        print_message("%zu other maps, of %zu pictures\n", map->other_maps, map->other_pictures);
+        assert_true(map->other_maps <= 2 && map->placed_count + map->other_pictures <= 18);
+        sf_map_destroy(&map);
+        free(pairs);
+    }
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
+/* Without any one of its blocks of memory a map is refused, and nothing is left behind. */
+static void maps_without_memory(void **state) {
+    (void)state;
+    const sfm_scene_options o = {4, 600, 1, 0.5, 0, 1, 3};
+    const sf_map_options options = {.error_px = 4, .least_angle = 0.02, .least_seen = 10, .first_count = 20};
+    sfm_scene s;
+    long refused = 0;
+    for (long fail_at = 1;; fail_at += 1 + fail_at / 8) {
+        test_allocations memory = {0};
+        const sf_allocator allocator = {test_count_alloc, test_count_free, &memory};
+        sf_context *ctx;
+        sf_map *map;
+        assert_int_equal(
+            sf_context_create(&ctx, &(sf_context_options){.allocator = &allocator, .threads = 1}), SF_OK);
+        sfm_scene_make(ctx, &o, &s);
+        sfm_scene_verify(&s, 1);
+        const sf_map_input input = sfm_scene_input(&s);
+        long live = memory.live;
+        memory.fail_at = memory.calls + fail_at;
+        sf_status status = sf_mapper_run(ctx, &input, &options, NULL, NULL, &map);
+        int has_failed = memory.calls >= memory.fail_at;
+        if (status) assert_int_equal(status, has_failed ? SF_ERR_MEMORY : SF_ERR_EMPTY);
+        sf_map_destroy(&map);
+        assert_int_equal(memory.live, live);
+        sfm_scene_free(&s);
+        sf_context_destroy(&ctx);
+        refused += status == SF_ERR_MEMORY;
+        if (!has_failed) break;
+    }
+    assert_true(refused > 5);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tracks_are_joined),    cmocka_unit_test(a_ring_is_mapped),
         cmocka_unit_test(cameras_may_be_mixed), cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(maps_that_end_early),
+        cmocka_unit_test(maps_that_end_early),  cmocka_unit_test(the_largest_place_is_mapped),
+        cmocka_unit_test(maps_without_memory),
     };
     return cmocka_run_group_tests_name("sfm_mapper", tests, NULL, NULL);
 }
