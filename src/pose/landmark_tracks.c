@@ -35,7 +35,7 @@ static int map_back(const sf_landmarks *l, const sf_landmark *m, const double he
     sf_rigid_apply(&first->pose, m->at, p);
     for (int i = 0; i < 2; i++) {
         double q[3] = {p[0], p[1], p[2]}, at[3], there[2];
-        q[i] += reach * p[2] / (i ? first->fy : first->fx);
+        q[i] += reach * p[2] / (i ? first->lens.fy : first->lens.fx);
         sf_rigid_apply_back(&first->pose, q, at);
         sf_rigid_apply(&l->view.pose, at, q);
         if (!sf_bundle_pixel(&l->view, q, there)) return 0;

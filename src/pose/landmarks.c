@@ -39,7 +39,7 @@ void sf_landmarks_clear(sf_landmarks *l) {
 }
 
 sf_status sf_landmarks_take(sf_landmarks *l, const sf_camera *c, float *const rgb[3], size_t stride) {
-    l->view = (sf_bundle_view){.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy, .is_free = 1};
+    l->view = (sf_bundle_view){.lens = {.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy}, .is_free = 1};
     l->width = c->width, l->height = c->height;
     l->match_count = 0;
     return sf_pyramid_make(l->ctx, c, rgb, stride, &l->pyramid);
@@ -82,7 +82,8 @@ static sf_status take_up(sf_landmarks *l, int x, int y, double distance) {
     if (status) return status;
     sf_landmark *m = &l->all[i];
     *m = (sf_landmark){.keyframe = l->keyframe_count - 1, .inverse = 1 / depth};
-    m->ray[0] = (u - l->view.cx) / l->view.fx, m->ray[1] = (v - l->view.cy) / l->view.fy, m->ray[2] = 1;
+    m->ray[0] = (u - l->view.lens.cx) / l->view.lens.fx, m->ray[1] = (v - l->view.lens.cy) / l->view.lens.fy,
+    m->ray[2] = 1;
     m->variance = pow(SF_GUESSED_DEPTH * m->inverse, 2);
     if (i == l->count) l->count++;
     if (!sf_patch_cut(&l->pyramid, u, v, &m->patch)) return SF_OK;

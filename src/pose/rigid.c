@@ -1,8 +1,30 @@
-/* rigid.c - rigid motions: chains, ways back, and the twists between them. */
-#include <math.h>
+/* rigid.c - see rigid.h. */
+#include "rigid.h"
+
+#include <string.h>
 
 #include "../base/linear.h"
-#include "track.h"
+
+/* One step of Newton towards the nearest rotation: R (3 I - R^T R) / 2. */
+static void polish(double R[9]) {
+    double square[9], result[9];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            square[3 * i + j] =
+                (i == j) * 1.5 - 0.5 * (R[i] * R[j] + R[3 + i] * R[3 + j] + R[6 + i] * R[6 + j]);
+    sf_mat3_mul(R, square, result);
+    memcpy(R, result, sizeof result);
+}
+
+void sf_rigid_move(sf_rigid *T, const double twist[SF_TWIST]) {
+    double turn[9], R[9], t[3];
+    sf_rotation_exp(twist + 3, turn);
+    sf_mat3_mul(turn, T->R, R);
+    sf_mat3_vec(turn, T->t, t);
+    polish(R);
+    memcpy(T->R, R, sizeof R);
+    for (int i = 0; i < 3; i++) T->t[i] = t[i] + twist[i];
+}
 
 void sf_rigid_apply(const sf_rigid *T, const double at[3], double to[3]) {
     sf_mat3_vec(T->R, at, to);

@@ -48,18 +48,4 @@ sf_status sf_track_picture(sf_tracker *tracker, const sf_model *model, const sf_
                            const sf_rigid *guess, const sf_track_prior *prior, sf_track_guess how,
                            sf_track *track);
 
-/* The twist that takes the pose `from` to `to`: to = (exp(phi), rho) from. */
-void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TWIST]);
-
-/* to = T(at), and the way back. */
-void sf_rigid_apply(const sf_rigid *T, const double at[3], double to[3]);
-void sf_rigid_apply_back(const sf_rigid *T, const double at[3], double to[3]);
-
-/* c(p) = a(b(p)). c may be a or b. */
-void sf_rigid_compose(const sf_rigid *a, const sf_rigid *b, sf_rigid *c);
-void sf_rigid_invert(const sf_rigid *a, sf_rigid *inverse);
-
-/* The place of a camera whose pose (world to camera) is T. */
-void sf_rigid_center(const sf_rigid *T, double center[3]);
-
 #endif

@@ -7,31 +7,12 @@
 
 #include <splatfit/calibrate.h>
 
-/* Parameters of a lens that are estimated, in the order of sf_lens: all but k3; of a pose: its left twist.
- */
-enum { SF_LENS_PARAMETERS = 8, SF_TWIST = 6 };
-
-/* Scale of Cauchy's weights, in standard deviations: 95 % efficient (README, P.3). */
-#define SF_CAUCHY 2.385
+#include "lens.h"
+#include "rigid.h"
+#include "robust.h"
 
 /* In a view. */
 enum { SF_CORNERS_MOST = 2400 };
-
-typedef struct sf_rigid {
-    double R[9], t[3];
-} sf_rigid;
-
-/* T = (exp(phi), rho) T for the twist (rho, phi), with the rotation kept orthonormal. */
-void sf_rigid_move(sf_rigid *T, const double twist[SF_TWIST]);
-
-/* The pixel of a point of the camera's frame (README, P.1), with its derivatives by the point, d_point
- * [2][3], and by the lens, d_lens [2][8]; both may be NULL. 0 where the point is not in front of the camera.
- */
-int sf_lens_project(const sf_lens *lens, const double point[3], double pixel[2], double *d_point,
-                    double *d_lens);
-
-/* The ray (x, y, 1) seen at a pixel. 0 where there is none, or none is found. */
-int sf_lens_ray(const sf_lens *lens, const double pixel[2], double ray[2]);
 
 /* Corners and what is known of them. */
 typedef struct sf_corner_list {
@@ -61,10 +42,6 @@ void sf_view_sum(const sf_lens *lens, const sf_rigid *T, const sf_corner_list *l
 
 /* Distances in px between the corners and where the pose puts them; infinite behind the camera. */
 void sf_view_distances(const sf_lens *lens, const sf_rigid *T, const sf_corner_list *list, double *distances);
-
-/* The standard deviation (px, a coordinate) of which `count` distances, reordered, have their median; 0
- * without. */
-double sf_spread(double *distances, size_t count);
 
 /* Homography from the board's plane to points of the picture, (x, y, 1) ~ H (X, Y, 1), robust. `points`
  * [count][2]. 0 where the points do not tell one: fewer than 4, all in a line. */

@@ -217,10 +217,7 @@ static cloud *make_cloud(double noise, double off, int wrong) {
                                  0.02 * sin(2 * v), 0.06 * v - 0.3, 0.05};
         sf_bundle_view *to = &c->views[v];
         *to = (sf_bundle_view){.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}},
-                               .fx = 300,
-                               .fy = 310,
-                               .cx = 160,
-                               .cy = 120,
+                               .lens = {.fx = 300, .fy = 310, .cx = 160, .cy = 120},
                                .is_free = 1};
         sf_rigid_move(&to->pose, twist);
         c->truth[v] = *to;
@@ -249,7 +246,12 @@ static cloud *make_cloud(double noise, double off, int wrong) {
         for (int k = 0; k < 6; k++) twist[k] = 0.3 * off * (2 * sf_rng_uniform(&rng) - 1);
         sf_rigid_move(&c->views[v].pose, twist);
     }
-    c->bundle = (sf_bundle){c->views, VIEWS, c->points, POINTS, c->observations, n};
+    c->bundle = (sf_bundle){.views = c->views,
+                            .view_count = VIEWS,
+                            .points = c->points,
+                            .point_count = POINTS,
+                            .observations = c->observations,
+                            .observation_count = n};
     return c;
 }
 
@@ -326,11 +328,16 @@ static void a_point_without_parallax_keeps_its_depth(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     sf_bundle_view views[2] = {
-        {.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, .fx = 300, .fy = 300, .cx = 160, .cy = 120}};
+        {.pose = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, .lens = {.fx = 300, .fy = 300, .cx = 160, .cy = 120}}};
     views[1] = views[0];
     sf_bundle_point point = {.at = {0, 0, 3}, .ray = {0, 0, 1}, .ray_information = 1};
     const sf_bundle_observation observations[2] = {{0, 0, 165, 120}, {1, 0, 165, 120}};
-    const sf_bundle bundle = {views, 2, &point, 1, observations, 2};
+    const sf_bundle bundle = {.views = views,
+                              .view_count = 2,
+                              .points = &point,
+                              .point_count = 1,
+                              .observations = observations,
+                              .observation_count = 2};
     double spread;
     assert_ok(ctx, sf_bundle_adjust(ctx, &bundle, 20, &spread));
     assert_true(fabs(point.at[0] - 0.05) < 1e-4 && fabs(point.at[1]) < 1e-6 && fabs(point.at[2] - 3) < 1e-2);

@@ -1,0 +1,157 @@
+/* map_bundle.c - the map's poses, points and lenses adjusted: all, or around a picture (GEOMETRY.md, S.27).
+ */
+#include <math.h>
+#include <string.h>
+
+#include "map.h"
+
+/* A bundle, and what of the map its parts are. */
+typedef struct gathering {
+    sf_bundle bundle;
+    sf_bundle_observation *observations;
+    size_t *picture_of, *view_of; /* [views]; [pictures], SIZE_MAX: none */
+    size_t *track_of;             /* [points] */
+} gathering;
+
+static int make_gathering(const sf_map *map, gathering *g) {
+    sf_context *ctx = map->ctx;
+    size_t sightings, points = sf_map_count_points(map, &sightings), n = map->picture_count;
+    g->bundle.views = sf_calloc(ctx, n + 1, sizeof *g->bundle.views);
+    g->bundle.cameras = sf_calloc(ctx, map->camera_count + 1, sizeof *g->bundle.cameras);
+    g->bundle.points = sf_calloc(ctx, points + 1, sizeof *g->bundle.points);
+    g->observations = sf_alloc(ctx, sightings + 1, sizeof *g->observations);
+    g->picture_of = sf_alloc(ctx, n + 1, sizeof *g->picture_of);
+    g->view_of = sf_alloc(ctx, n + 1, sizeof *g->view_of);
+    g->track_of = sf_alloc(ctx, points + 1, sizeof *g->track_of);
+    return g->bundle.views && g->bundle.cameras && g->bundle.points && g->observations && g->picture_of &&
+           g->view_of && g->track_of;
+}
+
+static void free_gathering(const sf_map *map, gathering *g) {
+    void *const blocks[] = {g->bundle.views, g->bundle.cameras, g->bundle.points, g->observations,
+                            g->picture_of,   g->view_of,        g->track_of};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(map->ctx, blocks[i]);
+}
+
+static void gather_views(const sf_map *map, gathering *g) {
+    sf_bundle *b = &g->bundle;
+    for (size_t i = 0; i < map->picture_count; i++) {
+        const sf_map_picture *p = &map->pictures[i];
+        g->view_of[i] = SIZE_MAX;
+        if (!p->is_placed) continue;
+        g->view_of[i] = b->view_count;
+        g->picture_of[b->view_count] = i;
+        b->views[b->view_count++] =
+            (sf_bundle_view){.pose = p->pose, .camera = p->camera, .lens = map->cameras[p->camera].lens};
+    }
+}
+
+/* The points that a view marked in `wanted` [views] sees (NULL: all), with all that sees them. */
+static void gather_points(const sf_map *map, gathering *g, const uint8_t *wanted) {
+    sf_bundle *b = &g->bundle;
+    b->observations = g->observations;
+    for (size_t track = 0; track < map->tracks.count; track++) {
+        int is_wanted = !wanted;
+        size_t begin = map->tracks.first[track], end = map->tracks.first[track + 1];
+        if (!map->has_point[track]) continue;
+        for (size_t i = begin; i < end && !is_wanted; i++)
+            is_wanted = map->is_used[i] && wanted[g->view_of[map->tracks.sightings[i].picture]];
+        if (!is_wanted) continue;
+        for (size_t i = begin; i < end; i++) {
+            const sf_sighting *s = &map->tracks.sightings[i];
+            const double *pixel = map->pictures[s->picture].keypoints + 2 * (size_t)s->keypoint;
+            if (!map->is_used[i]) continue;
+            g->observations[b->observation_count++] = (sf_bundle_observation){
+                (uint32_t)g->view_of[s->picture], (uint32_t)b->point_count, pixel[0], pixel[1]};
+        }
+        memcpy(b->points[b->point_count].at, map->at[track], sizeof map->at[track]);
+        g->track_of[b->point_count++] = track;
+    }
+}
+
+/* What of the lenses is estimated: by how many placed pictures there are of each. */
+static void free_lenses(const sf_map *map, gathering *g) {
+    enum { FOCAL_LEAST = 3, FIRST_RADIAL_LEAST = 4, SECOND_RADIAL_LEAST = 8 };
+    sf_bundle *b = &g->bundle;
+    b->camera_count = map->camera_count;
+    for (size_t i = 0; i < map->camera_count; i++) {
+        const sf_map_camera *c = &map->cameras[i];
+        sf_bundle_camera *to = &b->cameras[i];
+        size_t views = 0;
+        to->lens = c->lens;
+        for (size_t v = 0; v < b->view_count; v++) views += b->views[v].camera == i;
+        if (c->is_fixed || !views) continue;
+        to->focal = map->placed_count >= FOCAL_LEAST;
+        to->radial = (views >= FIRST_RADIAL_LEAST) + (views >= SECOND_RADIAL_LEAST);
+        if (to->radial > map->options.radial) to->radial = map->options.radial;
+        for (int k = 4; k < 6; k++) to->information[k] = 1 / (0.2 * 0.2); /* distortion is small */
+        if (c->focal_prior > 0) {
+            to->prior[0] = c->focal_prior;
+            to->information[0] = 1 / pow(c->focal_sigma * c->focal_prior, 2);
+        }
+    }
+}
+
+static void accept(sf_map *map, const gathering *g) {
+    const sf_bundle *b = &g->bundle;
+    for (size_t v = 0; v < b->view_count; v++) map->pictures[g->picture_of[v]].pose = b->views[v].pose;
+    for (size_t i = 0; i < b->camera_count; i++) map->cameras[i].lens = b->cameras[i].lens;
+    for (size_t i = 0; i < b->point_count; i++)
+        memcpy(map->at[g->track_of[i]], b->points[i].at, sizeof b->points[i].at);
+}
+
+sf_status sf_map_adjust(sf_map *map, int rounds, double enough) {
+    gathering g = {.bundle = {.enough = enough}};
+    sf_status status = make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        gather_views(map, &g);
+        for (size_t v = 1; v < g.bundle.view_count; v++) g.bundle.views[v].is_free = 1;
+        gather_points(map, &g, NULL);
+        free_lenses(map, &g);
+        status = sf_bundle_adjust(map->ctx, &g.bundle, rounds, &map->spread);
+    }
+    if (!status) accept(map, &g);
+    free_gathering(map, &g);
+    return status;
+}
+
+/* Frees the views that share most points with one, counted in `shared` [views]. */
+static void choose_free(const sf_map *map, gathering *g, size_t view, size_t most, size_t *shared) {
+    for (size_t track = 0; track < map->tracks.count; track++) {
+        int is_seen = 0;
+        if (!map->has_point[track]) continue;
+        for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
+            is_seen |= map->is_used[i] && g->view_of[map->tracks.sightings[i].picture] == view;
+        for (size_t i = map->tracks.first[track]; is_seen && i < map->tracks.first[track + 1]; i++)
+            if (map->is_used[i]) shared[g->view_of[map->tracks.sightings[i].picture]]++;
+    }
+    g->bundle.views[view].is_free = 1;
+    for (size_t n = 0; n < most; n++) {
+        size_t best = SIZE_MAX;
+        for (size_t v = 0; v < g->bundle.view_count; v++)
+            if (!g->bundle.views[v].is_free && shared[v] && (best == SIZE_MAX || shared[v] > shared[best]))
+                best = v;
+        if (best == SIZE_MAX) break;
+        g->bundle.views[best].is_free = 1;
+    }
+}
+
+sf_status sf_map_adjust_around(sf_map *map, size_t picture, size_t most) {
+    enum { ROUNDS = 6 };
+    gathering g = {.bundle = {.enough = 1e-3}};
+    size_t *shared = sf_calloc(map->ctx, map->picture_count + 1, sizeof *shared);
+    uint8_t *wanted = sf_calloc(map->ctx, map->picture_count + 1, 1);
+    sf_status status = shared && wanted && make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        gather_views(map, &g);
+        choose_free(map, &g, g.view_of[picture], most, shared);
+        for (size_t v = 0; v < g.bundle.view_count; v++) wanted[v] = (uint8_t)g.bundle.views[v].is_free;
+        gather_points(map, &g, wanted);
+        status = sf_bundle_adjust(map->ctx, &g.bundle, ROUNDS, &map->spread);
+    }
+    if (!status) accept(map, &g);
+    free_gathering(map, &g);
+    sf_free(map->ctx, shared);
+    sf_free(map->ctx, wanted);
+    return status;
+}

@@ -1,0 +1,228 @@
+/* mapper.c - see mapper.h. */
+#include "mapper.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    STARTS_MOST = 30, /* first pairs that are tried */
+    NEIGHBOURS = 5,   /* pictures that are adjusted with a new one */
+    FINAL_ROUNDS = 3  /* of points, bundle and outliers at the end */
+};
+
+#define GROWTH 1.12 /* of placed pictures, from one adjustment of all to the next */
+
+typedef struct mapper {
+    const sf_map_input *input;
+    sf_map *map;
+    sf_mapper_progress progress;
+    void *user;
+    size_t adjusted_at; /* placed pictures at the last adjustment of all */
+} mapper;
+
+/* 1. The first pair */
+
+typedef struct start {
+    const sf_match_pair *pair;
+    double score;
+} start;
+
+/* Many matches, and wide angles: from 16 degrees on more does not help. Planes are the last choice, for their
+ * pose may be the wrong one of two. */
+static double score_of(const mapper *m, const sf_match_pair *pair) {
+    const double enough = 0.28, least = m->map->options.least_angle;
+    const sf_two_view *g = &pair->geometry;
+    if (m->map->pictures[pair->first].is_left_out || m->map->pictures[pair->second].is_left_out) return 0;
+    if (!g->has_pose || g->kind == SF_PAIR_ROTATION || !(g->angle > least)) return 0;
+    double score = (double)pair->count * fmin(g->angle / enough, 1);
+    return g->kind == SF_PAIR_PLANE ? score / 10 : score;
+}
+
+static int compare_starts(const void *a, const void *b) {
+    const start *x = a, *y = b;
+    if (x->score != y->score) return x->score < y->score ? 1 : -1;
+    return x->pair < y->pair ? -1 : x->pair > y->pair;
+}
+
+static void place_at(sf_map *map, size_t picture, const sf_rigid *T) {
+    map->pictures[picture].is_placed = 1;
+    map->pictures[picture].pose = *T;
+    map->placed_count++;
+}
+
+/* Whether enough points come out of a pair. */
+static sf_status try_start(mapper *m, const sf_match_pair *pair, int *is_good) {
+    const sf_rigid still = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    sf_map *map = m->map;
+    size_t sightings;
+    *is_good = 0;
+    sf_map_clear(map, m->input);
+    place_at(map, pair->first, &still);
+    place_at(map, pair->second, &pair->geometry.T);
+    sf_map_make_points(map, SIZE_MAX);
+    if (sf_map_count_points(map, &sightings) < map->options.first_count) return SF_OK;
+    sf_status status = sf_map_adjust(map, 10, 1e-4);
+    if (status) return status;
+    sf_map_drop_bad(map, map->options.error_px);
+    *is_good = sf_map_count_points(map, &sightings) >= map->options.first_count;
+    return SF_OK;
+}
+
+static sf_status begin(mapper *m) {
+    sf_context *ctx = m->map->ctx;
+    start *starts = sf_alloc(ctx, m->input->pair_count + 1, sizeof *starts);
+    size_t count = 0;
+    int is_good = 0;
+    sf_status status = starts ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; !status && i < m->input->pair_count; i++) {
+        double score = score_of(m, &m->input->pairs[i]);
+        if (score > 0) starts[count++] = (start){&m->input->pairs[i], score};
+    }
+    if (!status) qsort(starts, count, sizeof *starts, compare_starts);
+    for (size_t i = 0; !status && !is_good && i < count && i < STARTS_MOST; i++)
+        status = try_start(m, starts[i].pair, &is_good);
+    sf_free(ctx, starts);
+    if (status || is_good) return status;
+    if (!count)
+        return sf_fail(ctx, SF_ERR_EMPTY,
+                       "cameras: no two pictures show the same place from two sides: take "
+                       "pictures that overlap, and move the camera from one to the next");
+    return sf_fail(ctx, SF_ERR_EMPTY,
+                   "cameras: of %zu pairs of pictures none shows %zu points from two sides: "
+                   "take more pictures that overlap",
+                   count, m->map->options.first_count);
+}
+
+/* 2. Further pictures */
+
+/* The picture whose points are spread over most of it; SIZE_MAX: there is none to try. */
+static size_t choose_next(const sf_map *map) {
+    size_t best = SIZE_MAX, most = 0, most_seen = 0;
+    for (size_t i = 0; i < map->picture_count; i++) {
+        const sf_map_picture *p = &map->pictures[i];
+        size_t cells;
+        if (p->is_placed || p->is_left_out) continue;
+        size_t seen = sf_map_count_seen(map, i, &cells);
+        if (seen < map->options.least_seen || (p->tried_at && 10 * seen < 11 * p->tried_at)) continue;
+        if (cells < most || (cells == most && seen <= most_seen)) continue;
+        best = i, most = cells, most_seen = seen;
+    }
+    return best;
+}
+
+static sf_status adjust_all(mapper *m, int rounds, double enough) {
+    sf_map *map = m->map;
+    for (int round = 0; round < 2; round++) {
+        sf_status status = sf_map_adjust(map, rounds, enough);
+        size_t sightings;
+        if (status) return status;
+        size_t dropped = sf_map_drop_bad(map, map->options.error_px);
+        sf_map_make_points(map, SIZE_MAX);
+        sf_map_count_points(map, &sightings);
+        if (1000 * dropped < sightings) break;
+    }
+    m->adjusted_at = map->placed_count;
+    return SF_OK;
+}
+
+static sf_status add_picture(mapper *m, size_t picture, int *is_placed) {
+    sf_map *map = m->map;
+    sf_status status = sf_map_place(map, picture, is_placed);
+    if (status || !*is_placed) return status;
+    sf_map_make_points(map, picture);
+    status = sf_map_adjust_around(map, picture, NEIGHBOURS);
+    if (status) return status;
+    sf_map_drop_bad(map, map->options.error_px);
+    if (m->progress && m->progress(m->user, map->placed_count, map->picture_count))
+        return sf_fail(map->ctx, SF_ERR_CANCELLED, "cameras: cancelled");
+    if ((double)map->placed_count < GROWTH * (double)m->adjusted_at) return SF_OK;
+    return adjust_all(m, 8, 1e-3);
+}
+
+/* Until no picture can be placed any more, even after all were adjusted. */
+static sf_status grow(mapper *m) {
+    sf_map *map = m->map;
+    for (;;) {
+        size_t picture = choose_next(map);
+        int is_placed;
+        sf_status status;
+        if (picture != SIZE_MAX)
+            status = add_picture(m, picture, &is_placed);
+        else if (m->adjusted_at != map->placed_count)
+            status = adjust_all(m, 10, 1e-4);
+        else
+            return SF_OK;
+        if (status) return status;
+    }
+}
+
+static sf_status finish(mapper *m) {
+    sf_map *map = m->map;
+    for (int round = 0; round < FINAL_ROUNDS; round++) {
+        sf_status status = sf_map_adjust(map, 20, 1e-5);
+        if (status) return status;
+        size_t dropped = sf_map_drop_bad(map, map->options.error_px);
+        if (round + 1 < FINAL_ROUNDS) sf_map_make_points(map, SIZE_MAX);
+        if (round && !dropped) break;
+    }
+    return SF_OK;
+}
+
+static sf_status run_once(sf_context *ctx, mapper *m, const sf_map_options *options) {
+    sf_status status = sf_map_create(ctx, m->input, options, &m->map);
+    if (!status) status = begin(m);
+    if (!status) m->adjusted_at = m->map->placed_count;
+    if (!status) status = grow(m);
+    if (!status) status = finish(m);
+    if (status) sf_map_destroy(&m->map);
+    return status;
+}
+
+/* 3. Several places: a map of each, until none that is left can be larger than the largest */
+
+/* Leaves out what a map has placed. Returns how many pictures are left. */
+static size_t leave_out(const sf_map *map, sf_map_picture *pictures) {
+    size_t left = 0;
+    for (size_t i = 0; i < map->picture_count; i++) {
+        pictures[i].is_left_out |= map->pictures[i].is_placed;
+        left += !pictures[i].is_left_out;
+    }
+    return left;
+}
+
+/* The larger one of two maps stays in *best, and tells of the other. */
+static void keep_larger(sf_map **best, sf_map *map) {
+    sf_map *smaller = map;
+    if (!*best || map->placed_count > (*best)->placed_count) smaller = *best, *best = map;
+    if (!smaller) return;
+    if (smaller != map)
+        (*best)->other_maps = smaller->other_maps, (*best)->other_pictures = smaller->other_pictures;
+    (*best)->other_maps++;
+    (*best)->other_pictures += smaller->placed_count;
+    sf_map_destroy(&smaller);
+}
+
+sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map_options *options,
+                        sf_mapper_progress progress, void *user, sf_map **map) {
+    sf_map_input rest = *input;
+    sf_map_picture *pictures = sf_alloc(ctx, input->picture_count + 1, sizeof *pictures);
+    sf_status status = pictures ? SF_OK : SF_ERR_MEMORY;
+    size_t left = input->picture_count;
+    *map = NULL;
+    if (!status) memcpy(pictures, input->pictures, input->picture_count * sizeof *pictures);
+    rest.pictures = pictures;
+    while (!status && left > 1 && (!*map || left > (*map)->placed_count)) {
+        mapper m = {.input = &rest, .progress = progress, .user = user};
+        status = run_once(ctx, &m, options);
+        if (status) break;
+        left = leave_out(m.map, pictures);
+        keep_larger(map, m.map);
+    }
+    if (status == SF_ERR_EMPTY && *map) status = SF_OK;
+    if (status) sf_map_destroy(map);
+    for (size_t i = 0; *map && i < input->picture_count; i++)
+        (*map)->pictures[i].is_left_out = input->pictures[i].is_left_out;
+    sf_free(ctx, pictures);
+    return status;
+}

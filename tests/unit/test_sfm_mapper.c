@@ -1,0 +1,229 @@
+/* test_sfm_mapper.c - tracks, and whole maps of simulated pictures against the truth. */
+#include "../testing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sfm/focal.h"
+#include "sfm/mapper.h"
+#include "sfm_scene_fixture.h"
+
+static const double degree = 57.29577951308232;
+
+/* Three pictures: a chain, a match that would put two keypoints of a picture into a track, a pair alone. */
+static void tracks_are_joined(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    static const uint32_t ab[] = {0, 0, 1, 1}, bc[] = {0, 2, 1, 1, 2, 0}, ac[] = {0, 2, 1, 0};
+    const sf_match_pair pairs[] = {{.first = 0, .second = 1, .matches = ab, .count = 2},
+                                   {.first = 1, .second = 2, .matches = bc, .count = 3},
+                                   {.first = 0, .second = 2, .matches = ac, .count = 2}};
+    static const size_t counts[] = {2, 3, 3};
+    sf_tracks t;
+    assert_ok(ctx, sf_tracks_make(ctx, pairs, 3, counts, 3, &t));
+    assert_int_equal(t.count, 3);
+    static const sf_sighting expected[] = {{0, 0}, {1, 0}, {2, 2}, {0, 1}, {1, 1}, {2, 1}, {1, 2}, {2, 0}};
+    assert_int_equal(t.first[3], 8);
+    assert_memory_equal(t.sightings, expected, sizeof expected);
+    sf_tracks_free(ctx, &t);
+    assert_ok(ctx, sf_tracks_make(ctx, NULL, 0, counts, 3, &t));
+    assert_int_equal(t.count, 0);
+    sf_tracks_free(ctx, &t);
+    sf_context_destroy(&ctx);
+}
+
+/* The cameras' focal lengths from the pairs' fundamental matrices. */
+static void vote(sfm_scene *s) {
+    sf_focal_pair *pairs = calloc(s->pair_count + 1, sizeof *pairs);
+    assert_non_null(pairs);
+    for (size_t c = 0; c < s->cameras; c++) {
+        size_t count = 0;
+        for (size_t i = 0; i < s->pair_count; i++) {
+            const sf_match_pair *p = &s->pairs[i];
+            if (p->geometry.kind != SF_PAIR_GENERAL || s->pictures[p->first].camera != c) continue;
+            if (s->pictures[p->second].camera != c) continue;
+            memcpy(pairs[count].F, p->geometry.F, sizeof p->geometry.F);
+            pairs[count++].weight = (double)p->count;
+        }
+        double focal = sf_focal_vote(pairs, count, 0.3, 6, 1.2, NULL) * s->known[c].width;
+        print_message("camera %zu: focal length %.0f by %zu pairs, true %.0f\n", c, focal, count,
+                      s->lenses[c].fx);
+        s->known[c].lens.fx = s->known[c].lens.fy = focal;
+    }
+    free(pairs);
+}
+
+/* Nothing is told of the lenses. */
+static void make_map(const sfm_scene_options *o, double most_rotation, double most_center) {
+    sf_context *ctx = test_context();
+    sf_map_options options = sf_map_options_default();
+    sfm_scene s;
+    sf_map *map;
+    size_t sightings;
+    sfm_scene_make(ctx, o, &s);
+    sfm_scene_verify(&s, 0);
+    vote(&s);
+    sfm_scene_verify(&s, 1);
+    const sf_map_input input = sfm_scene_input(&s);
+    assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+    sfm_map_errors e = sfm_scene_compare(&s, map);
+    size_t points = sf_map_count_points(map, &sightings);
+    print_message(
+        "%zu of %zu placed, %zu points, %zu sightings, spread %.2f px, f %.2f for %.0f; rotations %.4f "
+        "(%.4f) degrees, centers %.4f (%.4f) %%\n",
+        map->placed_count, s.views, points, sightings, map->spread, map->cameras[0].lens.fx, s.lenses[0].fx,
+        e.rotation * degree, e.rotation_most * degree, 100 * e.center, 100 * e.center_most);
+    assert_int_equal(map->placed_count, s.views);
+    assert_true(e.rotation < most_rotation / degree && e.center < most_center);
+    assert_true(e.rotation_most < 4 * most_rotation / degree && e.center_most < 4 * most_center);
+    for (size_t c = 0; c < s.cameras; c++)
+        assert_true(fabs(map->cameras[c].lens.fx / s.lenses[c].fx - 1) < 0.003);
+    sf_map_destroy(&map);
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
+static void a_ring_is_mapped(void **state) {
+    (void)state;
+    make_map(&(sfm_scene_options){24, 2000, 1, 0.5, 0.2, 4, 1}, 0.1, 0.003);
+}
+
+static void cameras_may_be_mixed(void **state) {
+    (void)state;
+    make_map(&(sfm_scene_options){24, 2000, 2, 0.5, 0.1, 4, 2}, 0.15, 0.004);
+}
+
+static void threads_do_not_matter(void **state) {
+    (void)state;
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sf_map_options options = sf_map_options_default();
+    sf_map *maps[2];
+    sf_context *ctx[2];
+    sfm_scene s;
+    for (int i = 0; i < 2; i++) ctx[i] = test_context_threads(1 + 3 * i);
+    sfm_scene_make(ctx[0], &o, &s);
+    sfm_scene_verify(&s, 1);
+    const sf_map_input input = sfm_scene_input(&s);
+    for (int i = 0; i < 2; i++)
+        assert_ok(ctx[i], sf_mapper_run(ctx[i], &input, &options, NULL, NULL, &maps[i]));
+    assert_int_equal(maps[0]->placed_count, s.views);
+    assert_memory_equal(&maps[0]->cameras[0], &maps[1]->cameras[0], sizeof(sf_map_camera));
+    for (size_t v = 0; v < s.views; v++)
+        assert_memory_equal(&maps[0]->pictures[v].pose, &maps[1]->pictures[v].pose, sizeof(sf_rigid));
+    assert_memory_equal(maps[0]->has_point, maps[1]->has_point, maps[0]->tracks.count);
+    for (size_t i = 0; i < maps[0]->tracks.count; i++)
+        if (maps[0]->has_point[i]) assert_memory_equal(maps[0]->at[i], maps[1]->at[i], sizeof maps[0]->at[i]);
+    for (int i = 0; i < 2; i++) sf_map_destroy(&maps[i]), sf_context_destroy(&ctx[i]);
+    sfm_scene_free(&s);
+}
+
+static int stop_at_four(void *user, size_t placed, size_t pictures) {
+    *(size_t *)user = placed;
+    return placed >= 4 && pictures > 4;
+}
+
+/* Cancelled; no pairs; pairs without a pose; a picture that is left out, and one that nothing matches. */
+static void maps_that_end_early(void **state) {
+    (void)state;
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sf_map_options options = sf_map_options_default();
+    sf_context *ctx = test_context();
+    sf_map *map;
+    sfm_scene s;
+    size_t placed = 0;
+    sfm_scene_make(ctx, &o, &s);
+    sfm_scene_verify(&s, 1);
+    sf_map_input input = sfm_scene_input(&s);
+    assert_status(ctx, sf_mapper_run(ctx, &input, &options, stop_at_four, &placed, &map), SF_ERR_CANCELLED);
+    assert_true(placed == 4 && !map);
+    s.pictures[3].is_left_out = 1;
+    for (size_t i = 0; i < s.pair_count; i++)
+        if (s.pairs[i].first == 7 || s.pairs[i].second == 7) s.pairs[i].count = 0;
+    assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+    assert_int_equal(map->placed_count, 16);
+    assert_false(map->pictures[3].is_placed || map->pictures[7].is_placed);
+    sf_map_destroy(&map);
+    for (size_t i = 0; i < s.pair_count; i++) s.pairs[i].geometry.has_pose = 0;
+    assert_status(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map), SF_ERR_EMPTY);
+    input.pair_count = 0;
+    assert_status(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map), SF_ERR_EMPTY);
+    assert_error_names(ctx, "overlap");
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
+/* Pictures 0..8 and 9..17 of a ring, without pairs between them, and some of the second place are unmatched:
+ * the larger map is the result, whichever is found first. */
+static void the_largest_place_is_mapped(void **state) {
+    (void)state;
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sf_map_options options = sf_map_options_default();
+    sf_context *ctx = test_context();
+    sfm_scene s;
+    sfm_scene_make(ctx, &o, &s);
+    sfm_scene_verify(&s, 1);
+    for (uint32_t few = 0; few < 2; few++) { /* the first place is the smaller one, or the second */
+        sf_map *map;
+        size_t kept = 0;
+        sf_match_pair *pairs = malloc(s.pair_count * sizeof *pairs);
+        assert_non_null(pairs);
+        for (size_t i = 0; i < s.pair_count; i++) {
+            uint32_t a = s.pairs[i].first, b = s.pairs[i].second;
+            if ((a < 9) == (b < 9) && (a < 9 ? (few || b < 6) : (!few || b < 15))) pairs[kept++] = s.pairs[i];
+        }
+        sf_map_input input = sfm_scene_input(&s);
+        input.pairs = pairs, input.pair_count = kept;
+        assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+        assert_true(map->placed_count > 6); /* those at the ends of an arc see little */
+        for (size_t v = 0; v < 18; v++) assert_true(!map->pictures[v].is_placed || (few ? v < 9 : v >= 9));
+        print_message("%zu other maps, of %zu pictures\n", map->other_maps, map->other_pictures);
+        assert_true(map->other_maps <= 2 && map->placed_count + map->other_pictures <= 18);
+        sf_map_destroy(&map);
+        free(pairs);
+    }
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
+/* Without any one of its blocks of memory a map is refused, and nothing is left behind. */
+static void maps_without_memory(void **state) {
+    (void)state;
+    const sfm_scene_options o = {4, 600, 1, 0.5, 0, 1, 3};
+    const sf_map_options options = {.error_px = 4, .least_angle = 0.02, .least_seen = 10, .first_count = 20};
+    sfm_scene s;
+    long refused = 0;
+    for (long fail_at = 1;; fail_at += 1 + fail_at / 8) {
+        test_allocations memory = {0};
+        const sf_allocator allocator = {test_count_alloc, test_count_free, &memory};
+        sf_context *ctx;
+        sf_map *map;
+        assert_int_equal(
+            sf_context_create(&ctx, &(sf_context_options){.allocator = &allocator, .threads = 1}), SF_OK);
+        sfm_scene_make(ctx, &o, &s);
+        sfm_scene_verify(&s, 1);
+        const sf_map_input input = sfm_scene_input(&s);
+        long live = memory.live;
+        memory.fail_at = memory.calls + fail_at;
+        sf_status status = sf_mapper_run(ctx, &input, &options, NULL, NULL, &map);
+        int has_failed = memory.calls >= memory.fail_at;
+        if (status) assert_int_equal(status, has_failed ? SF_ERR_MEMORY : SF_ERR_EMPTY);
+        sf_map_destroy(&map);
+        assert_int_equal(memory.live, live);
+        sfm_scene_free(&s);
+        sf_context_destroy(&ctx);
+        refused += status == SF_ERR_MEMORY;
+        if (!has_failed) break;
+    }
+    assert_true(refused > 5);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(tracks_are_joined),    cmocka_unit_test(a_ring_is_mapped),
+        cmocka_unit_test(cameras_may_be_mixed), cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(maps_that_end_early),  cmocka_unit_test(the_largest_place_is_mapped),
+        cmocka_unit_test(maps_without_memory),
+    };
+    return cmocka_run_group_tests_name("sfm_mapper", tests, NULL, NULL);
+}
