@@ -10,8 +10,8 @@
 #include "args.h"
 
 extern const command command_fit, command_render, command_eval, command_info, command_devices,
-    command_capture, command_board, command_calibrate, command_bench, command_chart, command_convert,
-    command_prune, command_live, command_view;
+    command_capture, command_cameras, command_board, command_calibrate, command_bench, command_chart,
+    command_convert, command_prune, command_live, command_view;
 
 /* Tables of options that several commands take. Every command that reads a model takes
  * model_options, and all but fit, where --antialiased is a hyperparameter, compensation_options. */

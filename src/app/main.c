@@ -6,9 +6,9 @@
 #include "app.h"
 
 static const command *const commands[] = {
-    &command_fit,     &command_render, &command_eval,      &command_info,  &command_devices,
-    &command_capture, &command_board,  &command_calibrate, &command_bench, &command_chart,
-    &command_convert, &command_prune,  &command_live,      &command_view};
+    &command_fit,     &command_render,  &command_eval,  &command_info,      &command_devices,
+    &command_cameras, &command_capture, &command_board, &command_calibrate, &command_bench,
+    &command_chart,   &command_convert, &command_prune, &command_live,      &command_view};
 enum { COMMANDS = sizeof commands / sizeof *commands };
 
 static const struct {

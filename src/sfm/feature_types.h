@@ -6,12 +6,12 @@
 #include "../kernels/kernels.h"
 
 /* A grey picture, and which of its pixels count. */
-typedef struct sf_grey {
+typedef struct sf_photo {
     const uint8_t *pixels; /* rows of `stride` bytes */
     const uint8_t *mask;   /* the same for a mask, 0: no features there; NULL: all count */
     size_t stride;
     int width, height; /* px, 1..SF_FEATURES_SIDE */
-} sf_grey;
+} sf_photo;
 
 enum { SF_FEATURES_SIDE = 28000 };
 

@@ -20,7 +20,7 @@ sf_features_options sf_features_options_default(void) {
 
 /* A picture's scale space. */
 typedef struct search {
-    const sf_grey *picture;
+    const sf_photo *picture;
     sf_features_options options;
     sf_taps taps[SF_OCTAVE_ROWS];
     sf_octave octaves[OCTAVES_MOST];
@@ -45,7 +45,7 @@ static int factor_of(int width, int height, const sf_features_options *options) 
     return options->upsampling == SF_UPSAMPLE_ALWAYS || (int64_t)width * height <= SF_FEATURES_SMALL ? 2 : 1;
 }
 
-static sf_status open_search(search *s, sf_context *ctx, const sf_grey *picture,
+static sf_status open_search(search *s, sf_context *ctx, const sf_photo *picture,
                              const sf_features_options *options) {
     int factor = factor_of(picture->width, picture->height, options);
     int width = factor * picture->width, height = factor * picture->height;
@@ -78,7 +78,7 @@ static void close_search(search *s, sf_context *ctx) {
 }
 
 /* A row of the picture as 0..1. */
-static void take_row(const sf_grey *p, int y, float *row) {
+static void take_row(const sf_photo *p, int y, float *row) {
     const uint8_t *pixels = p->pixels + (size_t)y * p->stride;
     for (int x = 0; x < p->width; x++) row[x] = (float)pixels[x] * (1 / 255.0f);
 }
@@ -92,7 +92,7 @@ static void widen(const float *row, int width, float *out) {
 }
 
 static sf_status push_twice(search *s, int y) {
-    const sf_grey *p = s->picture;
+    const sf_photo *p = s->picture;
     sf_octave *first = &s->octaves[0];
     if (y == 0) take_row(p, 0, s->above);
     take_row(p, y + 1 < p->height ? y + 1 : y, s->below);
@@ -112,7 +112,7 @@ static sf_status push_row(search *s, int y) {
     return sf_octave_advance(&s->octaves[0]);
 }
 
-static sf_status check(sf_context *ctx, const sf_grey *p, const sf_features_options *options) {
+static sf_status check(sf_context *ctx, const sf_photo *p, const sf_features_options *options) {
     if (p->width < 1 || p->height < 1 || p->width > SF_FEATURES_SIDE || p->height > SF_FEATURES_SIDE)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "features of a picture of %dx%d px: sides are 1 to %d px",
                        p->width, p->height, SF_FEATURES_SIDE);
@@ -122,7 +122,7 @@ static sf_status check(sf_context *ctx, const sf_grey *p, const sf_features_opti
     return SF_OK;
 }
 
-sf_status sf_features_find(sf_context *ctx, const sf_grey *picture, const sf_features_options *options,
+sf_status sf_features_find(sf_context *ctx, const sf_photo *picture, const sf_features_options *options,
                            sf_features *features) {
     *features = (sf_features){0};
     sf_status status = check(ctx, picture, options);
@@ -139,7 +139,7 @@ sf_status sf_features_find(sf_context *ctx, const sf_grey *picture, const sf_fea
 
 typedef struct batch {
     sf_context *ctx;
-    const sf_grey *pictures;
+    const sf_photo *pictures;
     const sf_features_options *options;
     sf_features *features;
     sf_status *statuses;
@@ -151,7 +151,7 @@ static void find_one(void *batch_pointer, size_t task, int thread) {
     b->statuses[task] = sf_features_find(b->ctx, &b->pictures[task], b->options, &b->features[task]);
 }
 
-sf_status sf_features_find_all(sf_context *ctx, const sf_grey *pictures, size_t count,
+sf_status sf_features_find_all(sf_context *ctx, const sf_photo *pictures, size_t count,
                                const sf_features_options *options, sf_features *features) {
     batch b = {ctx, pictures, options, features, NULL};
     sf_status status = SF_OK;

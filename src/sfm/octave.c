@@ -104,7 +104,7 @@ static int settle(const sf_octave *o, int at[3], sf_extremum *e) {
 }
 
 static int is_masked(const sf_octave *o, const sf_spot *spot) {
-    const sf_grey *p = o->picture;
+    const sf_photo *p = o->picture;
     if (!p->mask) return 0;
     int x = (int)(spot->x * o->describe.step + 0.5), y = (int)(spot->y * o->describe.step + 0.5);
     x = x < 0 ? 0 : x < p->width ? x : p->width - 1;

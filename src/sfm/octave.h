@@ -22,7 +22,7 @@ typedef struct sf_octave {
     int width, height;                          /* px */
     const sf_taps *taps;                        /* [SF_OCTAVE_ROWS]; the first is not used */
     const sf_features_options *options;         /* of the search */
-    const sf_grey *picture;                     /* whose mask counts */
+    const sf_photo *picture;                    /* whose mask counts */
     sf_band rows[SF_OCTAVE_ROWS];               /* those of the input: of the first octave alone */
     sf_band differences[SF_OCTAVE_DIFFERENCES]; /* between each level and the next */
     sf_spots spots[SF_OCTAVE_LAYERS];           /* found, by level, not described yet */

@@ -43,11 +43,11 @@ void test_scatter_blobs(uint64_t seed, int width, int height, test_blob *blobs, 
     }
 }
 
-sf_grey test_grey(const uint8_t *pixels, int width, int height) {
-    return (sf_grey){.pixels = pixels, .stride = (size_t)width, .width = width, .height = height};
+sf_photo test_grey(const uint8_t *pixels, int width, int height) {
+    return (sf_photo){.pixels = pixels, .stride = (size_t)width, .width = width, .height = height};
 }
 
-sf_features test_find_features(sf_context *ctx, const sf_grey *picture, const sf_features_options *options) {
+sf_features test_find_features(sf_context *ctx, const sf_photo *picture, const sf_features_options *options) {
     sf_features features;
     assert_ok(ctx, sf_features_find(ctx, picture, options, &features));
     return features;

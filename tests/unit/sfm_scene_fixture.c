@@ -66,7 +66,7 @@ static void take_picture(sfm_scene *s, size_t view, double noise, sf_rng *rng) {
 }
 
 static void match(sfm_scene *s, size_t pair, double wrong, sf_rng *rng) {
-    sf_match_pair *p = &s->pairs[pair];
+    sf_verified_pair *p = &s->pairs[pair];
     const sf_map_picture *a = &s->pictures[p->first], *b = &s->pictures[p->second];
     uint32_t *there = clear(s->points, sizeof *there);
     s->all[pair] = clear(2 * a->count, sizeof **s->all);
@@ -134,7 +134,7 @@ void sfm_scene_verify(sfm_scene *s, int known) {
     sf_two_view_options o = sf_two_view_options_default();
     o.known = known;
     for (size_t i = 0; i < s->pair_count; i++) {
-        sf_match_pair *p = &s->pairs[i];
+        sf_verified_pair *p = &s->pairs[i];
         size_t n = s->all_count[i];
         double *a = clear(4 * n, sizeof *a), *b = a + 2 * n;
         double *scratch = clear(SF_TWO_VIEW_SCRATCH * n, sizeof *scratch);

@@ -35,7 +35,7 @@ static void blobs_are_found_where_they_are(void **state) {
         blobs[i] = (test_blob){80 + 170 * (i % 4) + 0.13 * i, 80 + 170 * (i / 4) + 0.31 * i, 3 * pow(1.3, i),
                                i % 2 ? 90 : -90};
     uint8_t *pixels = test_draw_blobs(WIDTH, HEIGHT, blobs, BLOBS);
-    sf_grey picture = test_grey(pixels, WIDTH, HEIGHT);
+    sf_photo picture = test_grey(pixels, WIDTH, HEIGHT);
     for (int upsampling = SF_UPSAMPLE_NEVER; upsampling <= SF_UPSAMPLE_ALWAYS; upsampling++) {
         options.upsampling = (sf_upsampling)upsampling;
         sf_features f = test_find_features(ctx, &picture, &options);
@@ -104,7 +104,7 @@ static void a_quarter_turn_turns_features(void **state) {
     test_blob blobs[BLOBS];
     test_scatter_blobs(3, WIDTH, HEIGHT, blobs, BLOBS);
     uint8_t *pixels = test_draw_blobs(WIDTH, HEIGHT, blobs, BLOBS), *other = turned(pixels, WIDTH, HEIGHT);
-    sf_grey upright = test_grey(pixels, WIDTH, HEIGHT), lying = test_grey(other, HEIGHT, WIDTH);
+    sf_photo upright = test_grey(pixels, WIDTH, HEIGHT), lying = test_grey(other, HEIGHT, WIDTH);
     sf_features f = test_find_features(ctx, &upright, &options);
     sf_features g = test_find_features(ctx, &lying, &options);
     size_t found = 0;
@@ -126,7 +126,7 @@ enum { PICTURES = 5 };
 
 typedef struct album {
     uint8_t *pixels[PICTURES];
-    sf_grey pictures[PICTURES];
+    sf_photo pictures[PICTURES];
 } album;
 
 static void make_album(album *a) {

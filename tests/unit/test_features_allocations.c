@@ -10,7 +10,7 @@ enum { WIDTH = 96, HEIGHT = 80, BLOBS = 120, PHOTOS = 3 };
 typedef struct world {
     sf_context *ctx;
     test_allocations memory;
-    sf_grey pictures[PHOTOS];
+    sf_photo pictures[PHOTOS];
 } world;
 
 /* Features of all pictures, with as few kept as that the list of them is sorted on the way, and matches. */

@@ -22,7 +22,7 @@ static void masks_are_honoured(void **state) {
     uint8_t *pixels = draw(), *mask = malloc(WIDTH * HEIGHT);
     assert_non_null(mask);
     for (int i = 0; i < WIDTH * HEIGHT; i++) mask[i] = i % WIDTH < WIDTH / 2 || i / WIDTH > 120 ? 255 : 0;
-    sf_grey picture = test_grey(pixels, WIDTH, HEIGHT);
+    sf_photo picture = test_grey(pixels, WIDTH, HEIGHT);
     sf_features all = test_find_features(ctx, &picture, &options);
     picture.mask = mask;
     sf_features some = test_find_features(ctx, &picture, &options);
@@ -53,7 +53,7 @@ static void the_best_stay(void **state) {
     sf_context *ctx = test_context();
     sf_features_options options = sf_features_options_default();
     uint8_t *pixels = draw();
-    sf_grey picture = test_grey(pixels, WIDTH, HEIGHT);
+    sf_photo picture = test_grey(pixels, WIDTH, HEIGHT);
     sf_features all = test_find_features(ctx, &picture, &options);
     static const size_t wanted[] = {1, 2, 7, 50, 100};
     assert_true(all.count > 100);
@@ -76,7 +76,7 @@ static void directions_can_be_one(void **state) {
     sf_context *ctx = test_context();
     sf_features_options options = sf_features_options_default();
     uint8_t *pixels = draw();
-    sf_grey picture = test_grey(pixels, WIDTH, HEIGHT);
+    sf_photo picture = test_grey(pixels, WIDTH, HEIGHT);
     sf_features two = test_find_features(ctx, &picture, &options);
     options.directions = 1;
     sf_features one = test_find_features(ctx, &picture, &options);
@@ -104,7 +104,7 @@ static void small_and_even_pictures_have_none(void **state) {
             uint8_t *pixels = malloc(count);
             assert_non_null(pixels);
             memset(pixels, grey, count);
-            sf_grey picture = test_grey(pixels, sizes[i][0], sizes[i][1]);
+            sf_photo picture = test_grey(pixels, sizes[i][0], sizes[i][1]);
             sf_features f = test_find_features(ctx, &picture, &options);
             assert_true(f.count == 0 && !f.points && !f.descriptors);
             free(pixels);
@@ -122,7 +122,7 @@ static void rows_may_lie_apart(void **state) {
     assert_non_null(apart);
     for (int i = 0; i < STRIDE * HEIGHT; i++) apart[i] = (uint8_t)(i * 77);
     for (int y = 0; y < HEIGHT; y++) memcpy(apart + y * STRIDE, pixels + y * WIDTH, WIDTH);
-    sf_grey picture = test_grey(pixels, WIDTH, HEIGHT), other = picture;
+    sf_photo picture = test_grey(pixels, WIDTH, HEIGHT), other = picture;
     other.pixels = apart, other.stride = STRIDE;
     sf_features a = test_find_features(ctx, &picture, &options);
     sf_features b = test_find_features(ctx, &other, &options);
@@ -139,7 +139,7 @@ static void what_cannot_be_is_refused(void **state) {
     sf_context *ctx = test_context();
     sf_features_options options = sf_features_options_default();
     uint8_t pixel = 0;
-    sf_grey picture = test_grey(&pixel, 1, 1);
+    sf_photo picture = test_grey(&pixel, 1, 1);
     sf_features f;
     picture.width = SF_FEATURES_SIDE + 1;
     assert_status(ctx, sf_features_find(ctx, &picture, &options, &f), SF_ERR_ARGUMENT);
@@ -152,7 +152,7 @@ static void what_cannot_be_is_refused(void **state) {
     assert_error_names(ctx, "0 at most");
     assert_ok(ctx, sf_features_find_all(ctx, NULL, 0, &options, NULL));
     options = sf_features_options_default();
-    sf_grey both[2] = {picture, picture};
+    sf_photo both[2] = {picture, picture};
     both[1].height = 0;
     sf_features found[2];
     assert_status(ctx, sf_features_find_all(ctx, both, 2, &options, found), SF_ERR_ARGUMENT);
@@ -207,7 +207,7 @@ static void memory_is_as_announced(void **state) {
         options.upsampling = (sf_upsampling)upsampling;
         size_t before = m.now;
         for (int height = HIGH; height >= HIGH / 4; height /= 2) {
-            sf_grey picture = test_grey(pixels, WIDE, height);
+            sf_photo picture = test_grey(pixels, WIDE, height);
             uint64_t announced = sf_features_memory(WIDE, height, &options);
             m.most = m.now;
             sf_features f = test_find_features(ctx, &picture, &options);

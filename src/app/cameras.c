@@ -1,0 +1,138 @@
+/* cameras.c - splatfit cameras: cameras from photos alone, as a COLMAP project. */
+#define _XOPEN_SOURCE 700 /* realpath */
+#include <errno.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "app.h"
+
+#include <splatfit/sfm.h>
+
+static const arg_option own_options[] = {
+    {"output", 'o', "PROJECT", "the folder to write: sparse/0, and images, a link to the photos"},
+    {"features", 0, "N", "features of a photo at most (4096)"},
+    {"side", 0, "PX", "photos are reduced until no side is longer before features are looked for (1600)"},
+    {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
+    {0},
+};
+
+typedef struct job {
+    const args *a;
+    sf_context *ctx;
+    const char *photos, *project;
+    sf_reconstruction *result;
+    progress_line line;
+} job;
+
+static int tell(void *user, sf_sfm_stage stage, size_t done, size_t all) {
+    static const char *const names[] = {"features", "pairs matched", "pairs with a geometry",
+                                        "photos placed"};
+    job *j = user;
+    char text[128];
+    snprintf(text, sizeof text, "%s: %zu of %zu", names[stage], done, all);
+    if (progress_due(&j->line, app_seconds(), done == all)) progress_text(&j->line, text);
+    return app_stopped_by() != 0;
+}
+
+static int make_folder(const job *j, const char *path) {
+    if (!mkdir(path, 0777) || errno == EEXIST) return 0;
+    return app_say(j->a, path, strerror(errno));
+}
+
+/* PROJECT/images: a link to the photos, unless that is there. */
+static int link_photos(const job *j, char *path) {
+    char photos[PATH_MAX], there[PATH_MAX];
+    sprintf(path, "%s/images", j->project);
+    if (!realpath(j->photos, photos)) return app_say(j->a, j->photos, strerror(errno));
+    if (realpath(path, there))
+        return strcmp(photos, there)
+                   ? app_say(j->a, path, "is there, and is not the photos' folder: remove it")
+                   : 0;
+    return symlink(photos, path) ? app_say(j->a, path, strerror(errno)) : 0;
+}
+
+static int save(const job *j) {
+    char *path = malloc(strlen(j->project) + 16);
+    if (!path) return app_say(j->a, j->project, "out of memory");
+    int error = make_folder(j, j->project);
+    if (!error) error = link_photos(j, path);
+    sprintf(path, "%s/sparse", j->project);
+    if (!error) error = make_folder(j, path);
+    sprintf(path, "%s/sparse/0", j->project);
+    if (!error) error = make_folder(j, path);
+    if (!error && sf_reconstruction_save_colmap(j->result, path)) error = app_fail(j->a, j->ctx);
+    free(path);
+    return error;
+}
+
+static void print_result(const job *j) {
+    sf_reconstruction_info info;
+    sf_reconstruction_photo photo;
+    sf_reconstruction_get_info(j->result, &info);
+    double seconds = 0;
+    for (int s = 0; s < SF_SFM_STAGES; s++) seconds += info.seconds[s];
+    for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++)
+        if (!photo.placed) printf("not placed: %s: %s\n", photo.name, photo.why);
+    if (info.other_places)
+        printf("%zu other places, with %zu photos, that nothing connects with this one\n", info.other_places,
+               info.other_photos);
+    for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++) {
+        if (!photo.placed) continue;
+        printf("focal length %.1f px, k1 %.4f, k2 %.4f\n", photo.lens.fx, photo.lens.k1, photo.lens.k2);
+        break;
+    }
+    printf("%zu of %zu photos placed, %zu points, %zu observations, reprojection error %.2f px, %.1f s "
+           "(features %.1f, "
+           "matches %.1f, pairs %.1f, mapping %.1f)\n",
+           info.placed, info.photos, info.points, info.observations, info.error, seconds, info.seconds[0],
+           info.seconds[1], info.seconds[2], info.seconds[3]);
+}
+
+static int read_options(const job *j, sf_sfm_options *options) {
+    *options = sf_sfm_options_default();
+    int error = args_int(j->a, "side", 64, 28000, &options->side);
+    if (!error) error = args_int(j->a, "features", 100, 1000000, &options->features);
+    if (!error) error = args_numbers(j->a, "focal", 1, &options->focal);
+    options->progress = tell;
+    options->user = (void *)(uintptr_t)j;
+    return error;
+}
+
+static int run(const args *a) {
+    job j = {.a = a, .photos = a->positional[0], .project = args_value(a, "output")};
+    sf_sfm_options options;
+    if (!j.project) {
+        app_say(a, "an argument is missing", "-o PROJECT");
+        return EXIT_USAGE;
+    }
+    int error = read_options(&j, &options);
+    if (!error) error = app_context(a, &j.ctx);
+    if (!error) {
+        error = progress_start(&j.line, a, stdout);
+        if (!error && sf_sfm_run(j.ctx, j.photos, &options, &j.result)) error = app_fail(a, j.ctx);
+        progress_break(&j.line);
+    }
+    if (!error) error = save(&j);
+    if (!error) print_result(&j);
+    sf_reconstruction_destroy(&j.result);
+    sf_context_destroy(&j.ctx);
+    return error;
+}
+
+static const arg_option *const tables[] = {own_options, common_options, NULL};
+
+const command command_cameras = {
+    .name = "cameras",
+    .synopsis = "PHOTOS -o PROJECT [OPTIONS]",
+    .summary = "Finds the cameras of photos of one place, by structure from motion, and writes them with "
+               "sparse points "
+               "as a COLMAP project, which fit reads.",
+    .tables = tables,
+    .least = 1,
+    .most = 1,
+    .run = run,
+};

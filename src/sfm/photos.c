@@ -1,0 +1,158 @@
+/* photos.c - see photos.h. */
+#include "photos.h"
+
+#include <dirent.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "../base/pool.h"
+#include "../io/paths.h"
+#include "../io/picture.h"
+
+static int is_photo(const char *name) {
+    static const char *const endings[] = {".jpg", ".jpeg", ".png"};
+    const char *dot = strrchr(name, '.');
+    for (size_t i = 0; dot && dot > name && i < sizeof endings / sizeof *endings; i++)
+        if (!strcasecmp(dot, endings[i])) return 1;
+    return 0;
+}
+
+static int by_name(const void *a, const void *b) {
+    return strcmp(((const sf_photo_file *)a)->name, ((const sf_photo_file *)b)->name);
+}
+
+static sf_status add_photo(sf_context *ctx, sf_photo_list *list, size_t *room, const char *name) {
+    sf_status status = sf_grow(ctx, &list->photos, room, list->count, list->count + 1, sizeof *list->photos);
+    if (status) return status;
+    list->photos[list->count] = (sf_photo_file){.name = sf_text_copy(ctx, name), .factor = 1};
+    if (!list->photos[list->count].name) return SF_ERR_MEMORY;
+    list->count++;
+    return SF_OK;
+}
+
+sf_status sf_photos_list(sf_context *ctx, const char *path, sf_photo_list *list) {
+    size_t room = 0;
+    sf_status status = SF_OK;
+    const struct dirent *e;
+    *list = (sf_photo_list){0};
+    DIR *folder = opendir(path);
+    if (!folder) return sf_fail(ctx, SF_ERR_IO, "%s: cannot be opened as a folder of photos", path);
+    while (!status && (e = readdir(folder)))
+        if (is_photo(e->d_name) && sf_holds_file(path, e->d_name))
+            status = add_photo(ctx, list, &room, e->d_name);
+    closedir(folder);
+    if (!status && !list->count)
+        status = sf_fail(ctx, SF_ERR_EMPTY, "%s: holds no photos (.jpg, .jpeg, .png)", path);
+    if (status) sf_photos_free(ctx, list);
+    if (list->count) qsort(list->photos, list->count, sizeof *list->photos, by_name);
+    return status;
+}
+
+void sf_photos_free(sf_context *ctx, sf_photo_list *list) {
+    for (size_t i = 0; i < list->count; i++) {
+        sf_features_free(ctx, &list->photos[i].features);
+        sf_free(ctx, list->photos[i].colors);
+        sf_free(ctx, list->photos[i].name);
+    }
+    sf_free(ctx, list->photos);
+    *list = (sf_photo_list){0};
+}
+
+typedef struct find_job {
+    sf_context *ctx;
+    const char *folder;
+    int side;
+    const sf_features_options *options;
+    sf_photos_done done;
+    void *user;
+    sf_photo_list *list;
+    atomic_size_t found;
+    atomic_int status, cancelled;
+} find_job;
+
+/* Rec. 601 luma of the means of factor x factor pixels. */
+static void reduce(const sf_picture *from, int factor, uint8_t *to, int width, int height) {
+    static const unsigned weights[] = {77, 150, 29};
+    size_t plane = (size_t)from->width * (size_t)from->height, n = (size_t)factor;
+    for (size_t y = 0; y < (size_t)height; y++)
+        for (size_t x = 0; x < (size_t)width; x++) {
+            uint64_t sum = 0;
+            for (size_t c = 0; c < 3; c++) {
+                const uint8_t *at = from->rgb + c * plane + y * n * (size_t)from->width + x * n;
+                unsigned of_channel = 0;
+                for (size_t j = 0; j < n; j++)
+                    for (size_t i = 0; i < n; i++) of_channel += at[j * (size_t)from->width + i];
+                sum += (uint64_t)weights[c] * of_channel;
+            }
+            to[y * (size_t)width + x] = (uint8_t)((sum + 128 * n * n) / (256 * n * n));
+        }
+}
+
+static void color_at(const sf_picture *picture, const sf_keypoint *point, uint8_t rgb[3]) {
+    size_t width = (size_t)picture->width, height = (size_t)picture->height;
+    size_t x = point->x > 0 ? (size_t)point->x : 0, y = point->y > 0 ? (size_t)point->y : 0;
+    if (x >= width) x = width - 1;
+    if (y >= height) y = height - 1;
+    for (size_t c = 0; c < 3; c++) rgb[c] = picture->rgb[(c * height + y) * width + x];
+}
+
+static sf_status find_in(const find_job *job, sf_photo_file *photo, const sf_picture *picture) {
+    int longer = picture->width > picture->height ? picture->width : picture->height;
+    int factor = photo->factor = (longer + job->side - 1) / job->side;
+    sf_photo grey = {.width = picture->width / factor, .height = picture->height / factor};
+    grey.stride = (size_t)grey.width;
+    uint8_t *pixels = sf_alloc(job->ctx, grey.stride, (size_t)grey.height);
+    if (!pixels) return SF_ERR_MEMORY;
+    reduce(picture, factor, pixels, grey.width, grey.height);
+    grey.pixels = pixels;
+    sf_status status = sf_features_find(job->ctx, &grey, job->options, &photo->features);
+    sf_free(job->ctx, pixels);
+    if (status) return status;
+    photo->colors = sf_alloc(job->ctx, photo->features.count + 1, sizeof *photo->colors);
+    for (size_t i = 0; photo->colors && i < photo->features.count; i++) {
+        sf_keypoint *point = &photo->features.points[i];
+        point->x *= (float)factor, point->y *= (float)factor, point->scale *= (float)factor;
+        color_at(picture, point, photo->colors[i]);
+    }
+    return photo->colors ? SF_OK : SF_ERR_MEMORY;
+}
+
+static void find_task(void *job_pointer, size_t task, int thread) {
+    find_job *job = job_pointer;
+    sf_photo_file *photo = &job->list->photos[task];
+    sf_picture picture;
+    (void)thread;
+    if (atomic_load(&job->status) || atomic_load(&job->cancelled)) return;
+    char *path = sf_path_join(job->ctx, job->folder, photo->name);
+    sf_status status = path ? sf_picture_load(job->ctx, path, &picture) : SF_ERR_MEMORY;
+    sf_free(job->ctx, path);
+    if (!status) {
+        photo->width = picture.width, photo->height = picture.height;
+        status = find_in(job, photo, &picture);
+        sf_picture_free(job->ctx, &picture);
+    } else if (status != SF_ERR_MEMORY) {
+        snprintf(photo->fault, sizeof photo->fault, "%s", picture.fault);
+        status = SF_OK;
+    }
+    if (status) atomic_store(&job->status, (int)status);
+    size_t found = atomic_fetch_add(&job->found, 1) + 1;
+    if (job->done && !thread && job->done(job->user, found)) atomic_store(&job->cancelled, 1);
+}
+
+sf_status sf_photos_find_features(sf_context *ctx, const char *folder, int side,
+                                  const sf_features_options *options, sf_photos_done done, void *user,
+                                  sf_photo_list *list) {
+    find_job job = {.ctx = ctx,
+                    .folder = folder,
+                    .side = side,
+                    .options = options,
+                    .done = done,
+                    .user = user,
+                    .list = list};
+    sf_pool_run(ctx->pool, list->count, find_task, &job);
+    if (atomic_load(&job.status)) return (sf_status)atomic_load(&job.status);
+    return atomic_load(&job.cancelled) ? SF_ERR_CANCELLED : SF_OK;
+}

@@ -1,0 +1,37 @@
+/* photos.h - the photos of a folder, and the features of each. */
+#ifndef SF_SFM_PHOTOS_H
+#define SF_SFM_PHOTOS_H
+
+#include "features.h"
+
+enum { SF_PHOTO_FAULT = 192 };
+
+/* A photo on its way through the stages. */
+typedef struct sf_photo_file {
+    char *name;                 /* within the folder */
+    int width, height;          /* px, as the file has it */
+    int factor;                 /* sides were divided by this before features were looked for */
+    sf_features features;       /* positions in px of the file */
+    uint8_t (*colors)[3];       /* [features]: sRGB bytes */
+    char fault[SF_PHOTO_FAULT]; /* why the photo cannot be read; "": it can */
+} sf_photo_file;
+
+typedef struct sf_photo_list {
+    sf_photo_file *photos; /* by name */
+    size_t count;
+} sf_photo_list;
+
+/* Lists the .jpg, .jpeg and .png files of a folder, by name. SF_ERR_IO; SF_ERR_EMPTY: it has none;
+ * SF_ERR_MEMORY. */
+sf_status sf_photos_list(sf_context *ctx, const char *folder, sf_photo_list *list);
+void sf_photos_free(sf_context *ctx, sf_photo_list *list);
+
+/* Reads each photo, reduced so that no side is longer than `side`, and finds its features; on all threads,
+ * one photo a thread at a time. done (may be NULL) is told after each; what it returns, if not 0, ends the
+ * work with SF_ERR_CANCELLED. Photos that cannot be read have a fault. SF_ERR_MEMORY. */
+typedef int (*sf_photos_done)(void *user, size_t photos);
+sf_status sf_photos_find_features(sf_context *ctx, const char *folder, int side,
+                                  const sf_features_options *options, sf_photos_done done, void *user,
+                                  sf_photo_list *list);
+
+#endif

@@ -1,0 +1,190 @@
+/* reconstruct.c - cameras from photos: features, matches, the geometry of pairs, the map (README.md). */
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+#include "mapper.h"
+#include "reconstruction.h"
+#include "verify.h"
+
+/* A focal length that nothing tells, in the longer side of the photo. */
+#define GUESS 1.2
+
+sf_sfm_options sf_sfm_options_default(void) {
+    return (sf_sfm_options){.side = 1600, .features = 4096, .error = 4};
+}
+
+/* What the stages need beside the reconstruction. */
+typedef struct run {
+    sf_context *ctx;
+    const sf_sfm_options *options;
+    sf_reconstruction *r;
+    sf_verified verified;
+    double began;
+} run;
+
+static sf_status check_options(sf_context *ctx, const sf_sfm_options *o) {
+    if (o->side < 64 || o->side > SF_FEATURES_SIDE)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "side: %d is not in 64..%d", o->side, SF_FEATURES_SIDE);
+    if (o->features < 100 || o->features > 1000000)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "features: %d is not in 100..1000000", o->features);
+    if (!(o->error > 0 && o->error < 1e4))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "error: %g px is not above 0", o->error);
+    if (!(o->focal >= 0 && o->focal < 1e6))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "focal: %g px is not 0 or more", o->focal);
+    return SF_OK;
+}
+
+static int tell(const run *work, sf_sfm_stage stage, size_t done, size_t all) {
+    return work->options->progress && work->options->progress(work->options->user, stage, done, all);
+}
+
+static double seconds(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static void end_stage(run *work, sf_sfm_stage stage) {
+    double now = seconds();
+    work->r->seconds[stage] = now - work->began;
+    work->began = now;
+}
+
+static int features_done(void *user, size_t photos) {
+    const run *work = user;
+    return tell(work, SF_SFM_FEATURES, photos, work->r->list.count);
+}
+
+static int photo_placed(void *user, size_t placed, size_t photos) {
+    return tell(user, SF_SFM_MAPPING, placed, photos);
+}
+
+/* The lens to begin with of photos of one size. */
+static sf_map_camera first_camera(const run *work, const sf_photo_file *photo) {
+    const sf_sfm_options *o = work->options;
+    double longer = photo->width > photo->height ? photo->width : photo->height;
+    double focal = o->focal > 0 ? o->focal : GUESS * longer;
+    sf_map_camera camera = {
+        .width = photo->width,
+        .height = photo->height,
+        .lens = {.fx = focal, .fy = focal, .cx = photo->width / 2.0, .cy = photo->height / 2.0},
+        .focal_prior = o->focal,
+        .focal_sigma = 0.05};
+    if (o->lens) camera.lens = *o->lens, camera.is_fixed = 1;
+    return camera;
+}
+
+/* Photos of one size share a camera. */
+static sf_status group_cameras(run *work) {
+    sf_reconstruction *r = work->r;
+    r->cameras = sf_alloc(r->ctx, r->list.count + 1, sizeof *r->cameras);
+    r->camera_of = sf_calloc(r->ctx, r->list.count + 1, sizeof *r->camera_of);
+    if (!r->cameras || !r->camera_of) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < r->list.count; i++) {
+        const sf_photo_file *photo = &r->list.photos[i];
+        uint32_t c = 0;
+        if (*photo->fault) continue;
+        while (c < r->camera_count &&
+               (r->cameras[c].width != photo->width || r->cameras[c].height != photo->height))
+            c++;
+        if (c == r->camera_count) r->cameras[r->camera_count++] = first_camera(work, photo);
+        r->camera_of[i] = c;
+    }
+    if (r->camera_count) return SF_OK;
+    return sf_fail(r->ctx, SF_ERR_EMPTY, "no photo can be read (first: %s: %s)", r->list.photos[0].name,
+                   r->list.photos[0].fault);
+}
+
+static sf_status make_pictures(sf_reconstruction *r) {
+    r->pictures = sf_calloc(r->ctx, r->list.count + 1, sizeof *r->pictures);
+    if (!r->pictures) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < r->list.count; i++) {
+        const sf_features *f = &r->list.photos[i].features;
+        double *keypoints = sf_alloc(r->ctx, f->count + 1, 2 * sizeof *keypoints);
+        if (!keypoints) return SF_ERR_MEMORY;
+        for (size_t k = 0; k < f->count; k++)
+            keypoints[2 * k] = (double)f->points[k].x, keypoints[2 * k + 1] = (double)f->points[k].y;
+        r->pictures[i] = (sf_map_picture){.keypoints = keypoints,
+                                          .count = f->count,
+                                          .camera = r->camera_of[i],
+                                          .is_left_out = *r->list.photos[i].fault != 0};
+    }
+    return SF_OK;
+}
+
+static sf_status map_photos(run *work) {
+    sf_reconstruction *r = work->r;
+    sf_status status = make_pictures(r);
+    if (status) return status;
+    sf_map_input input = {.cameras = r->cameras,
+                          .camera_count = r->camera_count,
+                          .pictures = r->pictures,
+                          .picture_count = r->list.count,
+                          .pairs = work->verified.agreed,
+                          .pair_count = work->verified.agreed_count};
+    sf_map_options options = sf_map_options_default();
+    options.error_px = work->options->error;
+    return sf_mapper_run(r->ctx, &input, &options, photo_placed, work, &r->map);
+}
+
+static sf_status run_stages(run *work, const char *folder) {
+    sf_reconstruction *r = work->r;
+    sf_features_options features = sf_features_options_default();
+    features.most = (size_t)work->options->features;
+    sf_status status = sf_photos_list(r->ctx, folder, &r->list);
+    if (!status && r->list.count < 2)
+        status = sf_fail(r->ctx, SF_ERR_EMPTY,
+                         "%s: one photo alone shows no depth: add more of the same place", folder);
+    if (!status)
+        status = sf_photos_find_features(r->ctx, folder, work->options->side, &features, features_done, work,
+                                         &r->list);
+    end_stage(work, SF_SFM_FEATURES);
+    if (!status) status = group_cameras(work);
+    if (!status) status = sf_verify_match(r->ctx, &r->list, &work->verified);
+    end_stage(work, SF_SFM_MATCHES);
+    if (!status && tell(work, SF_SFM_MATCHES, work->verified.count, work->verified.count))
+        status = SF_ERR_CANCELLED;
+    if (!status)
+        status = sf_verify_geometry(r->ctx, &r->list, r->camera_of, work->options->error, r->cameras,
+                                    r->camera_count, &work->verified);
+    end_stage(work, SF_SFM_GEOMETRY);
+    if (!status && tell(work, SF_SFM_GEOMETRY, work->verified.agreed_count, work->verified.count))
+        status = SF_ERR_CANCELLED;
+    if (!status) status = map_photos(work);
+    end_stage(work, SF_SFM_MAPPING);
+    return status;
+}
+
+sf_status sf_sfm_run(sf_context *ctx, const char *folder, const sf_sfm_options *options,
+                     sf_reconstruction **reconstruction) {
+    sf_sfm_options o = options ? *options : sf_sfm_options_default();
+    *reconstruction = NULL;
+    sf_status status = check_options(ctx, &o);
+    if (status) return status;
+    sf_reconstruction *r = sf_calloc(ctx, 1, sizeof *r);
+    if (!r) return SF_ERR_MEMORY;
+    r->ctx = ctx;
+    run work = {.ctx = ctx, .options = &o, .r = r, .began = seconds()};
+    status = run_stages(&work, folder);
+    sf_verified_free(ctx, &work.verified);
+    if (status)
+        sf_reconstruction_destroy(&r);
+    else
+        *reconstruction = r;
+    return status;
+}
+
+void sf_reconstruction_destroy(sf_reconstruction **reconstruction) {
+    sf_reconstruction *r = *reconstruction;
+    if (!r) return;
+    sf_map_destroy(&r->map);
+    for (size_t i = 0; r->pictures && i < r->list.count; i++)
+        sf_free(r->ctx, (void *)(uintptr_t)r->pictures[i].keypoints);
+    sf_free(r->ctx, r->pictures);
+    sf_free(r->ctx, r->cameras);
+    sf_free(r->ctx, r->camera_of);
+    sf_photos_free(r->ctx, &r->list);
+    sf_free(r->ctx, r);
+    *reconstruction = NULL;
+}

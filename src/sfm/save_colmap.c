@@ -1,0 +1,211 @@
+/* save_colmap.c - what was reconstructed: its figures, and COLMAP's binary files. */
+#include <math.h>
+#include <string.h>
+
+#include "../base/file.h"
+#include "../base/linear.h"
+#include "../io/paths.h"
+#include "../pose/lens.h"
+#include "reconstruction.h"
+
+#include <splatfit/camera.h>
+
+/* ---- Figures ---- */
+
+static double squared_error(const sf_map *map, size_t sighting, size_t track) {
+    const sf_sighting *s = &map->tracks.sightings[sighting];
+    const sf_map_picture *picture = &map->pictures[s->picture];
+    double point[3], pixel[2];
+    sf_rigid_apply(&picture->pose, map->at[track], point);
+    if (!sf_lens_project(&map->cameras[picture->camera].lens, point, pixel, NULL, NULL)) return INFINITY;
+    const double *seen = picture->keypoints + 2 * (size_t)s->keypoint;
+    return pow(pixel[0] - seen[0], 2) + pow(pixel[1] - seen[1], 2);
+}
+
+/* The sightings that a track's point was made from. Returns how many. */
+static size_t used(const sf_map *map, size_t track, double *squares) {
+    size_t count = 0;
+    if (!map->has_point[track]) return 0;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+        if (!map->is_used[i] || !map->pictures[map->tracks.sightings[i].picture].is_placed) continue;
+        *squares += squared_error(map, i, track);
+        count++;
+    }
+    return count;
+}
+
+void sf_reconstruction_get_info(const sf_reconstruction *r, sf_reconstruction_info *info) {
+    double squares = 0;
+    *info = (sf_reconstruction_info){.photos = r->list.count,
+                                     .placed = r->map->placed_count,
+                                     .other_places = r->map->other_maps,
+                                     .other_photos = r->map->other_pictures};
+    for (size_t track = 0; track < r->map->tracks.count; track++) {
+        size_t count = used(r->map, track, &squares);
+        info->points += count > 0;
+        info->observations += count;
+    }
+    info->error = info->observations ? sqrt(squares / (double)info->observations) : 0;
+    memcpy(info->seconds, r->seconds, sizeof info->seconds);
+}
+
+static size_t observations_of(const sf_map *map, size_t picture) {
+    size_t count = 0;
+    const sf_map_picture *p = &map->pictures[picture];
+    for (size_t k = 0; k < p->count; k++) {
+        uint32_t track = p->track_of[k];
+        if (track == UINT32_MAX || !map->has_point[track]) continue;
+        for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
+            count += map->is_used[i] && map->tracks.sightings[i].picture == picture;
+    }
+    return count;
+}
+
+/* Why a photo was not placed. */
+static const char *why_not(const sf_reconstruction *r, size_t index) {
+    const sf_photo_file *photo = &r->list.photos[index];
+    size_t tracks = 0;
+    if (*photo->fault) return photo->fault;
+    if (photo->features.count < r->map->options.least_seen)
+        return "too few features: blurred, or without texture";
+    for (size_t k = 0; k < photo->features.count; k++)
+        tracks += r->map->pictures[index].track_of[k] != UINT32_MAX;
+    if (tracks < r->map->options.least_seen) return "too few matches with other photos: no overlap";
+    return "its matches do not agree with the other photos on where it was";
+}
+
+sf_status sf_reconstruction_get_photo(const sf_reconstruction *r, size_t index,
+                                      sf_reconstruction_photo *photo) {
+    if (index >= r->list.count)
+        return sf_fail(r->ctx, SF_ERR_ARGUMENT, "index: there is no photo %zu", index);
+    const sf_map_picture *picture = &r->map->pictures[index];
+    const sf_photo_file *file = &r->list.photos[index];
+    *photo = (sf_reconstruction_photo){.name = file->name,
+                                       .placed = picture->is_placed,
+                                       .why = picture->is_placed ? "" : why_not(r, index),
+                                       .features = file->features.count,
+                                       .width = file->width,
+                                       .height = file->height,
+                                       .lens = r->map->cameras[picture->camera].lens};
+    if (!picture->is_placed) return SF_OK;
+    photo->observations = observations_of(r->map, index);
+    memcpy(photo->R_cw, picture->pose.R, sizeof photo->R_cw);
+    memcpy(photo->t_cw, picture->pose.t, sizeof photo->t_cw);
+    return SF_OK;
+}
+
+/* ---- Files ---- */
+
+static void put_uint(sf_writer *w, uint64_t value, int bytes) {
+    uint8_t data[8];
+    for (int i = 0; i < bytes; i++) data[i] = (uint8_t)(value >> (8 * i));
+    sf_writer_put(w, data, (size_t)bytes);
+}
+
+static void put_double(sf_writer *w, double value) {
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    put_uint(w, bits, 8);
+}
+
+/* RADIAL where that is all there is, else OPENCV. */
+static void put_camera(sf_writer *w, uint32_t id, const sf_map_camera *camera) {
+    const sf_lens *l = &camera->lens;
+    int radial = l->fx == l->fy && l->p1 == 0 && l->p2 == 0;
+    const double of_radial[] = {l->fx, l->cx, l->cy, l->k1, l->k2},
+                 of_opencv[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2};
+    const double *values = radial ? of_radial : of_opencv;
+    put_uint(w, id, 4);
+    put_uint(w, radial ? 3 : 4, 4);
+    put_uint(w, (uint64_t)camera->width, 8);
+    put_uint(w, (uint64_t)camera->height, 8);
+    for (size_t i = 0; i < (radial ? 5 : 8); i++) put_double(w, values[i]);
+}
+
+static void put_cameras(sf_writer *w, const sf_reconstruction *r) {
+    put_uint(w, r->camera_count, 8);
+    for (uint32_t c = 0; c < r->camera_count; c++) put_camera(w, c + 1, &r->map->cameras[c]);
+}
+
+/* A feature's point, as an id; UINT64_MAX: it has none. */
+static uint64_t point_of(const sf_map *map, size_t picture, size_t feature) {
+    uint32_t track = map->pictures[picture].track_of[feature];
+    if (track == UINT32_MAX || !map->has_point[track]) return UINT64_MAX;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+        const sf_sighting *s = &map->tracks.sightings[i];
+        if (s->picture == picture && s->keypoint == feature) return map->is_used[i] ? track + 1u : UINT64_MAX;
+    }
+    return UINT64_MAX;
+}
+
+static void put_images(sf_writer *w, const sf_reconstruction *r) {
+    put_uint(w, r->map->placed_count, 8);
+    for (size_t i = 0; i < r->list.count; i++) {
+        const sf_map_picture *p = &r->map->pictures[i];
+        double q[4];
+        if (!p->is_placed) continue;
+        sf_rotation_to_quat(p->pose.R, q);
+        put_uint(w, i + 1, 4);
+        for (int k = 0; k < 4; k++) put_double(w, q[k]);
+        for (int k = 0; k < 3; k++) put_double(w, p->pose.t[k]);
+        put_uint(w, p->camera + 1u, 4);
+        sf_writer_put(w, r->list.photos[i].name, strlen(r->list.photos[i].name) + 1);
+        put_uint(w, p->count, 8);
+        for (size_t k = 0; k < p->count; k++) {
+            put_double(w, p->keypoints[2 * k]);
+            put_double(w, p->keypoints[2 * k + 1]);
+            put_uint(w, point_of(r->map, i, k), 8);
+        }
+    }
+}
+
+static void put_point(sf_writer *w, const sf_reconstruction *r, size_t track, size_t count, double error) {
+    const sf_map *map = r->map;
+    unsigned rgb[3] = {0};
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+        const sf_sighting *s = &map->tracks.sightings[i];
+        if (!map->is_used[i] || !map->pictures[s->picture].is_placed) continue;
+        for (int c = 0; c < 3; c++) rgb[c] += r->list.photos[s->picture].colors[s->keypoint][c];
+    }
+    put_uint(w, track + 1u, 8);
+    for (int k = 0; k < 3; k++) put_double(w, map->at[track][k]);
+    for (int c = 0; c < 3; c++) put_uint(w, (rgb[c] + count / 2) / count, 1);
+    put_double(w, error);
+    put_uint(w, count, 8);
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+        const sf_sighting *s = &map->tracks.sightings[i];
+        if (!map->is_used[i] || !map->pictures[s->picture].is_placed) continue;
+        put_uint(w, s->picture + 1u, 4);
+        put_uint(w, s->keypoint, 4);
+    }
+}
+
+static void put_points(sf_writer *w, const sf_reconstruction *r) {
+    sf_reconstruction_info info;
+    sf_reconstruction_get_info(r, &info);
+    put_uint(w, info.points, 8);
+    for (size_t track = 0; track < r->map->tracks.count; track++) {
+        double squares = 0;
+        size_t count = used(r->map, track, &squares);
+        if (count) put_point(w, r, track, count, sqrt(squares / (double)count));
+    }
+}
+
+sf_status sf_reconstruction_save_colmap(const sf_reconstruction *r, const char *folder) {
+    static const struct {
+        const char *name;
+        void (*put)(sf_writer *w, const sf_reconstruction *r);
+    } files[] = {{"cameras.bin", put_cameras}, {"images.bin", put_images}, {"points3D.bin", put_points}};
+    sf_status status = SF_OK;
+    for (size_t i = 0; i < sizeof files / sizeof *files && !status; i++) {
+        sf_writer w;
+        char *path = sf_path_join(r->ctx, folder, files[i].name);
+        status = path ? sf_writer_open(&w, r->ctx, path) : SF_ERR_MEMORY;
+        if (!status) {
+            files[i].put(&w, r);
+            status = sf_writer_commit(&w);
+        }
+        sf_free(r->ctx, path);
+    }
+    return status;
+}
