@@ -10,7 +10,7 @@ static const arg_option own_options[] = {
     {"json", 0, "FILE", "write all figures as JSON"},
     {"report", 0, NULL, "measure for about a minute and print a short text in Markdown, for sharing"},
     {"svg", 0, "DIR", "write the charts bench-accuracy.svg and bench-roofs.svg into a folder"},
-    {"only", 0, "LIST", "measure only these of roofs,kernels,accuracy,steps"},
+    {"only", 0, "LIST", "measure only these of roofs,kernels,accuracy,steps,sfm"},
     {"model", 0, "FILE", "also measure whole steps of this model (needs --project)"},
     {"project", 0, "PATH", "the project whose training views are used for the steps of --model"},
     {"quick", 0, NULL, "small scenes and few rounds: tests that everything works, the times mean nothing"},
@@ -27,14 +27,14 @@ static int wants(const args *a, const char *section) {
 
 /* Every name of --only is one of the sections. */
 static int check_only(const args *a) {
-    static const char *const sections[] = {"roofs", "kernels", "accuracy", "steps"};
+    static const char *const sections[] = {"roofs", "kernels", "accuracy", "steps", "sfm"};
     const char *list = args_value(a, "only");
     while (list && *list) {
         size_t n = strcspn(list, ","), known = 0;
         for (size_t i = 0; i < sizeof sections / sizeof *sections; i++)
             known |= strlen(sections[i]) == n && !strncmp(list, sections[i], n);
         if (!known) {
-            args_error(a->command, "--only: \"%.*s\" is none of roofs, kernels, accuracy, steps", (int)n,
+            args_error(a->command, "--only: \"%.*s\" is none of roofs, kernels, accuracy, steps, sfm", (int)n,
                        list);
             return EXIT_USAGE;
         }
@@ -66,6 +66,7 @@ static int measure(const args *a, sf_context *ctx, const bench_options *options,
     if (!status && wants(a, "kernels") && !options->brief) status = bench_stages(ctx, options, report);
     if (!status && wants(a, "accuracy")) status = bench_accuracies(ctx, options, report);
     if (!status && wants(a, "steps")) status = bench_steps(ctx, options, report);
+    if (!status && wants(a, "sfm") && !options->brief) status = bench_sfm(ctx, options, report);
     if (status) return app_fail(a, ctx);
     int error = measure_model(a, ctx, options, report);
     bench_end(report);

@@ -17,6 +17,7 @@ enum {
     BENCH_KERNELS_MOST = 32, /* rows of the table of kernels, a level */
     BENCH_DEGREES_MOST = 5,
     BENCH_STEPS_MOST = 64,
+    BENCH_PHOTO_ROWS = 2, /* a level */
     BENCH_NAME = 64
 };
 
@@ -56,6 +57,16 @@ typedef struct bench_accuracy {
     double gradient_rms, gradient_max; /* the worst of the nine components, relative likewise */
 } bench_accuracy;
 
+/* Features of a photo, and its matches with another, at one level on one thread. */
+typedef struct bench_photos {
+    int level;         /* index of the levels */
+    const char *start; /* of the scale space: at which size of the picture */
+    int width, height; /* px of a photo */
+    double features, matches;
+    double products;                        /* of descriptors, a pair of photos */
+    double features_seconds, match_seconds; /* of a photo, of a pair: the least of all rounds */
+} bench_photos;
+
 /* Mean step of a fitted model over a project's training views. */
 typedef struct bench_fitted {
     size_t views, gaussians;
@@ -80,6 +91,8 @@ typedef struct bench_report {
     bench_step_times step[BENCH_STEPS_MOST];
     int accuracies, accuracy_pixels, accuracy_left_out;
     bench_accuracy accuracy[BENCH_LEVELS_MOST * BENCH_DEGREES_MOST];
+    int photo_rows;
+    bench_photos photos[BENCH_LEVELS_MOST * BENCH_PHOTO_ROWS];
     bench_fitted fitted;
 } bench_report;
 
@@ -91,6 +104,7 @@ sf_status bench_kernels(sf_context *ctx, const bench_options *options, bench_rep
 sf_status bench_stages(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_accuracies(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_steps(sf_context *ctx, const bench_options *options, bench_report *report);
+sf_status bench_sfm(sf_context *ctx, const bench_options *options, bench_report *report);
 sf_status bench_fit(sf_context *ctx, const bench_options *options, const sf_model *model, sf_scene *scene,
                     float near_plane, bench_report *report);
 void bench_end(bench_report *report);

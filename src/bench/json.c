@@ -115,6 +115,19 @@ static json_t *fitted_json(const bench_report *report) {
                      (json_int_t)f->views, "width", f->width, "height", f->height, "steps", list);
 }
 
+static json_t *photos_json(const bench_report *report) {
+    json_t *list = json_array();
+    for (int i = 0; i < report->photo_rows; i++) {
+        const bench_photos *p = &report->photos[i];
+        json_array_append_new(list, json_pack("{s:s, s:s, s:i, s:i, s:f, s:f, s:f, s:f}", "level",
+                                              report->level[p->level].name, "scale_space_begins", p->start,
+                                              "width", p->width, "height", p->height, "features", p->features,
+                                              "features_ms", 1e3 * p->features_seconds, "matches", p->matches,
+                                              "match_ms", 1e3 * p->match_seconds));
+    }
+    return list;
+}
+
 json_t *bench_json(const bench_report *report) {
     json_t *o = json_pack("{s:o, s:o, s:o, s:o}", "machine", machine_json(report), "kernels",
                           kernels_json(report), "steps", steps_json(report, report->step, report->steps),
@@ -125,6 +138,7 @@ json_t *bench_json(const bench_report *report) {
         json_object_set_new(o, "stages", steps_json(report, report->stage, report->stages));
         json_object_set_new(o, "update_beyond_caches", far_json(report));
     }
+    if (o && report->photo_rows) json_object_set_new(o, "sfm", photos_json(report));
     if (o && report->fitted.count) json_object_set_new(o, "model", fitted_json(report));
     return o;
 }

@@ -194,6 +194,23 @@ static void print_fitted(const bench_report *report, FILE *out) {
                 f->times[i].rounds);
 }
 
+static void print_photos(const bench_report *report, FILE *out) {
+    if (!report->photo_rows) return;
+    fprintf(
+        out,
+        "\nfeatures of a photo of %dx%d and matches with another, one thread; the scale space begins at\n",
+        report->photos[0].width, report->photos[0].height);
+    fprintf(out, "%-8s %-18s %9s %10s %7s %9s %10s %7s %10s\n", "level", "the picture", "features", "ms",
+            "x scalar", "matches", "ms", "x scalar", "GMAC/s");
+    for (int i = 0; i < report->photo_rows; i++) {
+        const bench_photos *p = &report->photos[i], *scalar = &report->photos[i % BENCH_PHOTO_ROWS];
+        fprintf(out, "%-8s %-18s %9.0f %10.2f %7.1f %9.0f %10.2f %7.1f %10.1f\n",
+                report->level[p->level].name, p->start, p->features, 1e3 * p->features_seconds,
+                scalar->features_seconds / p->features_seconds, p->matches, 1e3 * p->match_seconds,
+                scalar->match_seconds / p->match_seconds, 128e-9 * p->products / p->match_seconds);
+    }
+}
+
 void bench_print(const bench_report *report, FILE *out) {
     print_machine(report, out);
     print_roofs(report, out);
@@ -201,6 +218,7 @@ void bench_print(const bench_report *report, FILE *out) {
     print_stages(report, out);
     print_accuracy(report, out);
     print_steps(report, out);
+    print_photos(report, out);
     print_fitted(report, out);
 }
 

@@ -15,7 +15,7 @@ enum { OCTAVES_MOST = 16, FEATURES_MOST = 1 << 24 };
 
 sf_features_options sf_features_options_default(void) {
     return (sf_features_options){
-        .most = 8192, .upsampling = SF_UPSAMPLE_SMALL, .contrast = 0.02 / 3, .edge = 10, .directions = 2};
+        .most = 2048, .upsampling = SF_UPSAMPLE_SMALL, .contrast = 0.02 / 3, .edge = 10, .directions = 2};
 }
 
 /* A picture's scale space. */

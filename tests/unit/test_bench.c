@@ -141,6 +141,20 @@ static void check_kernels(const json_t *kernels) {
     }
 }
 
+/* All levels find and match the same. */
+static void check_photos(const json_t *photos) {
+    size_t i;
+    const json_t *row;
+    assert_true(json_array_size(photos) >= 4);
+    json_array_foreach(photos, i, row) {
+        const json_t *scalar = json_array_get(photos, i % 2);
+        assert_true(test_number(row, "features_ms") > 0 && test_number(row, "match_ms") > 0);
+        assert_true(test_number(row, "matches") > 5);
+        assert_true(test_number(row, "features") == test_number(scalar, "features"));
+        assert_true(test_number(row, "matches") == test_number(scalar, "matches"));
+    }
+}
+
 static void check_report(const json_t *report) {
     const json_t *machine = json_object_get(report, "machine"), *roofs = json_object_get(report, "roofs"),
                  *steps = json_object_get(report, "steps"), *accuracy = json_object_get(report, "accuracy");
@@ -152,6 +166,7 @@ static void check_report(const json_t *report) {
                             "memory_array_bytes") > 0);
     check_kernels(json_object_get(report, "kernels"));
     assert_true(json_array_size(steps) > 0 && json_array_size(accuracy) > 0);
+    check_photos(json_object_get(report, "sfm"));
     json_array_foreach(steps, i, item) assert_true(test_number(json_object_get(item, "ms"), "total") > 0);
     json_array_foreach(accuracy, i, item) {
         /* the polynomials' own errors: 1.7e-3 at degree 2, 7.5e-5 at 3, 2.6e-6 at 4 */
@@ -263,7 +278,7 @@ static void test_kernels_alone_have_their_figures(void **state) {
 
 static void test_sections_stand_alone(void **state) {
     (void)state;
-    static const char *const sections[] = {"roofs", "steps", "accuracy", "roofs,steps"};
+    static const char *const sections[] = {"roofs", "steps", "accuracy", "roofs,steps", "sfm"};
     for (size_t i = 0; i < sizeof sections / sizeof *sections; i++) json_decref(report_only(sections[i]));
 }
 
