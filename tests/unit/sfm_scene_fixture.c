@@ -19,13 +19,26 @@ static void *clear(size_t count, size_t size) {
     return block;
 }
 
-/* Points of a bumpy ball; their normals point outwards. */
+/* Points of a bumpy ball, whose normals point outwards; of a wall; of a room around the views. */
 static void make_points(sfm_scene *s, sf_rng *rng) {
     for (size_t i = 0; i < s->points; i++) {
-        double d[3];
+        double d[3], far = 0.8 + 0.3 * sf_rng_uniform(rng);
         sfm_direction(rng, d);
-        for (size_t k = 0; k < 3; k++) s->at[3 * i + k] = d[k] * (0.8 + 0.3 * sf_rng_uniform(rng));
+        if (s->layout == SFM_ROTATION) far *= 5;
+        for (size_t k = 0; k < 3; k++) s->at[3 * i + k] = d[k] * far;
+        for (size_t k = 0; k < 3 && s->layout == SFM_PLANE; k++)
+            s->at[3 * i + k] = k < 2 ? 4 * (sf_rng_uniform(rng) - 0.5) : 0;
     }
+}
+
+static void place_view(sfm_scene *s, size_t view, sf_rng *rng) {
+    double turn = 6.283185307179586 * (double)view / (double)s->views;
+    double far = radius * (1 + 0.15 * sin(5 * turn) + 0.05 * sf_rng_normal(rng));
+    double center[3] = {far * sin(turn), 0.9 * sin(3 * turn) - 0.5, -far * cos(turn)};
+    double target[3] = {0.15 * sf_rng_normal(rng), 0.15 * sf_rng_normal(rng), 0};
+    if (s->layout == SFM_PLANE) center[0] = 1.5 * sin(turn), center[1] = cos(turn), center[2] = -far;
+    for (int k = 0; k < 3 && s->layout == SFM_ROTATION; k++) target[k] = center[k], center[k] = 0;
+    sfm_look_at(center, target, &s->truth[view]);
 }
 
 static void make_lenses(sfm_scene *s) {
@@ -47,8 +60,9 @@ static int is_seen(const sfm_scene *s, size_t view, size_t point, double pixel[2
     for (int k = 0; k < 3; k++) to[k] = center[k] - at[k];
     double cosine = sf_dot3(to, at) / sqrt(sf_dot3(to, to) * sf_dot3(at, at));
     sf_rigid_apply(&s->truth[view], at, p);
-    return cosine > 0.35 && sf_lens_project(&s->lenses[s->pictures[view].camera], p, pixel, NULL, NULL) &&
-           pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < WIDTH && pixel[1] < HEIGHT;
+    return (s->layout != SFM_GENERAL || cosine > 0.35) &&
+           sf_lens_project(&s->lenses[s->pictures[view].camera], p, pixel, NULL, NULL) && pixel[0] >= 0 &&
+           pixel[1] >= 0 && pixel[0] < WIDTH && pixel[1] < HEIGHT;
 }
 
 /* What a view sees, in an order of its own: point i is taken at place (i * step) mod points. */
@@ -86,7 +100,8 @@ static void match(sfm_scene *s, size_t pair, double wrong, sf_rng *rng) {
 void sfm_scene_make(sf_context *ctx, const sfm_scene_options *o, sfm_scene *s) {
     sf_rng rng;
     sf_rng_seed(&rng, o->seed);
-    *s = (sfm_scene){.ctx = ctx, .views = o->views, .points = o->points, .cameras = o->cameras};
+    *s = (sfm_scene){
+        .ctx = ctx, .views = o->views, .points = o->points, .cameras = o->cameras, .layout = o->layout};
     s->at = clear(3 * s->points, sizeof *s->at);
     s->truth = clear(s->views, sizeof *s->truth);
     s->lenses = clear(s->cameras, sizeof *s->lenses);
@@ -99,11 +114,7 @@ void sfm_scene_make(sf_context *ctx, const sfm_scene_options *o, sfm_scene *s) {
     make_points(s, &rng);
     make_lenses(s);
     for (size_t v = 0; v < s->views; v++) {
-        double turn = 6.283185307179586 * (double)v / (double)s->views;
-        double far = radius * (1 + 0.15 * sin(5 * turn) + 0.05 * sf_rng_normal(&rng));
-        const double center[3] = {far * sin(turn), 0.9 * sin(3 * turn) - 0.5, -far * cos(turn)};
-        const double target[3] = {0.15 * sf_rng_normal(&rng), 0.15 * sf_rng_normal(&rng), 0};
-        sfm_look_at(center, target, &s->truth[v]);
+        place_view(s, v, &rng);
         s->pictures[v].camera = (uint32_t)(v % s->cameras);
         take_picture(s, v, o->noise, &rng);
     }

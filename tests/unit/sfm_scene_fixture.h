@@ -5,17 +5,20 @@
 #include "../../src/sfm/mapper.h"
 #include "sfm_fixture.h"
 
-/* What to simulate: views on a ring around an object, all of whose points face outwards. */
+/* What to simulate: views on a ring around an object, all of whose points face outwards; views of a wall; or
+ * views all around from one place. */
 typedef struct sfm_scene_options {
     size_t views, points, cameras; /* views take turns with the cameras */
     double noise, wrong;           /* px of keypoints; share of wrong matches */
     size_t reach;                  /* neighbours of a view that it is matched with, on either side */
     uint64_t seed;
+    sfm_layout layout;
 } sfm_scene_options;
 
 typedef struct sfm_scene {
     sf_context *ctx;
     size_t views, points, cameras;
+    sfm_layout layout;
     double *at;               /* [points][3] */
     sf_rigid *truth;          /* [views] */
     sf_lens *lenses;          /* [cameras] */

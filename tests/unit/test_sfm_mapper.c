@@ -78,7 +78,7 @@ static void make_map(const sfm_scene_options *o, double most_rotation, double mo
     assert_true(e.rotation < most_rotation / degree && e.center < most_center);
     assert_true(e.rotation_most < 4 * most_rotation / degree && e.center_most < 4 * most_center);
     for (size_t c = 0; c < s.cameras; c++)
-        assert_true(fabs(map->cameras[c].lens.fx / s.lenses[c].fx - 1) < 0.003);
+        assert_true(fabs(map->cameras[c].lens.fx / s.lenses[c].fx - 1) < 0.005);
     sf_map_destroy(&map);
     sfm_scene_free(&s);
     sf_context_destroy(&ctx);
@@ -86,17 +86,17 @@ static void make_map(const sfm_scene_options *o, double most_rotation, double mo
 
 static void a_ring_is_mapped(void **state) {
     (void)state;
-    make_map(&(sfm_scene_options){24, 2000, 1, 0.5, 0.2, 4, 1}, 0.1, 0.003);
+    make_map(&(sfm_scene_options){24, 2000, 1, 0.5, 0.2, 4, 1, SFM_GENERAL}, 0.1, 0.003);
 }
 
 static void cameras_may_be_mixed(void **state) {
     (void)state;
-    make_map(&(sfm_scene_options){24, 2000, 2, 0.5, 0.1, 4, 2}, 0.15, 0.004);
+    make_map(&(sfm_scene_options){24, 2000, 2, 0.5, 0.1, 4, 2, SFM_GENERAL}, 0.15, 0.004);
 }
 
 static void threads_do_not_matter(void **state) {
     (void)state;
-    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL};
     const sf_map_options options = sf_map_options_default();
     sf_map *maps[2];
     sf_context *ctx[2];
@@ -126,7 +126,7 @@ static int stop_at_four(void *user, size_t placed, size_t pictures) {
 /* Cancelled; no pairs; pairs without a pose; a picture that is left out, and one that nothing matches. */
 static void maps_that_end_early(void **state) {
     (void)state;
-    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL};
     const sf_map_options options = sf_map_options_default();
     sf_context *ctx = test_context();
     sf_map *map;
@@ -153,11 +153,61 @@ static void maps_that_end_early(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A wall, through a lens whose focal length is told (a wall does not tell it). */
+static void a_wall_is_mapped(void **state) {
+    (void)state;
+    const sfm_scene_options o = {12, 800, 1, 0.5, 0.1, 4, 5, SFM_PLANE};
+    const sf_map_options options = sf_map_options_default();
+    sf_context *ctx = test_context();
+    sf_map *map;
+    sfm_scene s;
+    sfm_scene_make(ctx, &o, &s);
+    s.known[0].lens = s.lenses[0], s.known[0].is_fixed = 1;
+    sfm_scene_verify(&s, 1);
+    for (size_t i = 0; i < s.pair_count; i++)
+        assert_true(s.pairs[i].geometry.kind == SF_PAIR_PLANE || s.pairs[i].geometry.kind == SF_PAIR_GENERAL);
+    const sf_map_input input = sfm_scene_input(&s);
+    assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+    sfm_map_errors e = sfm_scene_compare(&s, map);
+    print_message("wall: %zu placed, rotations %.4f (%.4f) degrees\n", map->placed_count, e.rotation * degree,
+                  e.rotation_most * degree);
+    assert_int_equal(map->placed_count, s.views);
+    assert_true(e.rotation_most < 0.5 / degree);
+    sf_map_destroy(&map);
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
+/* A camera that only turned. */
+static void a_turning_camera_is_refused(void **state) {
+    (void)state;
+    const sfm_scene_options o = {16, 4000, 1, 0.5, 0.1, 1, 6, SFM_ROTATION};
+    const sf_map_options options = sf_map_options_default();
+    sf_context *ctx = test_context();
+    sf_map *map;
+    sfm_scene s;
+    size_t turned = 0;
+    sfm_scene_make(ctx, &o, &s);
+    s.known[0].lens = s.lenses[0];
+    sfm_scene_verify(&s, 1);
+    for (size_t i = 0; i < s.pair_count; i++) { /* what wrong matches make of a rotation has no parallax */
+        const sf_two_view *g = &s.pairs[i].geometry;
+        turned += g->kind == SF_PAIR_ROTATION;
+        assert_true(g->kind == SF_PAIR_ROTATION || g->kind == SF_PAIR_NONE || g->angle < 1 / degree);
+    }
+    assert_true(turned > s.pair_count / 2);
+    const sf_map_input input = sfm_scene_input(&s);
+    assert_status(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map), SF_ERR_EMPTY);
+    assert_error_names(ctx, "move the camera");
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
 /* Pictures 0..8 and 9..17 of a ring, without pairs between them, and some of the second place are unmatched:
  * the larger map is the result, whichever is found first. */
 static void the_largest_place_is_mapped(void **state) {
     (void)state;
-    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3};
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL};
     const sf_map_options options = sf_map_options_default();
     sf_context *ctx = test_context();
     sfm_scene s;
@@ -189,7 +239,7 @@ static void the_largest_place_is_mapped(void **state) {
 /* Without any one of its blocks of memory a map is refused, and nothing is left behind. */
 static void maps_without_memory(void **state) {
     (void)state;
-    const sfm_scene_options o = {4, 600, 1, 0.5, 0, 1, 3};
+    const sfm_scene_options o = {4, 600, 1, 0.5, 0, 1, 3, SFM_GENERAL};
     const sf_map_options options = {.error_px = 4, .least_angle = 0.02, .least_seen = 10, .first_count = 20};
     sfm_scene s;
     long refused = 0;
@@ -220,9 +270,10 @@ static void maps_without_memory(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tracks_are_joined),    cmocka_unit_test(a_ring_is_mapped),
-        cmocka_unit_test(cameras_may_be_mixed), cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(maps_that_end_early),  cmocka_unit_test(the_largest_place_is_mapped),
+        cmocka_unit_test(tracks_are_joined),           cmocka_unit_test(a_ring_is_mapped),
+        cmocka_unit_test(cameras_may_be_mixed),        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(maps_that_end_early),         cmocka_unit_test(a_wall_is_mapped),
+        cmocka_unit_test(a_turning_camera_is_refused), cmocka_unit_test(the_largest_place_is_mapped),
         cmocka_unit_test(maps_without_memory),
     };
     return cmocka_run_group_tests_name("sfm_mapper", tests, NULL, NULL);
