@@ -3,6 +3,7 @@
 #define SFM_SCENE_FIXTURE_H
 
 #include "../../src/sfm/mapper.h"
+#include "../../src/sfm/verify.h"
 #include "sfm_fixture.h"
 
 /* What to simulate: views on a ring around an object, all of whose points face outwards; views of a wall; or
@@ -27,15 +28,13 @@ typedef struct sfm_scene {
     uint32_t **point_of;      /* [views][keypoints] */
     sf_match_pair *pairs;
     size_t pair_count;
-    uint32_t **all; /* [pairs]: matches before they are verified, and then */
-    size_t *all_count;
 } sfm_scene;
 
 void sfm_scene_make(sf_context *ctx, const sfm_scene_options *options, sfm_scene *scene);
 void sfm_scene_free(sfm_scene *scene);
 
-/* Finds each pair's geometry through the lenses that are told (known), or without, and keeps the inliers. */
-void sfm_scene_verify(sfm_scene *scene, int known);
+/* Finds each pair's geometry, and the focal lengths that are not told, and keeps the inliers. */
+void sfm_scene_verify(sfm_scene *scene);
 
 sf_map_input sfm_scene_input(const sfm_scene *scene);
 
