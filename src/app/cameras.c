@@ -14,7 +14,7 @@
 
 static const arg_option own_options[] = {
     {"output", 'o', "PROJECT", "the folder to write: sparse/0, and images, a link to the photos"},
-    {"features", 0, "N", "features of a photo at most (4096)"},
+    {"features", 0, "N", "features of a photo at most (2048)"},
     {"side", 0, "PX", "photos are reduced until no side is longer before features are looked for (1600)"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
     {0},

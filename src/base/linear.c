@@ -77,8 +77,32 @@ void sf_eigen(int n, double *A, double *V) {
             for (int q = p + 1; q < n; q++) jacobi_turn(n, A, V, p, q);
 }
 
+/* Inverse iteration, from any start. 0: the two least eigenvalues are too close for it. */
+static int iterate_inversely(int n, const double *A, double *x) {
+    enum { STEPS = 40 };
+    double L[SF_EIGEN_MOST * SF_EIGEN_MOST], y[SF_EIGEN_MOST], trace = 0;
+    for (int i = 0; i < n; i++) trace += A[i * n + i];
+    for (int i = 0; i < n * n; i++) L[i] = A[i] + (i / n == i % n ? 1e-13 * trace : 0);
+    if (!sf_cholesky(n, L)) return 0;
+    for (int i = 0; i < n; i++) x[i] = 1 / sqrt(n + i);
+    for (int step = 0; step < STEPS; step++) {
+        double squares = 0, moved = 0;
+        for (int i = 0; i < n; i++) y[i] = x[i];
+        sf_cholesky_solve(n, L, y);
+        for (int i = 0; i < n; i++) squares += y[i] * y[i];
+        for (int i = 0; i < n; i++) {
+            y[i] /= sqrt(squares);
+            moved += (y[i] - x[i]) * (y[i] - x[i]);
+            x[i] = y[i];
+        }
+        if (moved <= 1e-28) return 1;
+    }
+    return 0;
+}
+
 void sf_least_eigenvector(int n, double *A, double *x) {
     double V[SF_EIGEN_MOST * SF_EIGEN_MOST];
+    if (iterate_inversely(n, A, x)) return;
     sf_eigen(n, A, V);
     int least = 0;
     for (int i = 1; i < n; i++)

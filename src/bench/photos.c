@@ -15,7 +15,7 @@ enum { SHIFT = 40 };
 typedef struct photo_lab {
     sf_context *ctx; /* of one thread; its table is exchanged */
     uint8_t *pixels; /* [HEIGHT][WIDTH + SHIFT] */
-    sf_grey photos[PHOTOS];
+    sf_photo photos[PHOTOS];
     sf_features_options options;
 } photo_lab;
 
@@ -46,7 +46,7 @@ static sf_status draw(photo_lab *lab, int quick) {
         for (int i = 0; i < BLOBS / scale / scale; i++) add_blob(light, width, height, &rng);
         for (size_t i = 0; i < pixels; i++) lab->pixels[i] = (uint8_t)fmin(fmax((double)light[i], 0), 255);
         for (int i = 0; i < PHOTOS; i++)
-            lab->photos[i] = (sf_grey){.pixels = lab->pixels + i * SHIFT,
+            lab->photos[i] = (sf_photo){.pixels = lab->pixels + i * SHIFT,
                                        .stride = (size_t)width,
                                        .width = width - SHIFT,
                                        .height = height};

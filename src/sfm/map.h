@@ -78,7 +78,7 @@ sf_map_options sf_map_options_default(void);
 
 /* 1. map_points.c */
 
-/* The sighting as a camera that sees it; 0: its picture is not placed, or its pixel has no ray. */
+/* The sighting as a camera that sees it, without its ray; 0: its picture is not placed. */
 
 int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight);
 
@@ -87,8 +87,8 @@ int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight);
 void sf_map_make_points(sf_map *map, size_t picture);
 
 /* Drops sightings with an error above `most` px, and points that less than two are left of, or whose angle is
- * too small. Returns how many sightings were dropped. */
-size_t sf_map_drop_bad(sf_map *map, double most);
+ * too small; picture as above. *dropped: sightings. SF_ERR_MEMORY. */
+sf_status sf_map_drop_bad(sf_map *map, size_t picture, double most, size_t *dropped);
 
 /* Points, and sightings of them that are used, in placed pictures. */
 size_t sf_map_count_points(const sf_map *map, size_t *sightings);

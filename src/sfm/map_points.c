@@ -8,9 +8,9 @@
 #include "triangulate.h"
 
 enum {
-    SIGHTS_MOST = 64, /* of a track that are looked at */
-    TRIES_MOST = 20,  /* pairs of them that a point is tried from */
-    CHUNK = 256       /* tracks a task */
+    SIGHTS_MOST = SF_SIGHTS_MOST,
+    TRIES_MOST = 20, /* pairs of them that a point is tried from */
+    CHUNK = 256      /* tracks a task */
 };
 
 int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight) {
@@ -19,10 +19,10 @@ int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight) {
     if (!p->is_placed) return 0;
     sight->lens = &map->cameras[p->camera].lens, sight->pose = &p->pose;
     memcpy(sight->pixel, p->keypoints + 2 * (size_t)s->keypoint, sizeof sight->pixel);
-    return sf_lens_ray(sight->lens, sight->pixel, sight->ray);
+    return 1;
 }
 
-/* The placed pictures' sights of a track. */
+/* The placed pictures' sights of a track, with rays. */
 typedef struct view_of_track {
     sf_sight sights[SIGHTS_MOST];
     size_t sightings[SIGHTS_MOST], count;
@@ -30,8 +30,12 @@ typedef struct view_of_track {
 
 static void gather(const sf_map *map, size_t track, view_of_track *v) {
     v->count = 0;
-    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1] && v->count < SIGHTS_MOST; i++)
-        if (sf_map_sight(map, i, &v->sights[v->count])) v->sightings[v->count++] = i;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1] && v->count < SIGHTS_MOST;
+         i++) {
+        sf_sight *sight = &v->sights[v->count];
+        if (sf_map_sight(map, i, sight) && sf_lens_ray(sight->lens, sight->pixel, sight->ray))
+            v->sightings[v->count++] = i;
+    }
 }
 
 /* Keeps those sights that see the point well. Returns their number; *sum: of their errors. */
@@ -48,7 +52,7 @@ static size_t choose(const view_of_track *v, const double at[3], double most, sf
 }
 
 static int is_wide(const sf_map *map, const sf_sight *sights, size_t count, const double at[3]) {
-    return count > 1 && sf_widest_cosine(sights, count, at) < cos(map->options.least_angle);
+    return sf_is_wide(sights, count, at, cos(map->options.least_angle));
 }
 
 /* The point that most of the sights agree with, tried from pairs of them, the farthest apart in the order of
@@ -96,49 +100,62 @@ static void use_more(sf_map *map, size_t track) {
     }
 }
 
+/* What is done to each track of a list, or to all. */
 typedef struct job {
     sf_map *map;
-    size_t picture;
+    const uint32_t *list; /* [count]; UINT32_MAX: none; NULL: all of the map */
+    size_t count;
     double most;
     size_t *dropped; /* [chunks] */
+    void (*of_track)(const struct job *job, size_t track, size_t chunk);
 } job;
 
-static size_t end_of_chunk(const sf_map *map, size_t chunk) {
-    size_t end = (chunk + 1) * CHUNK;
-    return end < map->tracks.count ? end : map->tracks.count;
-}
-
-static void make_task(void *pointer, size_t chunk, int thread) {
+static void chunk_task(void *pointer, size_t chunk, int thread) {
     const job *j = pointer;
+    size_t end = (chunk + 1) * CHUNK < j->count ? (chunk + 1) * CHUNK : j->count;
     (void)thread;
-    for (size_t track = chunk * CHUNK; track < end_of_chunk(j->map, chunk); track++) {
-        int is_wanted = j->picture == SIZE_MAX;
-        for (size_t i = j->map->tracks.first[track]; !is_wanted && i < j->map->tracks.first[track + 1]; i++)
-            is_wanted = j->map->tracks.sightings[i].picture == j->picture;
-        if (is_wanted && j->map->has_point[track]) use_more(j->map, track);
-        if (is_wanted && !j->map->has_point[track]) make_point(j->map, track);
+    for (size_t i = chunk * CHUNK; i < end; i++) {
+        size_t track = j->list ? j->list[i] : i;
+        if (!j->list || j->list[i] != UINT32_MAX) j->of_track(j, track, chunk);
     }
 }
 
+static size_t chunks_of(const job *j) { return (j->count + CHUNK - 1) / CHUNK; }
+
+/* Of a picture: the tracks of its keypoints, each of which is another. */
+static job job_of(sf_map *map, size_t picture) {
+    if (picture == SIZE_MAX) return (job){.map = map, .count = map->tracks.count};
+    return (job){.map = map, .list = map->pictures[picture].track_of, .count = map->pictures[picture].count};
+}
+
+static void make_or_use(const job *j, size_t track, size_t chunk) {
+    (void)chunk;
+    if (j->map->has_point[track])
+        use_more(j->map, track);
+    else
+        make_point(j->map, track);
+}
+
 void sf_map_make_points(sf_map *map, size_t picture) {
-    job j = {map, picture, 0, NULL};
-    sf_pool_run(map->ctx->pool, (map->tracks.count + CHUNK - 1) / CHUNK, make_task, &j);
+    job j = job_of(map, picture);
+    j.of_track = make_or_use;
+    sf_pool_run(map->ctx->pool, chunks_of(&j), chunk_task, &j);
 }
 
 static size_t drop_bad_of(sf_map *map, size_t track, double most) {
-    view_of_track v = {.count = 0};
-    size_t dropped = 0;
+    sf_sight sights[SIGHTS_MOST];
+    size_t dropped = 0, kept = 0;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
         sf_sight sight;
         if (!map->is_used[i]) continue;
         if (!sf_map_sight(map, i, &sight) || !(sf_sight_error(&sight, map->at[track]) <= most)) {
             map->is_used[i] = 0;
             dropped++;
-        } else if (v.count < SIGHTS_MOST) {
-            v.sights[v.count++] = sight;
+        } else if (kept < SIGHTS_MOST) {
+            sights[kept++] = sight;
         }
     }
-    if (is_wide(map, v.sights, v.count, map->at[track])) return dropped;
+    if (is_wide(map, sights, kept, map->at[track])) return dropped;
     map->has_point[track] = 0;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
         dropped += map->is_used[i];
@@ -147,21 +164,20 @@ static size_t drop_bad_of(sf_map *map, size_t track, double most) {
     return dropped;
 }
 
-static void drop_task(void *pointer, size_t chunk, int thread) {
-    const job *j = pointer;
-    (void)thread;
-    for (size_t track = chunk * CHUNK; track < end_of_chunk(j->map, chunk); track++)
-        if (j->map->has_point[track]) j->dropped[chunk] += drop_bad_of(j->map, track, j->most);
+static void drop(const job *j, size_t track, size_t chunk) {
+    if (j->map->has_point[track]) j->dropped[chunk] += drop_bad_of(j->map, track, j->most);
 }
 
-size_t sf_map_drop_bad(sf_map *map, double most) {
-    size_t chunks = (map->tracks.count + CHUNK - 1) / CHUNK, dropped = 0;
-    job j = {map, 0, most, sf_calloc(map->ctx, chunks + 1, sizeof *j.dropped)};
-    if (!j.dropped) return 0;
-    sf_pool_run(map->ctx->pool, chunks, drop_task, &j);
-    for (size_t i = 0; i < chunks; i++) dropped += j.dropped[i];
+sf_status sf_map_drop_bad(sf_map *map, size_t picture, double most, size_t *dropped) {
+    job j = job_of(map, picture);
+    j.of_track = drop, j.most = most;
+    j.dropped = sf_calloc(map->ctx, chunks_of(&j) + 1, sizeof *j.dropped);
+    *dropped = 0;
+    if (!j.dropped) return SF_ERR_MEMORY;
+    sf_pool_run(map->ctx->pool, chunks_of(&j), chunk_task, &j);
+    for (size_t i = 0; i < chunks_of(&j); i++) *dropped += j.dropped[i];
     sf_free(map->ctx, j.dropped);
-    return dropped;
+    return SF_OK;
 }
 
 size_t sf_map_count_points(const sf_map *map, size_t *sightings) {

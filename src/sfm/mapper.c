@@ -11,7 +11,7 @@ enum {
     FINAL_ROUNDS = 3  /* of points, bundle and outliers at the end */
 };
 
-#define GROWTH 1.12 /* of placed pictures, from one adjustment of all to the next */
+#define GROWTH 1.25 /* of placed pictures, from one adjustment of all to the next */
 
 typedef struct mapper {
     const sf_map_input *input;
@@ -55,7 +55,7 @@ static void place_at(sf_map *map, size_t picture, const sf_rigid *T) {
 static sf_status try_start(mapper *m, const sf_verified_pair *pair, int *is_good) {
     const sf_rigid still = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     sf_map *map = m->map;
-    size_t sightings;
+    size_t sightings, dropped;
     *is_good = 0;
     sf_map_clear(map, m->input);
     place_at(map, pair->first, &still);
@@ -64,9 +64,9 @@ static sf_status try_start(mapper *m, const sf_verified_pair *pair, int *is_good
     if (sf_map_count_points(map, &sightings) < map->options.first_count) return SF_OK;
     sf_status status = sf_map_adjust(map, 10, 1e-4);
     if (status) return status;
-    sf_map_drop_bad(map, map->options.error_px);
-    *is_good = sf_map_count_points(map, &sightings) >= map->options.first_count;
-    return SF_OK;
+    status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
+    *is_good = !status && sf_map_count_points(map, &sightings) >= map->options.first_count;
+    return status;
 }
 
 static sf_status begin(mapper *m) {
@@ -115,12 +115,12 @@ static sf_status adjust_all(mapper *m, int rounds, double enough) {
     sf_map *map = m->map;
     for (int round = 0; round < 2; round++) {
         sf_status status = sf_map_adjust(map, rounds, enough);
-        size_t sightings;
+        size_t sightings, dropped;
+        if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
         if (status) return status;
-        size_t dropped = sf_map_drop_bad(map, map->options.error_px);
         sf_map_make_points(map, SIZE_MAX);
         sf_map_count_points(map, &sightings);
-        if (1000 * dropped < sightings) break;
+        if (200 * dropped < sightings) break;
     }
     m->adjusted_at = map->placed_count;
     return SF_OK;
@@ -128,16 +128,17 @@ static sf_status adjust_all(mapper *m, int rounds, double enough) {
 
 static sf_status add_picture(mapper *m, size_t picture, int *is_placed) {
     sf_map *map = m->map;
+    size_t dropped;
     sf_status status = sf_map_place(map, picture, is_placed);
     if (status || !*is_placed) return status;
     sf_map_make_points(map, picture);
     status = sf_map_adjust_around(map, picture, NEIGHBOURS);
+    if (!status) status = sf_map_drop_bad(map, picture, map->options.error_px, &dropped);
     if (status) return status;
-    sf_map_drop_bad(map, map->options.error_px);
     if (m->progress && m->progress(m->user, map->placed_count, map->picture_count))
         return sf_fail(map->ctx, SF_ERR_CANCELLED, "cameras: cancelled");
     if ((double)map->placed_count < GROWTH * (double)m->adjusted_at) return SF_OK;
-    return adjust_all(m, 8, 1e-3);
+    return adjust_all(m, 6, 2e-3);
 }
 
 /* Until no picture can be placed any more, even after all were adjusted. */
@@ -160,9 +161,10 @@ static sf_status grow(mapper *m) {
 static sf_status finish(mapper *m) {
     sf_map *map = m->map;
     for (int round = 0; round < FINAL_ROUNDS; round++) {
-        sf_status status = sf_map_adjust(map, 20, 1e-5);
+        size_t dropped;
+        sf_status status = sf_map_adjust(map, 20, round ? 1e-5 : 1e-4);
+        if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
         if (status) return status;
-        size_t dropped = sf_map_drop_bad(map, map->options.error_px);
         if (round + 1 < FINAL_ROUNDS) sf_map_make_points(map, SIZE_MAX);
         if (round && !dropped) break;
     }

@@ -4,6 +4,7 @@
 #include <time.h>
 
 #include "mapper.h"
+#include "match.h"
 #include "reconstruction.h"
 #include "verify.h"
 
@@ -11,7 +12,7 @@
 #define GUESS 1.2
 
 sf_sfm_options sf_sfm_options_default(void) {
-    return (sf_sfm_options){.side = 1600, .features = 4096, .error = 4};
+    return (sf_sfm_options){.side = 1600, .features = 2048, .error = 4};
 }
 
 /* What the stages need beside the reconstruction. */
@@ -19,7 +20,10 @@ typedef struct run {
     sf_context *ctx;
     const sf_sfm_options *options;
     sf_reconstruction *r;
-    sf_verified verified;
+    sf_photo_pair *pairs;       /* [pair_count], all of them */
+    sf_matches *matches;        /* [pair_count], of features */
+    sf_verified_pair *verified; /* [pair_count]; without matches where there is no geometry */
+    size_t pair_count;
     double began;
 } run;
 
@@ -113,19 +117,66 @@ static sf_status make_pictures(sf_reconstruction *r) {
     return SF_OK;
 }
 
+/* Every photo with every other. */
+static sf_status list_pairs(run *work) {
+    size_t n = work->r->list.count, at = 0;
+    work->pair_count = n * (n - 1) / 2;
+    work->pairs = sf_alloc(work->ctx, work->pair_count + 1, sizeof *work->pairs);
+    work->matches = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->matches);
+    work->verified = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->verified);
+    if (!work->pairs || !work->matches || !work->verified) return SF_ERR_MEMORY;
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = i + 1; j < n; j++) work->pairs[at++] = (sf_photo_pair){i, j};
+    return SF_OK;
+}
+
+static sf_status match_pairs(run *work) {
+    sf_match_options options = sf_match_options_default();
+    sf_features *features = sf_alloc(work->ctx, work->r->list.count + 1, sizeof *features);
+    if (!features) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < work->r->list.count; i++) features[i] = work->r->list.photos[i].features;
+    sf_status status =
+        sf_match_all(work->ctx, features, work->pairs, work->pair_count, &options, work->matches);
+    sf_free(work->ctx, features);
+    return status;
+}
+
+static sf_status verify_pairs(run *work, size_t *verified) {
+    sf_reconstruction *r = work->r;
+    sf_verify_options options = sf_verify_options_default();
+    options.error_px = work->options->error;
+    for (size_t i = 0; i < work->pair_count; i++)
+        work->verified[i] = (sf_verified_pair){.first = work->pairs[i].first,
+                                               .second = work->pairs[i].second,
+                                               .matches = &work->matches[i].items->a,
+                                               .count = work->matches[i].count};
+    sf_status status = sf_verify_pairs(r->ctx, &options, r->pictures, r->cameras, r->camera_count,
+                                       work->verified, work->pair_count);
+    *verified = 0;
+    for (size_t i = 0; i < work->pair_count; i++)
+        if (work->verified[i].count) work->verified[(*verified)++] = work->verified[i];
+    work->pair_count = *verified;
+    return status;
+}
+
 static sf_status map_photos(run *work) {
     sf_reconstruction *r = work->r;
-    sf_status status = make_pictures(r);
-    if (status) return status;
     sf_map_input input = {.cameras = r->cameras,
                           .camera_count = r->camera_count,
                           .pictures = r->pictures,
                           .picture_count = r->list.count,
-                          .pairs = work->verified.agreed,
-                          .pair_count = work->verified.agreed_count};
+                          .pairs = work->verified,
+                          .pair_count = work->pair_count};
     sf_map_options options = sf_map_options_default();
     options.error_px = work->options->error;
     return sf_mapper_run(r->ctx, &input, &options, photo_placed, work, &r->map);
+}
+
+static void free_run(run *work, size_t pairs) {
+    for (size_t i = 0; work->matches && i < pairs; i++) sf_matches_free(work->ctx, &work->matches[i]);
+    sf_free(work->ctx, work->matches);
+    sf_free(work->ctx, work->pairs);
+    sf_free(work->ctx, work->verified);
 }
 
 static sf_status run_stages(run *work, const char *folder) {
@@ -141,18 +192,18 @@ static sf_status run_stages(run *work, const char *folder) {
                                          &r->list);
     end_stage(work, SF_SFM_FEATURES);
     if (!status) status = group_cameras(work);
-    if (!status) status = sf_verify_match(r->ctx, &r->list, &work->verified);
+    if (!status) status = make_pictures(r);
+    if (!status) status = list_pairs(work);
+    size_t pairs = work->pair_count, verified = 0;
+    if (!status) status = match_pairs(work);
     end_stage(work, SF_SFM_MATCHES);
-    if (!status && tell(work, SF_SFM_MATCHES, work->verified.count, work->verified.count))
-        status = SF_ERR_CANCELLED;
-    if (!status)
-        status = sf_verify_geometry(r->ctx, &r->list, r->camera_of, work->options->error, r->cameras,
-                                    r->camera_count, &work->verified);
+    if (!status && tell(work, SF_SFM_MATCHES, pairs, pairs)) status = SF_ERR_CANCELLED;
+    if (!status) status = verify_pairs(work, &verified);
     end_stage(work, SF_SFM_GEOMETRY);
-    if (!status && tell(work, SF_SFM_GEOMETRY, work->verified.agreed_count, work->verified.count))
-        status = SF_ERR_CANCELLED;
+    if (!status && tell(work, SF_SFM_GEOMETRY, verified, pairs)) status = SF_ERR_CANCELLED;
     if (!status) status = map_photos(work);
     end_stage(work, SF_SFM_MAPPING);
+    free_run(work, pairs);
     return status;
 }
 
@@ -167,7 +218,6 @@ sf_status sf_sfm_run(sf_context *ctx, const char *folder, const sf_sfm_options *
     r->ctx = ctx;
     run work = {.ctx = ctx, .options = &o, .r = r, .began = seconds()};
     status = run_stages(&work, folder);
-    sf_verified_free(ctx, &work.verified);
     if (status)
         sf_reconstruction_destroy(&r);
     else

@@ -10,8 +10,8 @@
 
 /* A pair of pictures whose geometry is known. */
 typedef struct sf_verified_pair {
-    uint32_t first, second;  /* pictures */
-    const uint32_t *matches; /* [count][2]: keypoints of the first and of the second, those that agree */
+    uint32_t first, second; /* pictures */
+    uint32_t *matches;      /* [count][2]: keypoints of the first and of the second, those that agree */
     size_t count;
     sf_two_view geometry;
 } sf_verified_pair;

@@ -82,20 +82,23 @@ double sf_triangulate_refine(const sf_sight *sights, size_t count, double at[3])
     return squares / (double)count;
 }
 
-double sf_widest_cosine(const sf_sight *sights, size_t count, const double at[3]) {
-    double least = 1;
-    for (size_t i = 0; i < count; i++) {
-        double c[3], x[3];
-        sf_rigid_center(sights[i].pose, c);
-        for (int k = 0; k < 3; k++) x[k] = at[k] - c[k];
-        for (size_t j = 0; j < i; j++) {
-            double y[3];
-            sf_rigid_center(sights[j].pose, c);
-            for (int k = 0; k < 3; k++) y[k] = at[k] - c[k];
-            least = fmin(least, sf_dot3(x, y) / sqrt(sf_dot3(x, x) * sf_dot3(y, y)));
-        }
+/* The unit vector from the camera to the point. */
+static void direction(const sf_sight *sight, const double at[3], double d[3]) {
+    double c[3];
+    sf_rigid_center(sight->pose, c);
+    for (int k = 0; k < 3; k++) d[k] = at[k] - c[k];
+    double length = sqrt(sf_dot3(d, d));
+    for (int k = 0; k < 3; k++) d[k] /= length;
+}
+
+int sf_is_wide(const sf_sight *sights, size_t count, const double at[3], double cosine) {
+    double d[SF_SIGHTS_MOST][3];
+    for (size_t i = 0; i < count && i < SF_SIGHTS_MOST; i++) {
+        direction(&sights[i], at, d[i]);
+        for (size_t j = 0; j < i; j++)
+            if (sf_dot3(d[i], d[j]) < cosine) return 1;
     }
-    return least;
+    return 0;
 }
 
 double sf_pair_angle(const sf_rigid *T, const double a[2], const double b[2]) {

@@ -23,8 +23,10 @@ double sf_triangulate_refine(const sf_sight *sights, size_t count, double at[3])
 /* The distance in px between where a camera sees the point and where it should; infinite behind it. */
 double sf_sight_error(const sf_sight *sight, const double at[3]);
 
-/* The cosine of the greatest angle between two of the rays from the cameras' centers to the point. */
-double sf_widest_cosine(const sf_sight *sights, size_t count, const double at[3]);
+/* Whether two of the lines from the cameras' centers to the point make an angle with a cosine below this; the
+ * first SF_SIGHTS_MOST are looked at. */
+enum { SF_SIGHTS_MOST = 64 };
+int sf_is_wide(const sf_sight *sights, size_t count, const double at[3], double cosine);
 
 /* The angle (rad) at a point of the first camera's frame between its ray and the second camera's; T as in
  * essential.h. 0: the rays do not meet in front of both. */

@@ -164,6 +164,9 @@ void sf_two_view_find(const sf_two_view_options *o, const double *a, const doubl
     const sf_ransac_problem flat = sf_homography_problem(&f.p);
     memset(to, 0, sizeof *to);
     sf_ransac(&epipolar, &r, scratch, inliers, &general);
+    size_t enough =
+        (size_t)(o->plane_share * (double)general.count); /* fewer make no plane: not looked for */
+    if (enough > r.least_count) r.least_count = enough;
     sf_ransac(&flat, &r, scratch, by_plane, &plane);
     to->general_count = general.count, to->plane_count = plane.count;
     if (general.count) memcpy(to->F, general.model, sizeof to->F);

@@ -29,7 +29,7 @@ typedef struct sf_two_view_options {
 typedef struct sf_two_view {
     sf_pair_kind kind;
     double F[9]; /* b^T F a = 0, of norm 1; the essential matrix where the lenses are known */
-    double H[9]; /* b ~ H a; 0 if there is none */
+    double H[9]; /* b ~ H a; 0 if none has plane_share of the inliers */
     int has_pose;
     sf_rigid T;   /* the second camera's from the first's, |t| = 1; of a rotation t = 0 */
     double angle; /* rad: median angle between the rays of the inliers; 0 without a pose */

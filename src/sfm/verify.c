@@ -1,167 +1,141 @@
-/* verify.c - see verify.h. */
+/* verify.c - see verify.h. Pairs are tasks, each with its thread's scratch. */
 #include "verify.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <string.h>
 
 #include "../base/pool.h"
-#include "../pose/lens.h"
 #include "focal.h"
-#include "two_view.h"
 
-/* Range of focal lengths that are looked for, in guesses. */
-#define LEAST_FOCAL 0.3
-#define MOST_FOCAL  4.0
-/* How well the vote of all pairs knows a focal length, as a part of it. */
-#define FOCAL_SIGMA 0.3
+/* Doubles of scratch a match: rays of both pictures, the search's, flags. */
+enum { RAYS = 4, FLAGS = 1, SCRATCH = RAYS + SF_TWO_VIEW_SCRATCH + FLAGS };
 
-sf_status sf_verify_match(sf_context *ctx, const sf_photo_list *list, sf_verified *v) {
-    size_t n = list->count, at = 0;
-    *v = (sf_verified){.count = n * (n - 1) / 2};
-    v->pairs = sf_alloc(ctx, v->count + 1, sizeof *v->pairs);
-    v->matches = sf_calloc(ctx, v->count + 1, sizeof *v->matches);
-    sf_features *features = sf_alloc(ctx, n + 1, sizeof *features);
-    sf_status status = v->pairs && v->matches && features ? SF_OK : SF_ERR_MEMORY;
-    if (!status) {
-        for (size_t i = 0; i < n; i++) features[i] = list->photos[i].features;
-        for (uint32_t i = 0; i < n; i++)
-            for (uint32_t j = i + 1; j < n; j++) v->pairs[at++] = (sf_photo_pair){i, j};
-        sf_match_options options = sf_match_options_default();
-        status = sf_match_all(ctx, features, v->pairs, v->count, &options, v->matches);
-    }
-    sf_free(ctx, features);
-    if (status) sf_verified_free(ctx, v);
-    return status;
-}
+/* The search for a focal length: from and to, in parts of the guess. */
+#define FOCAL_LEAST 0.25
+#define FOCAL_MOST  5
 
-/* One pass over the pairs. */
-typedef struct verify_job {
+typedef struct verifier {
     sf_context *ctx;
-    const sf_photo_list *list;
-    const uint32_t *camera_of;
-    const sf_map_camera *cameras;
-    double error;
-    int known; /* through the lenses */
-    sf_verified *v;
-    sf_two_view *geometry; /* [pairs] */
-    size_t *counts;        /* [pairs]: matches that agree, moved to the front */
-    atomic_int out_of_memory;
-} verify_job;
+    const sf_verify_options *o;
+    const sf_map_picture *pictures;
+    sf_map_camera *cameras;
+    size_t camera_count;
+    sf_verified_pair *pairs;
+    size_t pair_count, most; /* matches of a pair */
+    double *scratch;         /* [threads][SCRATCH most] */
+    int with_lenses;         /* the stage: lenses are known */
+} verifier;
 
-/* The coordinates of a feature: a ray, or px from the picture's middle over the guessed focal length. */
-static int coordinates(const verify_job *job, uint32_t photo, uint32_t feature, double to[2]) {
-    const sf_map_camera *camera = &job->cameras[job->camera_of[photo]];
-    const sf_keypoint *point = &job->list->photos[photo].features.points[feature];
-    double pixel[2] = {(double)point->x, (double)point->y};
-    if (job->known) return sf_lens_ray(&camera->lens, pixel, to);
-    to[0] = (pixel[0] - camera->lens.cx) / camera->lens.fx;
-    to[1] = (pixel[1] - camera->lens.cy) / camera->lens.fx;
-    return 1;
+sf_verify_options sf_verify_options_default(void) {
+    return (sf_verify_options){.error_px = 4, .least_count = 15, .seed = 1};
 }
 
-/* Moves the matches with a flag to the front. */
-static size_t keep_marked(sf_match *matches, size_t count, const uint8_t *marked) {
+static int is_known(const sf_map_camera *camera) { return camera->is_fixed || camera->focal_prior > 0; }
+
+/* Whether both lenses of a pair were known before. */
+static int are_known(const verifier *v, const sf_verified_pair *p) {
+    return is_known(&v->cameras[v->pictures[p->first].camera]) &&
+           is_known(&v->cameras[v->pictures[p->second].camera]);
+}
+
+/* Rays through the lens; of a pixel that has none, and in the first stage of all, those of a pinhole. */
+static void make_rays(const verifier *v, const sf_verified_pair *p, int side, int with_lens, double *rays) {
+    const sf_map_picture *picture = &v->pictures[side ? p->second : p->first];
+    const sf_lens *lens = &v->cameras[picture->camera].lens;
+    for (size_t k = 0; k < p->count; k++) {
+        const double *pixel = picture->keypoints + 2 * (size_t)p->matches[2 * k + (size_t)side];
+        if (with_lens && sf_lens_ray(lens, pixel, rays + 2 * k)) continue;
+        rays[2 * k] = (pixel[0] - lens->cx) / lens->fx;
+        rays[2 * k + 1] = (pixel[1] - lens->cy) / lens->fy;
+    }
+}
+
+/* The inliers come first, all else in its order. */
+static void keep_inliers(sf_verified_pair *p, const uint8_t *inliers) {
     size_t kept = 0;
-    for (size_t i = 0; i < count; i++) {
-        if (!marked[i]) continue;
-        sf_match keep = matches[i];
-        matches[i] = matches[kept];
-        matches[kept++] = keep;
+    for (size_t k = 0; k < p->count; k++) {
+        if (!inliers[k]) continue;
+        uint32_t first = p->matches[2 * k], second = p->matches[2 * k + 1];
+        p->matches[2 * k] = p->matches[2 * kept], p->matches[2 * k + 1] = p->matches[2 * kept + 1];
+        p->matches[2 * kept] = first, p->matches[2 * kept++ + 1] = second;
     }
-    return kept;
+    p->count = kept;
 }
 
-static void verify_task(void *job_pointer, size_t task, int thread) {
-    verify_job *job = job_pointer;
-    const sf_photo_pair *pair = &job->v->pairs[task];
-    sf_match *matches = job->v->matches[task].items;
-    size_t count = job->known ? job->counts[task] : job->v->matches[task].count, n = 0;
-    sf_two_view_options options = sf_two_view_options_default();
-    (void)thread;
-    job->counts[task] = 0;
-    if (count < options.least_count) return;
-    double *a = sf_alloc(job->ctx, count, (4 + SF_TWO_VIEW_SCRATCH) * sizeof *a), *b = a + 2 * count;
-    uint8_t *inliers = sf_alloc(job->ctx, count, 1);
-    if (!a || !inliers) {
-        atomic_store(&job->out_of_memory, 1);
-    } else {
-        for (; n < count; n++)
-            if (!coordinates(job, pair->first, matches[n].a, a + 2 * n) ||
-                !coordinates(job, pair->second, matches[n].b, b + 2 * n))
-                a[2 * n] = a[2 * n + 1] = b[2 * n] = b[2 * n + 1] = 0;
-        const sf_lens *first = &job->cameras[job->camera_of[pair->first]].lens,
-                      *second = &job->cameras[job->camera_of[pair->second]].lens;
-        options.known = job->known;
-        options.threshold = job->error / fmin(first->fx, second->fx);
-        sf_two_view_find(&options, a, b, count, b + 2 * count, inliers, &job->geometry[task]);
-        if (job->geometry[task].kind != SF_PAIR_NONE)
-            job->counts[task] = keep_marked(matches, count, inliers);
+static void verify_task(void *pointer, size_t task, int thread) {
+    const verifier *v = pointer;
+    sf_verified_pair *p = &v->pairs[task];
+    sf_two_view_options o = sf_two_view_options_default();
+    sf_two_view found;
+    double *a = v->scratch + (size_t)thread * SCRATCH * v->most, *b = a + 2 * v->most,
+           *rest = b + 2 * v->most;
+    uint8_t *inliers = (uint8_t *)(rest + SF_TWO_VIEW_SCRATCH * v->most);
+    int was_known = are_known(v, p);
+    if (!v->with_lenses && was_known) return; /* in the second stage */
+    if (!p->count || (v->with_lenses && !was_known && p->geometry.kind == SF_PAIR_NONE)) return;
+    make_rays(v, p, 0, v->with_lenses, a);
+    make_rays(v, p, 1, v->with_lenses, b);
+    double focal = (v->cameras[v->pictures[p->first].camera].lens.fx +
+                    v->cameras[v->pictures[p->second].camera].lens.fx) /
+                   2;
+    o.known = v->with_lenses, o.threshold = v->o->error_px / focal, o.least_count = v->o->least_count;
+    o.seed = v->o->seed + task;
+    sf_two_view_find(&o, a, b, p->count, rest, inliers, &found);
+    /* A focal length that is wrong loses matches that the fundamental matrix has confirmed: they stay,
+     * without a pose. */
+    if (v->with_lenses && !was_known && 2 * found.count < p->count) {
+        p->geometry.has_pose = 0;
+        return;
     }
-    sf_free(job->ctx, inliers);
-    sf_free(job->ctx, a);
+    p->geometry = found;
+    if (found.kind == SF_PAIR_NONE)
+        p->count = 0;
+    else
+        keep_inliers(p, inliers);
 }
 
-/* The focal length of a camera from the pairs that it took alone. */
-static sf_status vote(const verify_job *job, uint32_t camera, sf_map_camera *to) {
-    size_t n = 0;
-    double contrast;
-    sf_focal_pair *pairs = sf_alloc(job->ctx, job->v->count + 1, sizeof *pairs);
-    if (!pairs) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < job->v->count; i++) {
-        const sf_photo_pair *pair = &job->v->pairs[i];
-        if (!job->counts[i] || job->geometry[i].kind != SF_PAIR_GENERAL) continue;
-        if (job->camera_of[pair->first] != camera || job->camera_of[pair->second] != camera) continue;
-        memcpy(pairs[n].F, job->geometry[i].F, sizeof pairs[n].F);
-        pairs[n++].weight = (double)job->counts[i];
+/* The focal length of a camera of which nothing is known. */
+static void vote(const verifier *v, size_t camera, sf_focal_pair *pairs) {
+    sf_map_camera *c = &v->cameras[camera];
+    size_t count = 0;
+    for (size_t i = 0; i < v->pair_count; i++) {
+        const sf_verified_pair *p = &v->pairs[i];
+        if (p->geometry.kind != SF_PAIR_GENERAL || !p->count) continue;
+        if (v->pictures[p->first].camera != camera || v->pictures[p->second].camera != camera) continue;
+        memcpy(pairs[count].F, p->geometry.F, sizeof p->geometry.F);
+        pairs[count++].weight = (double)p->count;
     }
-    double factor = sf_focal_vote(pairs, n, LEAST_FOCAL, MOST_FOCAL, 1, &contrast);
-    to->lens.fx *= factor, to->lens.fy *= factor;
-    sf_free(job->ctx, pairs);
-    return SF_OK;
+    double factor = sf_focal_vote(pairs, count, FOCAL_LEAST, FOCAL_MOST, 1, NULL);
+    c->lens.fx *= factor, c->lens.fy *= factor;
 }
 
-static sf_status run_pass(verify_job *job) {
-    sf_pool_run(job->ctx->pool, job->v->count, verify_task, job);
-    return atomic_load(&job->out_of_memory) ? SF_ERR_MEMORY : SF_OK;
+static void verify(verifier *v, sf_focal_pair *votes) {
+    sf_pool_run(v->ctx->pool, v->pair_count, verify_task, v);
+    for (size_t i = 0; i < v->camera_count; i++)
+        if (!is_known(&v->cameras[i])) vote(v, i, votes);
+    v->with_lenses = 1;
+    sf_pool_run(v->ctx->pool, v->pair_count, verify_task, v);
 }
 
-static sf_status list_agreed(const verify_job *job) {
-    sf_verified *v = job->v;
-    v->agreed = sf_alloc(job->ctx, v->count + 1, sizeof *v->agreed);
-    if (!v->agreed) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < v->count; i++) {
-        if (!job->counts[i]) continue;
-        v->agreed[v->agreed_count++] = (sf_verified_pair){.first = v->pairs[i].first,
-                                                       .second = v->pairs[i].second,
-                                                       .matches = &v->matches[i].items->a,
-                                                       .count = job->counts[i],
-                                                       .geometry = job->geometry[i]};
-    }
-    return SF_OK;
-}
-
-sf_status sf_verify_geometry(sf_context *ctx, const sf_photo_list *list, const uint32_t *camera_of,
-                             double error, sf_map_camera *cameras, size_t camera_count, sf_verified *v) {
-    verify_job job = {
-        .ctx = ctx, .list = list, .camera_of = camera_of, .cameras = cameras, .error = error, .v = v};
-    job.geometry = sf_calloc(ctx, v->count + 1, sizeof *job.geometry);
-    job.counts = sf_calloc(ctx, v->count + 1, sizeof *job.counts);
-    sf_status status = job.geometry && job.counts ? run_pass(&job) : SF_ERR_MEMORY;
-    for (uint32_t c = 0; c < camera_count && !status; c++)
-        if (!cameras[c].is_fixed && !(cameras[c].focal_prior > 0)) status = vote(&job, c, &cameras[c]);
-    job.known = 1;
-    if (!status) status = run_pass(&job);
-    if (!status) status = list_agreed(&job);
-    sf_free(ctx, job.counts);
-    sf_free(ctx, job.geometry);
-    return status;
-}
-
-void sf_verified_free(sf_context *ctx, sf_verified *v) {
-    for (size_t i = 0; v->matches && i < v->count; i++) sf_matches_free(ctx, &v->matches[i]);
-    sf_free(ctx, v->matches);
-    sf_free(ctx, v->pairs);
-    sf_free(ctx, v->agreed);
-    *v = (sf_verified){0};
+sf_status sf_verify_pairs(sf_context *ctx, const sf_verify_options *options, const sf_map_picture *pictures,
+                          sf_map_camera *cameras, size_t camera_count, sf_verified_pair *pairs,
+                          size_t pair_count) {
+    verifier v = {.ctx = ctx,
+                  .o = options,
+                  .pictures = pictures,
+                  .cameras = cameras,
+                  .camera_count = camera_count,
+                  .pairs = pairs,
+                  .pair_count = pair_count};
+    for (size_t i = 0; i < pair_count; i++)
+        if (pairs[i].count > v.most) v.most = pairs[i].count;
+    size_t threads = (size_t)sf_pool_threads(ctx->pool);
+    sf_focal_pair *votes = sf_alloc(ctx, pair_count + 1, sizeof *votes);
+    v.scratch = sf_alloc(ctx, threads * SCRATCH * v.most + 1, sizeof *v.scratch);
+    int ready = votes && v.scratch;
+    for (size_t i = 0; ready && i < pair_count; i++) memset(&pairs[i].geometry, 0, sizeof pairs[i].geometry);
+    if (ready) verify(&v, votes);
+    sf_free(ctx, votes);
+    sf_free(ctx, v.scratch);
+    return ready ? SF_OK : SF_ERR_MEMORY;
 }

@@ -1,28 +1,26 @@
-/* verify.h - which pairs of photos show the same place, and the geometry of each. */
+/* verify.h - the geometry of all pairs of pictures, and focal lengths that are not known (GEOMETRY.md, S.22).
+ */
 #ifndef SF_SFM_VERIFY_H
 #define SF_SFM_VERIFY_H
 
 #include "map.h"
-#include "match.h"
-#include "photos.h"
 
-/* Pairs with their matches; those of a pair that agree with its geometry come first. */
-typedef struct sf_verified {
-    sf_photo_pair *pairs;
-    sf_matches *matches;   /* [count], of features */
-    sf_verified_pair *agreed; /* [agreed_count]: pairs with a geometry */
-    size_t count, agreed_count;
-} sf_verified;
+typedef struct sf_verify_options {
+    double error_px;    /* the greatest error of an inlier */
+    size_t least_count; /* inliers of a pair */
+    uint64_t seed;
+} sf_verify_options;
 
-/* Matches the features of every pair of the list, on all threads. SF_ERR_MEMORY. */
-sf_status sf_verify_match(sf_context *ctx, const sf_photo_list *list, sf_verified *v);
+/* 4 px, 15 inliers, seed 1. */
+sf_verify_options sf_verify_options_default(void);
 
-/* Finds the geometry of each pair by its matches. Cameras without a fixed lens or a prior of the focal length
- * get the focal length for which most of their pairs agree; `camera_of`: [photos], an index into `cameras`.
- * Then the pairs' poses through these lenses. error: px of an inlier. SF_ERR_MEMORY. */
-sf_status sf_verify_geometry(sf_context *ctx, const sf_photo_list *list, const uint32_t *camera_of,
-                             double error, sf_map_camera *cameras, size_t camera_count, sf_verified *v);
-
-void sf_verified_free(sf_context *ctx, sf_verified *v);
+/* Finds the geometry of each of the pairs from its matches. On return the matches that agree with it come
+ * first, and `count` is their number (0: there is no geometry). The cameras that are neither fixed nor have a
+ * prior have a guess as the focal length of their lens; pairs of two pictures of one such camera overrule it,
+ * and it is written back. Of pictures, keypoints and camera are read. The same bytes for any number of
+ * threads. SF_ERR_MEMORY: pairs and cameras are as they were. */
+sf_status sf_verify_pairs(sf_context *ctx, const sf_verify_options *options, const sf_map_picture *pictures,
+                          sf_map_camera *cameras, size_t camera_count, sf_verified_pair *pairs,
+                          size_t pair_count);
 
 #endif

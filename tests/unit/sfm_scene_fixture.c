@@ -19,13 +19,26 @@ static void *clear(size_t count, size_t size) {
     return block;
 }
 
-/* Points of a bumpy ball; their normals point outwards. */
+/* Points of a bumpy ball, whose normals point outwards; of a wall; of a room around the views. */
 static void make_points(sfm_scene *s, sf_rng *rng) {
     for (size_t i = 0; i < s->points; i++) {
-        double d[3];
+        double d[3], far = 0.8 + 0.3 * sf_rng_uniform(rng);
         sfm_direction(rng, d);
-        for (size_t k = 0; k < 3; k++) s->at[3 * i + k] = d[k] * (0.8 + 0.3 * sf_rng_uniform(rng));
+        if (s->layout == SFM_ROTATION) far *= 5;
+        for (size_t k = 0; k < 3; k++) s->at[3 * i + k] = d[k] * far;
+        for (size_t k = 0; k < 3 && s->layout == SFM_PLANE; k++)
+            s->at[3 * i + k] = k < 2 ? 4 * (sf_rng_uniform(rng) - 0.5) : 0;
     }
+}
+
+static void place_view(sfm_scene *s, size_t view, sf_rng *rng) {
+    double turn = 6.283185307179586 * (double)view / (double)s->views;
+    double far = radius * (1 + 0.15 * sin(5 * turn) + 0.05 * sf_rng_normal(rng));
+    double center[3] = {far * sin(turn), 0.9 * sin(3 * turn) - 0.5, -far * cos(turn)};
+    double target[3] = {0.15 * sf_rng_normal(rng), 0.15 * sf_rng_normal(rng), 0};
+    if (s->layout == SFM_PLANE) center[0] = 1.5 * sin(turn), center[1] = cos(turn), center[2] = -far;
+    for (int k = 0; k < 3 && s->layout == SFM_ROTATION; k++) target[k] = center[k], center[k] = 0;
+    sfm_look_at(center, target, &s->truth[view]);
 }
 
 static void make_lenses(sfm_scene *s) {
@@ -47,8 +60,9 @@ static int is_seen(const sfm_scene *s, size_t view, size_t point, double pixel[2
     for (int k = 0; k < 3; k++) to[k] = center[k] - at[k];
     double cosine = sf_dot3(to, at) / sqrt(sf_dot3(to, to) * sf_dot3(at, at));
     sf_rigid_apply(&s->truth[view], at, p);
-    return cosine > 0.35 && sf_lens_project(&s->lenses[s->pictures[view].camera], p, pixel, NULL, NULL) &&
-           pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < WIDTH && pixel[1] < HEIGHT;
+    return (s->layout != SFM_GENERAL || cosine > 0.35) &&
+           sf_lens_project(&s->lenses[s->pictures[view].camera], p, pixel, NULL, NULL) && pixel[0] >= 0 &&
+           pixel[1] >= 0 && pixel[0] < WIDTH && pixel[1] < HEIGHT;
 }
 
 /* What a view sees, in an order of its own: point i is taken at place (i * step) mod points. */
@@ -69,7 +83,7 @@ static void match(sfm_scene *s, size_t pair, double wrong, sf_rng *rng) {
     sf_verified_pair *p = &s->pairs[pair];
     const sf_map_picture *a = &s->pictures[p->first], *b = &s->pictures[p->second];
     uint32_t *there = clear(s->points, sizeof *there);
-    s->all[pair] = clear(2 * a->count, sizeof **s->all);
+    p->matches = clear(2 * a->count, sizeof *p->matches);
     memset(there, 0xff, s->points * sizeof *there);
     for (uint32_t k = 0; k < b->count; k++) there[s->point_of[p->second][k]] = k;
     for (uint32_t k = 0; k < a->count; k++) {
@@ -78,7 +92,7 @@ static void match(sfm_scene *s, size_t pair, double wrong, sf_rng *rng) {
             if (sf_rng_uniform(rng) > wrong) continue;
             to = (uint32_t)sf_rng_below(rng, b->count);
         }
-        s->all[pair][2 * s->all_count[pair]] = k, s->all[pair][2 * s->all_count[pair]++ + 1] = to;
+        p->matches[2 * p->count] = k, p->matches[2 * p->count++ + 1] = to;
     }
     free(there);
 }
@@ -86,7 +100,8 @@ static void match(sfm_scene *s, size_t pair, double wrong, sf_rng *rng) {
 void sfm_scene_make(sf_context *ctx, const sfm_scene_options *o, sfm_scene *s) {
     sf_rng rng;
     sf_rng_seed(&rng, o->seed);
-    *s = (sfm_scene){.ctx = ctx, .views = o->views, .points = o->points, .cameras = o->cameras};
+    *s = (sfm_scene){
+        .ctx = ctx, .views = o->views, .points = o->points, .cameras = o->cameras, .layout = o->layout};
     s->at = clear(3 * s->points, sizeof *s->at);
     s->truth = clear(s->views, sizeof *s->truth);
     s->lenses = clear(s->cameras, sizeof *s->lenses);
@@ -94,16 +109,10 @@ void sfm_scene_make(sf_context *ctx, const sfm_scene_options *o, sfm_scene *s) {
     s->pictures = clear(s->views, sizeof *s->pictures);
     s->point_of = clear(s->views, sizeof *s->point_of);
     s->pairs = clear(s->views * o->reach, sizeof *s->pairs);
-    s->all = clear(s->views * o->reach, sizeof *s->all);
-    s->all_count = clear(s->views * o->reach, sizeof *s->all_count);
     make_points(s, &rng);
     make_lenses(s);
     for (size_t v = 0; v < s->views; v++) {
-        double turn = 6.283185307179586 * (double)v / (double)s->views;
-        double far = radius * (1 + 0.15 * sin(5 * turn) + 0.05 * sf_rng_normal(&rng));
-        const double center[3] = {far * sin(turn), 0.9 * sin(3 * turn) - 0.5, -far * cos(turn)};
-        const double target[3] = {0.15 * sf_rng_normal(&rng), 0.15 * sf_rng_normal(&rng), 0};
-        sfm_look_at(center, target, &s->truth[v]);
+        place_view(s, v, &rng);
         s->pictures[v].camera = (uint32_t)(v % s->cameras);
         take_picture(s, v, o->noise, &rng);
     }
@@ -117,42 +126,15 @@ void sfm_scene_make(sf_context *ctx, const sfm_scene_options *o, sfm_scene *s) {
 
 void sfm_scene_free(sfm_scene *s) {
     for (size_t v = 0; v < s->views; v++) free((void *)s->pictures[v].keypoints), free(s->point_of[v]);
-    for (size_t i = 0; i < s->pair_count; i++) free(s->all[i]), free((void *)s->pairs[i].matches);
+    for (size_t i = 0; i < s->pair_count; i++) free(s->pairs[i].matches);
     free(s->at), free(s->truth), free(s->lenses), free(s->known), free(s->pictures);
-    free(s->point_of), free(s->pairs), free(s->all), free(s->all_count);
+    free(s->point_of), free(s->pairs);
 }
 
-/* A keypoint's ray; without a known lens, pixels from the middle over the width. */
-static void to_coordinates(const sfm_scene *s, size_t view, uint32_t keypoint, int known, double to[2]) {
-    const sf_map_picture *p = &s->pictures[view];
-    sf_lens plain = s->known[p->camera].lens;
-    if (!known) plain = (sf_lens){.fx = WIDTH, .fy = WIDTH, .cx = plain.cx, .cy = plain.cy};
-    if (!sf_lens_ray(&plain, p->keypoints + 2 * (size_t)keypoint, to)) to[0] = to[1] = 0;
-}
-
-void sfm_scene_verify(sfm_scene *s, int known) {
-    sf_two_view_options o = sf_two_view_options_default();
-    o.known = known;
-    for (size_t i = 0; i < s->pair_count; i++) {
-        sf_verified_pair *p = &s->pairs[i];
-        size_t n = s->all_count[i];
-        double *a = clear(4 * n, sizeof *a), *b = a + 2 * n;
-        double *scratch = clear(SF_TWO_VIEW_SCRATCH * n, sizeof *scratch);
-        uint8_t *inliers = clear(n, 1);
-        uint32_t *kept = clear(2 * n, sizeof *kept);
-        for (size_t k = 0; k < n; k++) {
-            to_coordinates(s, p->first, s->all[i][2 * k], known, a + 2 * k);
-            to_coordinates(s, p->second, s->all[i][2 * k + 1], known, b + 2 * k);
-        }
-        o.threshold = 4 / (known ? s->known[0].lens.fx : WIDTH);
-        sf_two_view_find(&o, a, b, n, scratch, inliers, &p->geometry);
-        p->count = 0;
-        for (size_t k = 0; k < n; k++)
-            if (inliers[k]) memcpy(kept + 2 * p->count++, s->all[i] + 2 * k, 2 * sizeof *kept);
-        free((void *)p->matches);
-        p->matches = kept;
-        free(a), free(scratch), free(inliers);
-    }
+void sfm_scene_verify(sfm_scene *s) {
+    const sf_verify_options options = sf_verify_options_default();
+    if (sf_verify_pairs(s->ctx, &options, s->pictures, s->known, s->cameras, s->pairs, s->pair_count))
+        abort();
 }
 
 sf_map_input sfm_scene_input(const sfm_scene *s) {

@@ -3,19 +3,23 @@
 #define SFM_SCENE_FIXTURE_H
 
 #include "../../src/sfm/mapper.h"
+#include "../../src/sfm/verify.h"
 #include "sfm_fixture.h"
 
-/* What to simulate: views on a ring around an object, all of whose points face outwards. */
+/* What to simulate: views on a ring around an object, all of whose points face outwards; views of a wall; or
+ * views all around from one place. */
 typedef struct sfm_scene_options {
     size_t views, points, cameras; /* views take turns with the cameras */
     double noise, wrong;           /* px of keypoints; share of wrong matches */
     size_t reach;                  /* neighbours of a view that it is matched with, on either side */
     uint64_t seed;
+    sfm_layout layout;
 } sfm_scene_options;
 
 typedef struct sfm_scene {
     sf_context *ctx;
     size_t views, points, cameras;
+    sfm_layout layout;
     double *at;               /* [points][3] */
     sf_rigid *truth;          /* [views] */
     sf_lens *lenses;          /* [cameras] */
@@ -24,15 +28,13 @@ typedef struct sfm_scene {
     uint32_t **point_of;      /* [views][keypoints] */
     sf_verified_pair *pairs;
     size_t pair_count;
-    uint32_t **all; /* [pairs]: matches before they are verified, and then */
-    size_t *all_count;
 } sfm_scene;
 
 void sfm_scene_make(sf_context *ctx, const sfm_scene_options *options, sfm_scene *scene);
 void sfm_scene_free(sfm_scene *scene);
 
-/* Finds each pair's geometry through the lenses that are told (known), or without, and keeps the inliers. */
-void sfm_scene_verify(sfm_scene *scene, int known);
+/* Finds each pair's geometry, and the focal lengths that are not told, and keeps the inliers. */
+void sfm_scene_verify(sfm_scene *scene);
 
 sf_map_input sfm_scene_input(const sfm_scene *scene);
 

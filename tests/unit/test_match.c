@@ -172,7 +172,7 @@ static void move(const likeness *l, double x, double y, double *to_x, double *to
 static sf_features features_of(sf_context *ctx, const test_blob *blobs) {
     sf_features_options options = sf_features_options_default();
     uint8_t *pixels = test_draw_blobs(WIDTH, HEIGHT, blobs, BLOBS);
-    sf_grey picture = test_grey(pixels, WIDTH, HEIGHT);
+    sf_photo picture = test_grey(pixels, WIDTH, HEIGHT);
     sf_features f = test_find_features(ctx, &picture, &options);
     free(pixels);
     return f;

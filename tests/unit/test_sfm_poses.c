@@ -127,8 +127,16 @@ static void points_are_triangulated(void **state) {
         double mean = sf_triangulate_refine(sights, count, at);
         if (noise == 0) assert_true(distance(at, truth) < 1e-9);
         if (noise > 0) squares += mean * (double)count, freedom += 2 * (double)count - 3;
-        double angle = acos(sf_widest_cosine(sights, count, truth));
-        assert_true(angle > 0.9 * 0.2 * (double)(count - 1) * 0.7 && angle < 2);
+        double widest = 1;
+        for (size_t k = 0; k < count; k++)
+            for (size_t m = 0; m < k; m++) {
+                double a[3], b[3];
+                sf_rigid_center(&poses[k], a), sf_rigid_center(&poses[m], b);
+                for (int l = 0; l < 3; l++) a[l] -= truth[l], b[l] -= truth[l];
+                widest = fmin(widest, sf_dot3(a, b) / sqrt(sf_dot3(a, a) * sf_dot3(b, b)));
+            }
+        assert_true(sf_is_wide(sights, count, truth, widest + 1e-9));
+        assert_false(sf_is_wide(sights, count, truth, widest - 1e-9));
         assert_float_equal(sf_sight_error(&sights[0], truth), 0, noise == 0 ? 1e-9 : 4);
     }
     print_message("noise of 0.5 px: %.3f px by the residuals\n", sqrt(squares / freedom));
