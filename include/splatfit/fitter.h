@@ -93,12 +93,13 @@ typedef enum sf_moment_format {
     REAL(background_red, 0, 0, 1, "", "red of background color")                                             \
     REAL(background_green, 0, 0, 1, "", "green of background color")                                         \
     REAL(background_blue, 0, 0, 1, "", "blue of background color")                                           \
-    REAL(near_plane, 0.04, 1e-9, 1e3, "extents", "Gaussians nearer to the camera are culled")                \
+    REAL(near_plane, 0, 0, 1e3, "extents",                                                                   \
+         "Gaussians nearer to the camera are culled; 0: chosen for each view")                \
     REAL(lambda_dssim, 0.2, 0, 1, "", "weight of 1 - SSIM in the loss; the rest is L1, or Huber's loss")     \
     REAL(huber_delta, 0, 0, 1, "",                                                                           \
          "Huber loss: a difference d below delta counts as d^2 / (2 delta), a larger one as |d| - delta / "  \
          "2; 1e-9 makes it L1; 0: chosen by plan_steps, L1 for long runs")                                   \
-    REAL(lr_mean, 4.5e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
+    REAL(lr_mean, 1.3e-3, 0, 1, "half pictures", "learning rate of the means at the start")                        \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "",                                                                   \
          "rate of the means at the end, as a fraction of lr_mean; exponential between")                      \
     REAL(cool_down, 0.8, 0, 1, "of the run", "start of the cool-down, in which all learning rates fall")     \
@@ -178,7 +179,7 @@ typedef enum sf_moment_format {
     REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
-    REAL(max_scale, 1, 0, 1e9, "extents", "no axis grows beyond this; 0: no limit")                          \
+    REAL(max_scale, 3, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                          \
     REAL(max_aspect, 30, 0, 1e9, "",                                                                         \
          "the longest axis is at most this multiple of the middle one; 0: no limit")
 

@@ -135,11 +135,7 @@ int app_color(const char *text, float color[3]) {
 
 int app_render_options(const args *a, sf_scene *scene, sf_render_options *options) {
     *options = sf_render_options_default();
-    sf_scene_info info;
-    if (scene) {
-        sf_scene_get_info(scene, &info);
-        options->near_plane = (float)(sf_fit_options_default().near_plane * info.extent);
-    }
+    (void)scene;
     const char *near_plane = args_value(a, "near-plane"), *background = args_value(a, "background");
     if (background && !app_color(background, options->background)) {
         args_error(a->command, "--background: \"%s\" is neither black, white nor R,G,B in 0..1", background);

@@ -201,6 +201,7 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     if (!status)
         status = sf_sections_take(in, "screen.seen", f->densify.visible_count, count,
                                   sizeof *f->densify.visible_count);
+    if (!status) status = sf_sections_take(in, "units", f->units.inverse, count, sizeof *f->units.inverse);
     return status;
 }
 

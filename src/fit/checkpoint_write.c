@@ -74,6 +74,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     put_moments(out, &f->moments, m);
     sf_sections_put(out, "screen.sum", f->densify.gradient_sum, m->count, sizeof *f->densify.gradient_sum);
     sf_sections_put(out, "screen.seen", f->densify.visible_count, m->count, sizeof *f->densify.visible_count);
+    sf_sections_put(out, "units", f->units.inverse, m->count, sizeof *f->units.inverse);
     sf_sections_put(out, "trials", f->merges.list, f->merges.count * MERGE_WORDS, sizeof(uint32_t));
     sf_sections_put(out, "trials.tiles", f->merges.tiles, f->merges.tile_count, sizeof *f->merges.tiles);
     const double psnr[] = {f->validation.psnr, f->validation.best_psnr}; /* NAN before the first validation */

@@ -53,7 +53,7 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
                              .opacity = o->init_opacity,
                              .scale = o->init_scale,
                              .extent = f->extent,
-                             .nearest = (double)f->near_plane};
+                             .nearest = f->near_plane > 0 ? (double)f->near_plane : 0.04 * f->extent};
     return sf_init_gaussians(f->scene, &first, &f->rng, &f->model);
 }
 
@@ -230,6 +230,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_optimizer_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->densify.gradient_sum);
     sf_free(f->ctx, f->densify.visible_count);
+    sf_free(f->ctx, f->units.inverse);
     sf_merges_free(f);
     sf_free(f->ctx, f->sampler.ids);
     sf_free(f->ctx, f->validation.ids);

@@ -119,12 +119,17 @@ typedef struct sf_selection {
                               make the rest look cheaper. 0: unknown */
 } sf_selection;
 
+/* local_units.c: the unit of length of each Gaussian; the array has the model's capacity. */
+typedef struct sf_local_units {
+    float *inverse; /* 1 / unit, 1 / world units; 0: no view has seen the Gaussian yet */
+} sf_local_units;
+
 struct sf_fitter {
     sf_context *ctx;
     sf_scene *scene;
     sf_fit_options options;
     double extent;      /* of the scene, world units */
-    float near_plane;   /* world units */
+    float near_plane;   /* world units; 0: chosen for each view */
     int warm_start;     /* started from a model: full resolution and all bands from the first step */
     size_t first_count; /* Gaussians at the start */
     sf_memory_bill bill;
@@ -138,6 +143,7 @@ struct sf_fitter {
 
     sf_view_sampler sampler;
     sf_densify densify;
+    sf_local_units units;
     sf_selection select;
     sf_merges merges;
     sf_validation validation;

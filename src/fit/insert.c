@@ -32,6 +32,7 @@ static void clear(sf_fitter *f, size_t i) {
     sf_optimizer_reset(&f->moments, f->model, i);
     f->densify.gradient_sum[i] = 0;
     f->densify.visible_count[i] = 0;
+    f->units.inverse[i] = 0;
 }
 
 sf_status sf_fitter_add_points(sf_fitter *f, size_t count, const float *xyz, const uint8_t *rgb,

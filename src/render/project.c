@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "near_plane.h"
 
 static size_t tasks_of(size_t count) {
     return (sf_blocks(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
@@ -62,6 +63,7 @@ sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degre
     size_t count = model->count;
     sf_status status = room(ws, count);
     if (status) return status;
+    if (!(ws->eye.near_plane > 0)) ws->eye.near_plane = sf_near_plane_of(model, &ws->eye);
     ws->params = model->params;
     ws->count = count;
     memcpy(ws->banded, model->banded, sizeof ws->banded);
