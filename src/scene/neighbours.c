@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "../base/statistics.h"
+
 /* Angles in radians between the rays of two cameras to one point: small ones do not determine its depth,
  * large ones change its look. */
 #define BEST_ANGLE  0.16
@@ -12,16 +14,28 @@
 #define LEAST_COSINE  0.5
 #define LEAST_OVERLAP 0.4
 
-void sf_focus_point(const sf_camera *const *cameras, size_t n, double focus[3]) {
-    double M[6] = {0}, b[3] = {0}; /* sum of I - d d^T, and that times the centres */
+/* Squared distance of a point from a camera's optical axis. */
+static double off_axis(const sf_camera *camera, const double point[3]) {
+    const double *d = camera->R_cw + 6;
+    double c[3], v[3], along = 0, square = 0;
+    sf_camera_center(camera, c);
+    for (int k = 0; k < 3; k++) v[k] = point[k] - c[k], along += v[k] * d[k];
+    for (int k = 0; k < 3; k++) square += (v[k] - along * d[k]) * (v[k] - along * d[k]);
+    return square;
+}
+
+/* The point with the least weighted sum of squared distances from the optical axes. An axis that is `soft` or
+ * more away from `focus` weighs less, by its distance; soft 0: all weigh the same. */
+static void solve_focus(const sf_camera *const *cameras, size_t n, double soft, double focus[3]) {
+    double M[6] = {0}, b[3] = {0}; /* sum of w (I - d d^T), and that times the centres */
     for (size_t i = 0; i < n; i++) {
         const double *d = cameras[i]->R_cw + 6;
-        double c[3], along;
+        double c[3], along, w = soft > 0 ? soft / fmax(sqrt(off_axis(cameras[i], focus)), soft) : 1;
         sf_camera_center(cameras[i], c);
         along = d[0] * c[0] + d[1] * c[1] + d[2] * c[2];
-        M[0] += 1 - d[0] * d[0], M[1] -= d[0] * d[1], M[2] -= d[0] * d[2];
-        M[3] += 1 - d[1] * d[1], M[4] -= d[1] * d[2], M[5] += 1 - d[2] * d[2];
-        for (int k = 0; k < 3; k++) b[k] += c[k] - along * d[k];
+        M[0] += w * (1 - d[0] * d[0]), M[1] -= w * d[0] * d[1], M[2] -= w * d[0] * d[2];
+        M[3] += w * (1 - d[1] * d[1]), M[4] -= w * d[1] * d[2], M[5] += w * (1 - d[2] * d[2]);
+        for (int k = 0; k < 3; k++) b[k] += w * (c[k] - along * d[k]);
     }
     double m00 = M[3] * M[5] - M[4] * M[4], m01 = M[2] * M[4] - M[1] * M[5], m02 = M[1] * M[4] - M[2] * M[3];
     double m11 = M[0] * M[5] - M[2] * M[2], m12 = M[1] * M[2] - M[0] * M[4], m22 = M[0] * M[3] - M[1] * M[1];
@@ -29,6 +43,25 @@ void sf_focus_point(const sf_camera *const *cameras, size_t n, double focus[3]) 
     focus[0] = (m00 * b[0] + m01 * b[1] + m02 * b[2]) / det; /* not finite for parallel axes */
     focus[1] = (m01 * b[0] + m11 * b[1] + m12 * b[2]) / det;
     focus[2] = (m02 * b[0] + m12 * b[1] + m22 * b[2]) / det;
+}
+
+/* Median distance of a point from the optical axes of up to FOCUS_AXES cameras. */
+static double median_off_axis(const sf_camera *const *cameras, size_t n, const double focus[3]) {
+    enum { FOCUS_AXES = 256 };
+    double values[FOCUS_AXES];
+    size_t count = n < FOCUS_AXES ? n : FOCUS_AXES;
+    for (size_t k = 0; k < count; k++) values[k] = off_axis(cameras[k * n / count], focus);
+    return sqrt(sf_median(values, count));
+}
+
+void sf_focus_point(const sf_camera *const *cameras, size_t n, double focus[3]) {
+    enum { ROUNDS = 20 };
+    solve_focus(cameras, n, 0, focus);
+    for (int round = 0; round < ROUNDS && isfinite(focus[0]); round++) {
+        double soft = 3 * median_off_axis(cameras, n, focus); /* Huber's weights: one far axis pulls little */
+        if (!(soft > 0)) return;
+        solve_focus(cameras, n, soft, focus);
+    }
 }
 
 double sf_look_distance(const sf_camera *camera, const double focus[3], double extent) {
