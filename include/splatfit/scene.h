@@ -10,6 +10,7 @@
 
 #include "camera.h"
 #include "context.h"
+#include "model.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -124,6 +125,15 @@ typedef struct sf_scene_info {
 
 /* What the scene holds now. */
 SF_API void sf_scene_get_info(sf_scene *scene, sf_scene_info *info);
+
+/* The origin of the scene's coordinates in the world of its project: 0, or, where cameras and points lie far
+ * from 0, a place among them. It is subtracted when a project is loaded, and must be added to get the
+ * project's coordinates. */
+SF_API void sf_scene_get_origin(const sf_scene *scene, double origin[3]);
+
+/* Gives a model the scene's origin (sf_model_set_origin). A model that states none has the scene's coordinates
+ * already, or the world's: those in which it lies nearer to 0, by the medians of its means. */
+SF_API void sf_scene_place_model(const sf_scene *scene, sf_model *model);
 
 /* A view of a scene. */
 typedef struct sf_view_info {

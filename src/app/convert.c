@@ -76,6 +76,7 @@ static int check_result(const args *a, sf_context *ctx, const sf_model_file_opti
     sf_scene *scene = NULL;
     int error = sf_model_load_as(ctx, c->out, options, &c->again) ? app_fail(a, ctx) : 0;
     if (!error && c->project) error = app_load(a, ctx, c->project, &scene);
+    if (!error && scene) sf_scene_place_model(scene, c->model), sf_scene_place_model(scene, c->again);
     if (!error) error = compare_models(a, ctx, c->model, c->again, scene, &c->compared);
     sf_scene_destroy(&scene);
     c->bytes_in = bytes_of(c->in);

@@ -167,6 +167,7 @@ static int prepare(prune_run *r) {
         error = app_say(a, a->positional[0], what);
     }
     if (!error) error = app_load(a, r->ctx, a->positional[1], &r->scene);
+    if (!error) sf_scene_place_model(r->scene, r->model);
     if (!error) error = app_render_options(a, r->scene, &r->drawer.options);
     if (!error && sf_renderer_create(r->ctx, &r->drawer.renderer)) error = app_fail(a, r->ctx);
     if (!error) error = watch_start(&r->watch, r->ctx, r->scene, NULL, app_draw_model);

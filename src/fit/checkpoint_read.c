@@ -191,6 +191,7 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = sf_model_create_banded(f->ctx, banded, banded[0], degree, &f->model);
     if (status) return status;
     f->model->antialiased = model[1] != 0;
+    memcpy(f->model->origin, f->scene->origin, sizeof f->model->origin);
     status = take_params(in, "model", f->model);
     if (!status) status = sf_fitter_start_room(f, sf_planned_count(f, 1));
     if (!status) status = take_moments(in, &f->moments, f->model);
@@ -238,6 +239,7 @@ static sf_status take_restore_point(sf_sections_in *in, sf_fitter *f) {
     status = sf_model_create_banded(f->ctx, banded, f->model->capacity[0], degree, &f->restore.model);
     if (status) return status;
     f->restore.model->antialiased = f->model->antialiased;
+    memcpy(f->restore.model->origin, f->model->origin, sizeof f->model->origin);
     return take_params(in, "best", f->restore.model);
 }
 

@@ -41,7 +41,9 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         f->warm_start = 1;
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
-        return sf_model_copy_whole(from, degree, &f->model);
+        status = sf_model_copy_whole(from, degree, &f->model);
+        if (!status) sf_scene_place_model(f->scene, f->model);
+        return status;
     }
     size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
     sf_status status = sf_fitter_plan_memory(f, least, (int)o->sh_degree);
@@ -54,7 +56,9 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
                              .scale = o->init_scale,
                              .extent = f->extent,
                              .nearest = f->near_plane > 0 ? (double)f->near_plane : 0.04 * f->extent};
-    return sf_init_gaussians(f->scene, &first, &f->rng, &f->model);
+    status = sf_init_gaussians(f->scene, &first, &f->rng, &f->model);
+    if (!status) memcpy(f->model->origin, f->scene->origin, sizeof f->model->origin);
+    return status;
 }
 
 static void choose_background(sf_fitter *f) {

@@ -9,6 +9,7 @@
 #include "undistort.h"
 
 #include <limits.h>
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -320,6 +321,16 @@ static sf_status check_memory(const loading *l, const char *path) {
         path, budget / mega, bytes / mega, before / mega);
 }
 
+/* A point beyond floats is left out by the scene, with what is not finite. */
+static sf_status add_points(const sf_project *p, sf_scene *scene) {
+    float *xyz = sf_alloc(p->ctx, p->points, 3 * sizeof *xyz);
+    if (!xyz) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < 3 * p->points; i++) xyz[i] = fabs(p->xyz[i]) <= FLT_MAX ? (float)p->xyz[i] : NAN;
+    sf_status status = sf_scene_add_points(scene, p->points, xyz, p->rgb);
+    sf_free(p->ctx, xyz);
+    return status;
+}
+
 static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene) {
     const sf_project *p = l->project;
     sf_status fits = check_memory(l, path);
@@ -328,7 +339,7 @@ static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene)
     if (atomic_load(&l->ctx->loads_cancelled)) return sf_load_cancelled(l->ctx, path);
     sf_status status = fatal_result(l);
     for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
-    if (!status && p->points) status = sf_scene_add_points(scene, p->points, p->xyz, p->rgb);
+    if (!status && p->points) status = add_points(p, scene);
     if (status) return status;
     report(l, path, scene);
     return check_training(l, path, scene);
@@ -341,6 +352,7 @@ sf_status sf_project_build(const sf_project *p, const sf_load_options *options, 
     sf_status status = sf_scene_create(p->ctx, scene);
     if (!status) {
         (*scene)->kind = p->kind;
+        memcpy((*scene)->origin, p->origin, sizeof p->origin);
         status = fill_scene(&l, p->path, *scene);
         if (status) sf_scene_destroy(scene);
     }

@@ -133,6 +133,7 @@ sf_status sf_model_copy_whole(const sf_model *model, int sh_degree, sf_model **c
     if (status) return status;
     copy_fields(model, *copy);
     (*copy)->antialiased = model->antialiased;
+    memcpy((*copy)->origin, model->origin, sizeof model->origin);
     return SF_OK;
 }
 
@@ -142,6 +143,7 @@ void sf_model_assign(sf_model *model, const sf_model *from) {
     model->count = from->count;
     memcpy(model->banded, from->banded, sizeof model->banded);
     model->antialiased = from->antialiased;
+    memcpy(model->origin, from->origin, sizeof model->origin);
 }
 
 void sf_model_reorder(sf_model *model, const sf_order *order) {
@@ -161,6 +163,22 @@ int sf_model_sh_degree(const sf_model *model) { return model->sh_degree; }
 int sf_model_antialiased(const sf_model *model) { return model->antialiased; }
 void sf_model_set_antialiased(sf_model *model, int antialiased) {
     model->antialiased = antialiased != 0;
+    sf_model_note_change(model);
+}
+
+void sf_model_get_origin(const sf_model *model, double origin[3]) {
+    memcpy(origin, model->origin, sizeof model->origin);
+}
+
+void sf_model_set_origin(sf_model *model, const double origin[3]) {
+    for (int k = 0; k < 3; k++) {
+        double move = model->origin[k] - origin[k];
+        for (size_t i = 0; move != 0 && i < model->count; i++) {
+            float *value = sf_value(&model->params, SF_FIELD_mean, i, k);
+            *value = (float)((double)*value + move);
+        }
+        model->origin[k] = origin[k];
+    }
     sf_model_note_change(model);
 }
 

@@ -23,6 +23,7 @@ struct sf_model {
     sf_context *ctx;
     int sh_degree; /* the highest that a Gaussian may have */
     int antialiased;
+    double origin[3];          /* of the means, in the world */
     size_t count;              /* Gaussians */
     size_t banded[SF_BANDS];   /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
                                   above sh_degree */

@@ -254,6 +254,10 @@ static size_t count_training(const sf_scene *scene) {
     return count;
 }
 
+void sf_scene_get_origin(const sf_scene *scene, double origin[3]) {
+    memcpy(origin, scene->origin, sizeof scene->origin);
+}
+
 int sf_scene_in_one_place(sf_scene *scene) {
     double center[3];
     pthread_mutex_lock(&scene->lock);

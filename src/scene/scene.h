@@ -41,6 +41,7 @@ struct sf_scene {
     float *points;         /* [n][3], world units */
     uint8_t *point_colors; /* [n][3] */
     size_t point_count, point_capacity, color_capacity;
+    double origin[3]; /* of the coordinates, in the world */
     const char *kind; /* static; NULL: made by the caller */
     size_t skipped_missing, skipped_pose, skipped_points, undistorted_views, rotated_views;
     size_t first_skipped_point; /* in the order of adding */
