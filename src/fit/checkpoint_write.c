@@ -52,7 +52,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
 #define VALUE(name) (double)f->name,
     const double reals[] = {STATE_REALS(VALUE)};
 #undef VALUE
-    const int64_t model[] = {m->sh_degree, m->antialiased};
+    const int64_t model[] = {m->sh_degree, m->antialiased, m->unit};
     int64_t banded[SF_BANDS], best[SF_BANDS];
     for (int band = 0; band < SF_BANDS; band++) {
         banded[band] = (int64_t)m->banded[band];
@@ -68,7 +68,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     sf_sections_put(out, "background.v", f->background_v, 3, sizeof *f->background_v);
     sf_sections_put(out, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
     sf_sections_put(out, "plan", f->trace.ticks, f->trace.count, sizeof *f->trace.ticks);
-    sf_sections_put(out, "model", model, 2, sizeof *model);
+    sf_sections_put(out, "model", model, 3, sizeof *model);
     sf_sections_put(out, "model.banded", banded, SF_BANDS, sizeof *banded);
     put_params(out, "model", m);
     put_moments(out, &f->moments, m);

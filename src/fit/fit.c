@@ -30,6 +30,14 @@ enum {
     LEAST_GAUSSIANS = 1000 /* initial Gaussians of a cold start that must fit into memory */
 };
 
+/* The unit of the model that is trained: about the size of the scene, so that a fit does not depend on the
+ * world's unit. A given extent leaves the world's. */
+static int unit_of(const sf_fitter *f) {
+    int unit = 0;
+    if (!(f->options.extent > 0)) (void)frexp(f->extent, &unit);
+    return unit;
+}
+
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     const sf_fit_options *o = &f->options;
     if (from) {
@@ -42,6 +50,7 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
         status = sf_model_copy_whole(from, degree, &f->model);
+        if (!status) sf_model_set_unit(f->model, unit_of(f));
         if (!status) sf_scene_place_model(f->scene, f->model);
         return status;
     }
@@ -54,6 +63,7 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
                              .sh_degree = (int)o->sh_degree,
                              .opacity = o->init_opacity,
                              .scale = o->init_scale,
+                             .unit = unit_of(f),
                              .extent = f->extent,
                              .nearest = f->near_plane > 0 ? (double)f->near_plane : 0.04 * f->extent};
     status = sf_init_gaussians(f->scene, &first, &f->rng, &f->model);

@@ -50,6 +50,7 @@ sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     if (status) return status;
     sf_take_moving_average(f, *model);
     sf_merges_undo(&f->merges, *model);
+    sf_model_set_unit(*model, 0);
     return SF_OK;
 }
 

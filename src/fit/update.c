@@ -159,7 +159,9 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
             .epsilon = (float)o->adam_epsilon,
         };
     }
-    return sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
+    sf_status status = sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
+    for (int k = 0; d_camera && k < 3; k++) d_camera[k] = ldexp(d_camera[k], -f->model->unit);
+    return status;
 }
 
 void sf_update_background(sf_fitter *f, double fraction, const double *gradient) {

@@ -24,6 +24,7 @@ struct sf_model {
     int sh_degree; /* the highest that a Gaussian may have */
     int antialiased;
     double origin[3];          /* of the means, in the world */
+    int unit;                  /* means and scales are in units of 2^unit; 0 but while a fit trains the model */
     size_t count;              /* Gaussians */
     size_t banded[SF_BANDS];   /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
                                   above sh_degree */
@@ -33,6 +34,9 @@ struct sf_model {
     uint64_t version;          /* of no other model of the context, nor of this one before
                                   sf_model_note_change */
 };
+
+/* Changes model->unit; means exactly, log-scales rounded. The Gaussians stay as large as they are. */
+void sf_model_set_unit(sf_model *model, int unit);
 
 /* Marks the model as changed. Training steps do not call this, since no caller can hold a fit's model. */
 void sf_model_note_change(sf_model *model);
