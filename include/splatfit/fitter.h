@@ -83,8 +83,7 @@ typedef enum sf_moment_format {
         "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \
     INT(seed, 1, 0, INT64_MAX, "", "seed of every random choice")                                            \
     REAL(extent, 0, 0, 1e12, "world units",                                                                  \
-         "size of the scene, the unit of some rates and limits; 0: computed from the distances between the " \
-         "cameras")                                                                                          \
+         "size of the scene, for first points and a given near_plane; 0: computed from points and cameras")  \
     FLAG(open_end, 0,                                                                                        \
          "no end: after the planned steps the run continues, and the learning rates do not fall")            \
     INT(sh_degree, 3, 0, 3, "", "highest degree of the spherical harmonics")                                 \
@@ -94,12 +93,12 @@ typedef enum sf_moment_format {
     REAL(background_green, 0, 0, 1, "", "green of background color")                                         \
     REAL(background_blue, 0, 0, 1, "", "blue of background color")                                           \
     REAL(near_plane, 0, 0, 1e3, "extents",                                                                   \
-         "Gaussians nearer to the camera are culled; 0: chosen for each view")                \
+         "Gaussians nearer to the camera are culled; 0: chosen for each view")                               \
     REAL(lambda_dssim, 0.2, 0, 1, "", "weight of 1 - SSIM in the loss; the rest is L1, or Huber's loss")     \
     REAL(huber_delta, 0, 0, 1, "",                                                                           \
          "Huber loss: a difference d below delta counts as d^2 / (2 delta), a larger one as |d| - delta / "  \
          "2; 1e-9 makes it L1; 0: chosen by plan_steps, L1 for long runs")                                   \
-    REAL(lr_mean, 1.3e-3, 0, 1, "half pictures", "learning rate of the means at the start")                        \
+    REAL(lr_mean, 1.3e-3, 0, 1, "half pictures", "learning rate of the means at the start")                  \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "",                                                                   \
          "rate of the means at the end, as a fraction of lr_mean; exponential between")                      \
     REAL(cool_down, 0.8, 0, 1, "of the run", "start of the cool-down, in which all learning rates fall")     \
@@ -179,7 +178,7 @@ typedef enum sf_moment_format {
     REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
-    REAL(max_scale, 3, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                          \
+    REAL(max_scale, 3, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                    \
     REAL(max_aspect, 30, 0, 1e9, "",                                                                         \
          "the longest axis is at most this multiple of the middle one; 0: no limit")
 

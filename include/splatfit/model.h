@@ -39,9 +39,9 @@ SF_API int sf_model_sh_degree(const sf_model *model);
 SF_API int sf_model_antialiased(const sf_model *model);
 SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 
-/* The origin of the model's coordinates in the world: that of the scene it was fitted to (sf_scene_get_origin),
- * or what its file says. sf_model_set_origin moves the means, so that the Gaussians stay where they are in the
- * world; means are floats, so that those far from the origin are rounded. */
+/* The origin of the model's coordinates in the world: that of the scene it was fitted to
+ * (sf_scene_get_origin), or what its file says. sf_model_set_origin moves the means, so that the Gaussians
+ * stay where they are in the world; means are floats, so that those far from the origin are rounded. */
 SF_API void sf_model_get_origin(const sf_model *model, double origin[3]);
 SF_API void sf_model_set_origin(sf_model *model, const double origin[3]);
 

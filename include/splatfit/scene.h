@@ -118,9 +118,11 @@ typedef struct sf_scene_info {
     size_t rotated_views; /* pictures with an EXIF orientation, which is ignored, as poses assume */
     const char *kind; /* static: "COLMAP", "transforms.json", "Blender", "OpenSfM", "simulated"; NULL: made
                          by the caller */
-    double extent;    /* 1.1 x the largest distance of a training camera from their mean; where that is 0,
-                         the median distance from the cameras to the points, else 1 */
-    double center[3]; /* mean of the training cameras' centres */
+    double extent; /* size of the scene: the median over the training views of the median depth of the points
+                      that they see; without points 1.1 x the largest distance of a training camera from
+                      their mean, else 1 */
+    double center[3]; /* mean of the training cameras' centres. Both without cameras that are 5 times as far
+                         from all as is usual */
 } sf_scene_info;
 
 /* What the scene holds now. */
@@ -131,8 +133,8 @@ SF_API void sf_scene_get_info(sf_scene *scene, sf_scene_info *info);
  * project's coordinates. */
 SF_API void sf_scene_get_origin(const sf_scene *scene, double origin[3]);
 
-/* Gives a model the scene's origin (sf_model_set_origin). A model that states none has the scene's coordinates
- * already, or the world's: those in which it lies nearer to 0, by the medians of its means. */
+/* Gives a model the scene's origin (sf_model_set_origin). A model that states none has the scene's
+ * coordinates already, or the world's: those in which it lies nearer to 0, by the medians of its means. */
 SF_API void sf_scene_place_model(const sf_scene *scene, sf_model *model);
 
 /* A view of a scene. */

@@ -42,7 +42,8 @@ static void limit_block(const update_job *job, float *log_scales, size_t block) 
     for (size_t k = 0; k < SF_LANES; k++) {
         size_t i = block * SF_LANES + k;
         float inverse = i < job->fitter->model->count ? job->fitter->units.inverse[i] : 0;
-        most[k] = inverse > 0 ? least_of(job->most_scale - logf(inverse), SF_LOG_SCALE_MOST) : SF_LOG_SCALE_MOST;
+        most[k] =
+            inverse > 0 ? least_of(job->most_scale - logf(inverse), SF_LOG_SCALE_MOST) : SF_LOG_SCALE_MOST;
     }
     limit_scales(log_scales, job->most_ratio, most);
 }

@@ -29,10 +29,10 @@ static json_t *rotation_rows(const double R[9]) {
 static json_t *describe_view(const sf_view *view, const sf_camera *c, size_t index, const double origin[3]) {
     double o[3];
     sf_camera_center(c, o);
-    json_t *json = json_pack("{s:I s:o s:i s:i s:[fff] s:o s:f s:f}", "id", (json_int_t)index, "img_name",
-                     name_text(view->ctx, view->name), "width", (int)c->width, "height", (int)c->height,
-                     "position", o[0], o[1], o[2], "rotation", rotation_rows(c->R_cw), "fx", c->fx, "fy",
-                     c->fy);
+    json_t *json =
+        json_pack("{s:I s:o s:i s:i s:[fff] s:o s:f s:f}", "id", (json_int_t)index, "img_name",
+                  name_text(view->ctx, view->name), "width", (int)c->width, "height", (int)c->height,
+                  "position", o[0], o[1], o[2], "rotation", rotation_rows(c->R_cw), "fx", c->fx, "fy", c->fy);
     if (json && (origin[0] != 0 || origin[1] != 0 || origin[2] != 0))
         json_object_set_new(json, "origin", json_pack("[fff]", origin[0], origin[1], origin[2]));
     return json;

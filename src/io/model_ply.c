@@ -52,7 +52,7 @@ sf_status sf_ply_end_intake(sf_ply *ply, sf_intake *in, sf_status status, sf_mod
         return status;
     }
     status = sf_intake_end(in, sf_ply_antialiased(ply), model);
-    if (!status) memcpy((*model)->origin, sf_ply_origin(ply), sizeof (*model)->origin);
+    if (!status) memcpy((*model)->origin, sf_ply_origin(ply), sizeof(*model)->origin);
     if (!status) sf_ply_report_rest(ply);
     return status;
 }

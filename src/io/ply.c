@@ -178,8 +178,8 @@ static sf_status parse_origin(sf_ply *p, char **words) {
         char *end;
         p->origin[k] = strtod(words[k], &end);
         if (*end || !isfinite(p->origin[k]))
-            return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: line %zu: comment origin: %.40s is not a number", p->path,
-                           p->line, words[k]);
+            return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: line %zu: comment origin: %.40s is not a number",
+                           p->path, p->line, words[k]);
     }
     return SF_OK;
 }

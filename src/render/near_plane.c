@@ -6,8 +6,8 @@
 
 #include "../base/statistics.h"
 
-/* The near plane is NEAR_PART times the NEAR_SHARE quantile of the depths of the Gaussians in the picture, out
- * of at most SAMPLES of the model's. */
+/* The near plane is NEAR_PART times the NEAR_SHARE quantile of the depths of the Gaussians in the picture,
+ * out of at most SAMPLES of the model's. */
 #define SAMPLES    2048
 #define NEAR_SHARE 0.02
 #define NEAR_PART  0.1

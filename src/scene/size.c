@@ -10,7 +10,7 @@
 enum { CAMERAS = 256, POINTS = 4096, VIEWS = 32, SEEN_POINTS = 1024, LEAST_SEEN = 8 };
 
 /* A camera is far from all others at FAR times the median distance from the median centre. */
-#define FAR 20.0
+#define FAR 5.0
 
 typedef struct camera_list {
     const sf_camera *at[CAMERAS];

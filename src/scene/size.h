@@ -1,4 +1,5 @@
-/* size.h - centre and size of a scene, by medians: single cameras and points far from all others do not count. */
+/* size.h - centre and size of a scene, by medians: single cameras and points far from all others do not
+ * count. */
 #ifndef SF_SCENE_SIZE_H
 #define SF_SCENE_SIZE_H
 

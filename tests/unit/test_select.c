@@ -10,6 +10,76 @@
 #include "fit/select_merge.h"
 #include "fit/views.h"
 
+<<<<<<< HEAD
+=======
+enum { VIEWS = 8, WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT };
+
+static sf_camera camera_of(int view) { return test_camera_around(view, VIEWS, WIDTH, HEIGHT); }
+
+/* A Gaussian of one colour. */
+typedef struct ball {
+    float mean[3], scale[3], opacity, gray;
+} ball;
+
+static sf_model *model_of(sf_context *ctx, const ball *balls, size_t count, int sh_degree) {
+    sf_model *model;
+    assert_ok(ctx, sf_model_create(ctx, count, sh_degree, &model));
+    for (size_t i = 0; i < count; i++) {
+        const ball *b = &balls[i];
+        float quat[4] = {1, 0, 0, 0}, log_scale[3], sh[48] = {0}, logit = logf(b->opacity / (1 - b->opacity));
+        for (int k = 0; k < 3; k++) log_scale[k] = logf(b->scale[k]), sh[k] = (b->gray - 0.5f) / 0.28209479f;
+        sf_gaussians from = {(float *)b->mean, quat, log_scale, &logit, sh};
+        assert_int_equal(sf_model_set(model, i, 1, &from), SF_OK);
+    }
+    return model;
+}
+
+static void draw(sf_context *ctx, const sf_model *model, int view, float *rgb) {
+    sf_renderer *renderer;
+    sf_camera camera = camera_of(view);
+    sf_image_out out = {.rgb = rgb};
+    assert_ok(ctx, sf_renderer_create(ctx, &renderer));
+    assert_ok(ctx, sf_render(renderer, model, &camera, NULL, &out));
+    sf_renderer_destroy(&renderer);
+}
+
+/* Each view of a model so many times, one after another, the first `unmasked` of them with nothing masked and
+ * the others altogether. */
+static sf_scene *scene_of_many(sf_context *ctx, const sf_model *model, int times, int unmasked) {
+    static float rgb[3 * PIXELS];
+    static uint8_t bytes[3 * PIXELS], masked[PIXELS];
+    sf_scene *scene;
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    for (int view = 0; view < VIEWS; view++) {
+        sf_camera camera = camera_of(view);
+        draw(ctx, model, view, rgb);
+        for (int i = 0; i < 3 * PIXELS; i++) bytes[i] = (uint8_t)lrintf(255 * fminf(rgb[i], 1));
+        for (int k = 0; k < times; k++) {
+            sf_pixels pixels = {bytes, 3 * WIDTH, k < unmasked ? NULL : masked};
+            assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, SF_SPLIT_TRAIN, NULL));
+        }
+    }
+    return scene;
+}
+
+/* All views of a model. */
+static sf_scene *scene_of(sf_context *ctx, const sf_model *model) { return scene_of_many(ctx, model, 1, 1); }
+
+static sf_fitter *fitter_of(sf_context *ctx, sf_scene *scene, const sf_model *model) {
+    sf_fit_options options = sf_fit_options_default();
+    sf_fitter *f;
+    options.validate = 0;
+    options.extent = 4; /* the model stays in the world's unit */
+    assert_ok(ctx, sf_fitter_create(ctx, scene, model, &options, &f));
+    f->sh_degree = model->sh_degree;
+    return f;
+}
+
+static const ball three[] = {{{0, 0, 0}, {0.3f, 0.3f, 0.3f}, 0.8f, 0.9f},
+                             {{0.2f, 0.1f, 0.3f}, {0.2f, 0.4f, 0.2f}, 0.6f, 0.4f},
+                             {{-0.8f, 0.3f, 0}, {0.1f, 0.1f, 0.2f}, 0.995f, 0.7f}};
+
+>>>>>>> fb9c06d (fit: document units of length; tests of scaled worlds, far cameras, near plane and origin)
 /* Where tiles err as a whole each is as one value; where values err by chance, each by itself. How bright a
  * view is has no part in it. The fewer err together the more is grown, within bounds. */
 static void test_errs_together(void **state) {
