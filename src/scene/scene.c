@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "../base/statistics.h"
-#include "size.h"
 
 sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
                          int with_weight, sf_view **out) {
@@ -248,46 +247,8 @@ sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, c
     return status;
 }
 
-static size_t count_training(const sf_scene *scene) {
-    size_t count = 0;
-    for (size_t i = 0; i < scene->view_count; i++) count += scene->views[i]->split == SF_SPLIT_TRAIN;
-    return count;
-}
-
 void sf_scene_get_origin(const sf_scene *scene, double origin[3]) {
     memcpy(origin, scene->origin, sizeof scene->origin);
-}
-
-int sf_scene_in_one_place(sf_scene *scene) {
-    double center[3];
-    pthread_mutex_lock(&scene->lock);
-    int result = count_training(scene) && !(sf_camera_spread(scene, center) > 0);
-    pthread_mutex_unlock(&scene->lock);
-    return result;
-}
-
-void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
-    pthread_mutex_lock(&scene->lock);
-    *info = (sf_scene_info){
-        .views = scene->view_count,
-        .points = scene->point_count,
-        .skipped_missing = scene->skipped_missing,
-        .skipped_pose = scene->skipped_pose,
-        .skipped_points = scene->skipped_points,
-        .undistorted_views = scene->undistorted_views,
-        .rotated_views = scene->rotated_views,
-        .kind = scene->kind,
-    };
-    for (size_t i = 0; i < scene->view_count; i++) {
-        const sf_view *v = scene->views[i];
-        info->masked_views += (size_t)v->masked;
-        info->alpha_views += (size_t)v->alpha;
-        info->cropped_views += (size_t)sf_lens_is_cropped(&v->lens);
-    }
-    info->train_views = count_training(scene);
-    info->test_views = info->views - info->train_views;
-    sf_measure_size(scene, info);
-    pthread_mutex_unlock(&scene->lock);
 }
 
 sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {

@@ -1,5 +1,6 @@
-/* size.c - see size.h. */
-#include "size.h"
+/* size.c - centre and size of a scene, by medians: single cameras and points far from all others do not
+ * count. What the scene holds (sf_scene_get_info). */
+#include "scene.h"
 
 #include <math.h>
 
@@ -66,7 +67,9 @@ static int counts(const sf_view *view, const double median[3], double reach, dou
     return view->split == SF_SPLIT_TRAIN && distance(c, median) <= reach;
 }
 
-double sf_camera_spread(const sf_scene *scene, double center[3]) {
+/* The largest distance of a training camera from the mean of all, without those far from all others; 0 where
+ * all are in one place, up to rounding. center: that mean. */
+static double camera_spread(const sf_scene *scene, double center[3]) {
     double median[3], c[3], largest = 0, reach = reach_of(scene, count_training(scene), median), near = 0;
     center[0] = center[1] = center[2] = 0;
     for (size_t i = 0; i < scene->view_count; i++) near += counts(scene->views[i], median, reach, c);
@@ -116,10 +119,43 @@ static double median_distance(const sf_scene *scene, const double center[3]) {
     return sf_median(distances, n);
 }
 
-void sf_measure_size(const sf_scene *scene, sf_scene_info *info) {
-    double spread = sf_camera_spread(scene, info->center);
+/* Sets info->center and info->extent. */
+static void measure_size(const sf_scene *scene, sf_scene_info *info) {
+    double spread = camera_spread(scene, info->center);
     info->extent = typical_depth(scene, info->train_views);
     if (!(info->extent > 0)) info->extent = 1.1 * spread;
     if (!(info->extent > 0)) info->extent = median_distance(scene, info->center);
     if (!(info->extent > 0)) info->extent = 1;
+}
+
+int sf_scene_in_one_place(sf_scene *scene) {
+    double center[3];
+    pthread_mutex_lock(&scene->lock);
+    int result = count_training(scene) && !(camera_spread(scene, center) > 0);
+    pthread_mutex_unlock(&scene->lock);
+    return result;
+}
+
+void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
+    pthread_mutex_lock(&scene->lock);
+    *info = (sf_scene_info){
+        .views = scene->view_count,
+        .points = scene->point_count,
+        .skipped_missing = scene->skipped_missing,
+        .skipped_pose = scene->skipped_pose,
+        .skipped_points = scene->skipped_points,
+        .undistorted_views = scene->undistorted_views,
+        .rotated_views = scene->rotated_views,
+        .kind = scene->kind,
+    };
+    for (size_t i = 0; i < scene->view_count; i++) {
+        const sf_view *v = scene->views[i];
+        info->masked_views += (size_t)v->masked;
+        info->alpha_views += (size_t)v->alpha;
+        info->cropped_views += (size_t)sf_lens_is_cropped(&v->lens);
+    }
+    info->train_views = count_training(scene);
+    info->test_views = info->views - info->train_views;
+    measure_size(scene, info);
+    pthread_mutex_unlock(&scene->lock);
 }
