@@ -1,6 +1,7 @@
 /* test_ply_points.c - points of .ply files. */
 #include "ply_fixture.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
