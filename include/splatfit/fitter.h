@@ -384,7 +384,7 @@ SF_API sf_status sf_fitter_set_pose(sf_fitter *fitter, uint32_t id, const double
                                     const double t_cw[3]);
 
 /* sf_scene_save_cameras with the cameras of sf_fitter_get_camera. */
-SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *path);
+SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *path, int world);
 
 /* A training picture's exposure: the picture is compared with min(gain x + bias, 1), where x is the render.
  * The logarithms of the gains and the biases have mean 0 over the training views. Without the option

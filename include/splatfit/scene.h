@@ -162,8 +162,10 @@ SF_API size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity
  * one of an earlier run. It is not cryptographic. SF_ERR_MEMORY. */
 SF_API sf_status sf_scene_fingerprint(sf_scene *scene, uint64_t *fingerprint);
 
-/* Writes the views' cameras as INRIA's cameras.json, atomically. */
-SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path);
+/* Writes the views' cameras as INRIA's cameras.json, atomically. world 0: positions relative to the scene's
+ * origin, which each camera states as "origin" where it is not 0; 1: relative to the world's 0. SF_ERR_IO,
+ * SF_ERR_MEMORY. */
+SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path, int world);
 
 /* Reads a cameras.json: cameras without a picture. *cameras ([*count]) is freed by sf_cameras_free. Principal
  * points, which such files lack, are the pictures' middles. SF_ERR_IO; SF_ERR_FORMAT: names the camera and

@@ -8,6 +8,7 @@
 #include "../base/clock.h"
 #include "../scene/init.h"
 #include "blur.h"
+#include "misplaced.h"
 #include "densify.h"
 #include "draw_view.h"
 #include "memory.h"
@@ -50,8 +51,8 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
         status = sf_model_copy_whole(from, degree, &f->model);
-        if (!status) sf_model_set_unit(f->model, unit_of(f));
         if (!status) sf_scene_place_model(f->scene, f->model);
+        if (!status) sf_model_set_unit(f->model, unit_of(f));
         return status;
     }
     size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
@@ -249,6 +250,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_free(f->ctx, f->sampler.ids);
     sf_free(f->ctx, f->validation.ids);
     sf_free(f->ctx, f->blur.ids);
+    sf_free(f->ctx, f->misplaced.ids);
     sf_free(f->ctx, f->trace.ticks);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
@@ -293,6 +295,14 @@ static sf_status find_blurred_views(sf_fitter *f, double fraction) {
     return status;
 }
 
+/* Likewise. Views in validation stay there: what they lose is the same for every model. */
+static sf_status find_misplaced_views(sf_fitter *f, double fraction) {
+    size_t known = f->misplaced.count;
+    sf_status status = sf_find_misplaced_views(f, fraction);
+    if (f->misplaced.count > known) sf_sampler_restart(&f->sampler);
+    return status;
+}
+
 void sf_select_and_densify(sf_fitter *f, double fraction) {
     int selecting = sf_selection_is_due(f, fraction), changed = 0;
     sf_status status = selecting ? sf_select_step(f, fraction, &changed) : SF_OK;
@@ -314,6 +324,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
     if (status == SF_ERR_END && sf_remove_not_finite(f)) status = SF_ERR_MEMORY;
     if (!status) status = sf_recovery_step(f, sf_validation_chooses(&f->validation));
     if (!status) status = find_blurred_views(f, fraction);
+    if (!status) status = find_misplaced_views(f, fraction);
     if (status) return status;
     sf_view *view;
     status = sf_next_view(f, &view);

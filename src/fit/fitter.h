@@ -88,6 +88,13 @@ typedef struct sf_blur {
     int judged; /* whether sharpness was measured */
 } sf_blur;
 
+/* misplaced.c */
+typedef struct sf_misplaced {
+    uint32_t *ids; /* of the training views with a wrong pose */
+    size_t count;
+    int judged; /* whether views were judged */
+} sf_misplaced;
+
 /* schedule.c: the last part of the run, over which learning rates are annealed; fractions of the run. */
 typedef struct sf_cool_down {
     double from, length;
@@ -150,6 +157,7 @@ struct sf_fitter {
     sf_restore_point restore;
     sf_recovery recovery;
     sf_blur blur;
+    sf_misplaced misplaced;
     sf_cool_down cool_down;
     sf_time_trace trace;
 

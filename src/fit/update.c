@@ -29,7 +29,7 @@ static float most_of(float a, float b) { return a > b ? a : b; }
 static void limit_scales(float *block, float most_ratio, const float *most_scale) {
     float *x = block, *y = block + SF_LANES, *z = block + 2 * SF_LANES;
     for (int k = 0; k < 3 * SF_LANES; k++)
-        block[k] = most_of(least_of(block[k], most_scale[k % SF_LANES]), -SF_LOG_SCALE_MOST);
+        block[k] = most_of(least_of(block[k], most_scale[k % SF_LANES]), SF_LOG_SCALE_LEAST_TRAINED);
     for (int i = 0; i < SF_LANES; i++) {
         float middle = most_of(least_of(x[i], y[i]), least_of(most_of(x[i], y[i]), z[i]));
         float most = middle + most_ratio;

@@ -81,7 +81,7 @@ sf_status sf_project_move_origin(sf_project *p) {
     for (int k = 0; k < 3; k++) p->origin[k] = unit * round(median[k] / unit);
     subtract(p);
     sf_log(p->ctx, SF_LOG_INFO,
-           "%s: coordinates are far from 0: all that is written is relative to the origin %.17g %.17g %.17g",
-           p->path, p->origin[0], p->origin[1], p->origin[2]);
+           "%s: coordinates are far from 0: they are taken relative to the origin %.17g %.17g %.17g", p->path,
+           p->origin[0], p->origin[1], p->origin[2]);
     return SF_OK;
 }

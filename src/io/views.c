@@ -218,7 +218,22 @@ static void report_cropped(const loading *l, const char *path, const sf_scene *s
                path, count, first->lens.kept, first->lens.seen, first->lens.model, first->name);
 }
 
-static void report(const loading *l, const char *path, const sf_scene *scene) {
+/* Cameras far from all others: views of the whole, or poses that are wrong. */
+static void report_far(const loading *l, const char *path, sf_scene *scene) {
+    enum { NAMED = 4 };
+    sf_far_view far[NAMED];
+    size_t count = sf_scene_far_views(scene, -1, far, NAMED);
+    for (size_t i = 0; i < count && i < NAMED; i++)
+        sf_log(l->ctx, SF_LOG_WARNING,
+               "%s: the camera of %s is %.3g times as far away as is usual%s: it does not count for the "
+               "scene's size",
+               path, far[i].name, far[i].times,
+               scene->point_count && !far[i].points ? ", and sees none of the points" : "");
+    if (count > NAMED)
+        sf_log(l->ctx, SF_LOG_WARNING, "%s: so do %zu more cameras not count", path, count - NAMED);
+}
+
+static void report(const loading *l, const char *path, sf_scene *scene) {
     size_t rotated = 0, alpha = 0;
     for (size_t i = 0; i < l->project->count; i++) {
         rotated += (size_t)l->results[i].rotated;
@@ -246,6 +261,7 @@ static void report(const loading *l, const char *path, const sf_scene *scene) {
         sf_log(l->ctx, SF_LOG_INFO, "%s: %zu views undistorted", path, scene->undistorted_views);
     report_cropped(l, path, scene);
     report_hidden(l, path);
+    report_far(l, path, scene);
 }
 
 /* " (first: PATH: why)" of a picture that was skipped, or "". */

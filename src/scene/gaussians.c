@@ -169,6 +169,10 @@ void sf_model_set_antialiased(sf_model *model, int antialiased) {
     sf_model_note_change(model);
 }
 
+int sf_model_has_origin(const sf_model *model) {
+    return model->origin[0] != 0 || model->origin[1] != 0 || model->origin[2] != 0;
+}
+
 void sf_model_get_origin(const sf_model *model, double origin[3]) {
     memcpy(origin, model->origin, sizeof model->origin);
 }
@@ -192,7 +196,7 @@ void sf_model_set_unit(sf_model *model, int unit) {
     for (size_t k = 0; k < n; k++) {
         mean[k] = ldexpf(mean[k], change);
         double scale = (double)log_scale[k] + change * 0.69314718055994531;
-        log_scale[k] = (float)fmin(fmax(scale, -(double)SF_LOG_SCALE_MOST), (double)SF_LOG_SCALE_MOST);
+        log_scale[k] = (float)fmin(fmax(scale, (double)SF_LOG_SCALE_LEAST), (double)SF_LOG_SCALE_MOST);
     }
     model->unit = unit;
     sf_model_resize(model, model->count); /* lanes behind the last Gaussian are neutral again */

@@ -14,8 +14,13 @@
 /* Logit of the opacity of an invisible Gaussian. */
 #define SF_INVISIBLE (-20.0f)
 
-/* Greatest |log-scale|: larger ones break other tools, and are not written to files. */
-#define SF_LOG_SCALE_MOST 20.0f
+/* Range of log-scales in files and models. Readers of other tools fail above it; below it the square of a
+ * scale, an element of the covariance, is no normal float. */
+#define SF_LOG_SCALE_LEAST (-40.0f)
+#define SF_LOG_SCALE_MOST  20.0f
+
+/* The least log-scale in training, where lengths are in units of about the scene's size. */
+#define SF_LOG_SCALE_LEAST_TRAINED (-20.0f)
 
 enum { SF_BANDS = SF_MAX_SH_DEGREE + 1 };
 
@@ -34,6 +39,9 @@ struct sf_model {
     uint64_t version;          /* of no other model of the context, nor of this one before
                                   sf_model_note_change */
 };
+
+/* Whether the coordinates are relative to another place than the world's 0. */
+int sf_model_has_origin(const sf_model *model);
 
 /* Changes model->unit; means exactly, log-scales rounded. The Gaussians stay as large as they are. */
 void sf_model_set_unit(sf_model *model, int unit);

@@ -153,7 +153,7 @@ static sf_status gather_points(sf_scene *scene, const sf_init_options *options, 
 
 void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], const uint8_t rgb[3],
                        double scale, double opacity) {
-    double least = exp(-(double)SF_LOG_SCALE_MOST), most = exp((double)SF_LOG_SCALE_MOST);
+    double least = exp((double)SF_LOG_SCALE_LEAST_TRAINED), most = exp((double)SF_LOG_SCALE_MOST);
     float log_scale = (float)log(fmin(fmax(scale, least), most));
     for (int k = 0; k < 3; k++) {
         *sf_value(params, SF_FIELD_mean, i, k) = xyz[k];

@@ -23,8 +23,7 @@ static double distance_from(const sf_model *model, const double point[3]) {
 
 void sf_scene_place_model(const sf_scene *scene, sf_model *model) {
     static const double zero[3];
-    int stated = memcmp(model->origin, zero, sizeof zero) != 0;
-    if (!stated && distance_from(model, zero) < distance_from(model, scene->origin))
+    if (!sf_model_has_origin(model) && distance_from(model, zero) < distance_from(model, scene->origin))
         memcpy(model->origin, scene->origin, sizeof model->origin);
     else
         sf_model_set_origin(model, scene->origin);

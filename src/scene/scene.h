@@ -69,6 +69,18 @@ sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
 sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
 sf_status sf_scene_retain_training(sf_scene *scene, sf_view ***views, size_t *count);
 void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count);
+/* A view whose camera lies far from all others. */
+typedef struct sf_far_view {
+    uint32_t id;
+    const char *name; /* of the view, which the caller keeps in the scene */
+    double times;     /* distance from the median centre of the training cameras, in their median distance */
+    size_t points;    /* how many of the scene's points are in its picture, out of at most 1,024 */
+} sf_far_view;
+
+/* size.c: lists up to `most` views of a split (of both: -1) that are 5 times as far from the training
+ * cameras' median centre as is usual or more; returns how many there are. */
+size_t sf_scene_far_views(sf_scene *scene, int split, sf_far_view *list, size_t most);
+
 /* Whether all training cameras are in one place, up to rounding. */
 int sf_scene_in_one_place(sf_scene *scene);
 /* fingerprint.c: the hash of a view's picture and weights. */

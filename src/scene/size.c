@@ -41,8 +41,8 @@ static size_t count_training(const sf_scene *scene) {
     return count;
 }
 
-/* The largest distance from the median centre at which a camera counts; median: that centre. */
-static double reach_of(const sf_scene *scene, size_t train_views, double median[3]) {
+/* The median distance of the training cameras from their median centre; median: that centre. */
+static double typical_distance(const sf_scene *scene, size_t train_views, double median[3]) {
     camera_list list;
     double values[CAMERAS], c[3];
     list_cameras(scene, train_views, CAMERAS, &list);
@@ -57,7 +57,12 @@ static double reach_of(const sf_scene *scene, size_t train_views, double median[
         sf_camera_center(list.at[i], c);
         values[i] = distance(c, median);
     }
-    double typical = sf_median(values, list.n);
+    return sf_median(values, list.n);
+}
+
+/* The largest distance from the median centre at which a camera counts; median: that centre. */
+static double reach_of(const sf_scene *scene, size_t train_views, double median[3]) {
+    double typical = typical_distance(scene, train_views, median);
     return typical > 0 ? FAR * typical : INFINITY;
 }
 
@@ -82,15 +87,21 @@ static double camera_spread(const sf_scene *scene, double center[3]) {
     return 1.1 * largest > 1e-9 * scale ? largest : 0;
 }
 
-/* The median depth of the points in a camera's picture; 0 where there are few. */
-static double median_depth(const sf_scene *scene, const sf_camera *camera) {
-    double depths[SEEN_POINTS];
+/* The depths of the points in a camera's picture, out of SEEN_POINTS; returns how many those are. */
+static size_t seen_depths(const sf_scene *scene, const sf_camera *camera, double depths[SEEN_POINTS]) {
     size_t most = scene->point_count < SEEN_POINTS ? scene->point_count : SEEN_POINTS, n = 0;
     for (size_t k = 0; k < most; k++) {
         const float *p = scene->points + 3 * even(k, most, scene->point_count);
         double u, v, at[3] = {(double)p[0], (double)p[1], (double)p[2]};
         n += (size_t)sf_camera_sees(camera, at, &u, &v, &depths[n]);
     }
+    return n;
+}
+
+/* Their median; 0 where there are few. */
+static double median_depth(const sf_scene *scene, const sf_camera *camera) {
+    double depths[SEEN_POINTS];
+    size_t n = seen_depths(scene, camera, depths);
     return n < LEAST_SEEN ? 0 : sf_median(depths, n);
 }
 
@@ -126,6 +137,29 @@ static void measure_size(const sf_scene *scene, sf_scene_info *info) {
     if (!(info->extent > 0)) info->extent = 1.1 * spread;
     if (!(info->extent > 0)) info->extent = median_distance(scene, info->center);
     if (!(info->extent > 0)) info->extent = 1;
+}
+
+static size_t list_far(const sf_scene *scene, int split, sf_far_view *list, size_t most) {
+    double median[3], c[3], depths[SEEN_POINTS],
+        typical = typical_distance(scene, count_training(scene), median);
+    size_t n = 0;
+    for (size_t i = 0; i < scene->view_count && typical > 0; i++) {
+        const sf_view *view = scene->views[i];
+        sf_camera_center(&view->camera, c);
+        double times = distance(c, median) / typical;
+        if ((split >= 0 && (int)view->split != split) || times < FAR) continue;
+        if (n < most)
+            list[n] = (sf_far_view){view->id, view->name, times, seen_depths(scene, &view->camera, depths)};
+        n++;
+    }
+    return n;
+}
+
+size_t sf_scene_far_views(sf_scene *scene, int split, sf_far_view *list, size_t most) {
+    pthread_mutex_lock(&scene->lock);
+    size_t n = list_far(scene, split, list, most);
+    pthread_mutex_unlock(&scene->lock);
+    return n;
 }
 
 int sf_scene_in_one_place(sf_scene *scene) {
