@@ -5,12 +5,16 @@
 
 #include "../base/statistics.h"
 
+enum { LOCAL = 8 /* cameras that tell what one among them looks at */ };
+
 /* Angles in radians between the rays of two cameras to one point: small ones do not determine its depth,
  * large ones change its look. */
 #define BEST_ANGLE  0.16
 #define LEAST_ANGLE 0.012
 #define MOST_ANGLE  0.7
 /* The least cosine between optical axes, and the least part of the picture that the other view sees. */
+/* Tangent of the angle between an axis and what the camera is said to look at. */
+#define NEAR_AXIS     0.5
 #define LEAST_COSINE  0.5
 #define LEAST_OVERLAP 0.4
 
@@ -67,7 +71,21 @@ void sf_focus_point(const sf_camera *const *cameras, size_t n, double focus[3]) 
 double sf_look_distance(const sf_camera *camera, const double focus[3], double extent) {
     const double *R = camera->R_cw + 6;
     double depth = R[0] * focus[0] + R[1] * focus[1] + R[2] * focus[2] + camera->t_cw[2];
-    return isfinite(depth) && depth > 0.05 * extent && depth < 100 * extent ? depth : extent;
+    int plausible = depth > 0.05 * extent && (depth < 100 * extent || !(extent > 0));
+    return isfinite(depth) && plausible ? depth : extent;
+}
+
+/* Whether a camera's axis passes near a point in front of it: within NEAR_AXIS of its depth. */
+static int looks_at(const sf_camera *camera, const double point[3]) {
+    const double *R = camera->R_cw + 6;
+    double depth = R[0] * point[0] + R[1] * point[1] + R[2] * point[2] + camera->t_cw[2];
+    return isfinite(depth) && depth > 0 && sqrt(off_axis(camera, point)) < NEAR_AXIS * depth;
+}
+
+static int share_focus(const sf_camera *const *cameras, size_t n, const double focus[3]) {
+    size_t looking = 0;
+    for (size_t i = 0; i < n; i++) looking += (size_t)looks_at(cameras[i], focus);
+    return 2 * looking > n;
 }
 
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -154,6 +172,47 @@ size_t sf_choose_neighbours(const sf_camera *const *cameras, size_t n, size_t se
             chosen[count++] = i;
         }
     return count;
+}
+
+/* Sets near[0 ..] to the cameras nearest to `self`, itself first, and their distances; returns how many. */
+static size_t nearest_cameras(const sf_camera *const *cameras, size_t n, size_t self,
+                              const sf_camera *near[LOCAL], double distances[LOCAL]) {
+    double own[3], other[3];
+    size_t count = 0;
+    sf_camera_center(cameras[self], own);
+    for (size_t i = 0; i < n; i++) {
+        sf_camera_center(cameras[i], other);
+        double distance = i == self ? -1 : distance_between(own, other);
+        size_t at = count < LOCAL ? count++ : LOCAL;
+        while (at && distances[at - 1] > distance) {
+            if (at < LOCAL) near[at] = near[at - 1], distances[at] = distances[at - 1];
+            at--;
+        }
+        if (at < LOCAL) near[at] = cameras[i], distances[at] = distance;
+    }
+    return count;
+}
+
+/* The distance that a camera looks at, by the cameras nearest to it. */
+static double local_distance(const sf_camera *const *cameras, size_t n, size_t self, double extent) {
+    const sf_camera *near[LOCAL];
+    double distances[LOCAL], focus[3];
+    size_t count = nearest_cameras(cameras, n, self, near, distances);
+    sf_focus_point(near, count, focus);
+    if (looks_at(cameras[self], focus)) return sf_look_distance(cameras[self], focus, 0);
+    size_t beside = count < 4 ? count : 4;
+    double apart = beside > 1 ? sf_median(distances + 1, beside - 1) : 0;
+    return apart > 0 ? apart / BEST_ANGLE : extent;
+}
+
+int sf_look_distances(const sf_camera *const *cameras, size_t n, double extent, double *distances) {
+    double focus[3];
+    sf_focus_point(cameras, n, focus);
+    int shared = share_focus(cameras, n, focus);
+    for (size_t i = 0; i < n; i++)
+        distances[i] =
+            shared ? sf_look_distance(cameras[i], focus, extent) : local_distance(cameras, n, i, extent);
+    return shared;
 }
 
 int sf_camera_sees(const sf_camera *c, const double p[3], double *u, double *v, double *z) {
