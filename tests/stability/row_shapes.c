@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "sim/sim.h"
 #include "fits.h"
 
 #define STUDIO "sim:studio?width=120&height=90&frames=24"
@@ -35,28 +34,22 @@ static shapes shapes_of(sf_context *ctx, const sf_fitter *fitter, double extent)
     return s;
 }
 
-/* sRGB, rounded to what a picture holds. */
-static float as_seen(float linear) {
-    double v = fmin(fmax((double)linear, 0), 1);
-    v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-    return (float)(floor(255 * v + 0.5) / 255);
-}
-
 /* Mean PSNR of views a third of the way from the path to the middle, against the ray caster. */
 static double psnr_off_path(const sf_sim *sim, sf_context *ctx, sf_fitter *fitter) {
     size_t values = 3 * (size_t)sim->width * (size_t)sim->height;
     float *truth = malloc(values * sizeof *truth), *drawn = malloc(values * sizeof *drawn);
+    uint8_t *bytes = malloc(values);
     sf_renderer *renderer;
     double sum = 0;
-    assert_true(truth && drawn);
+    assert_true(truth && drawn && bytes);
     assert_ok(ctx, sf_renderer_create(ctx, &renderer));
     for (uint64_t view = 0; view < NEARER; view++) {
         sf_camera camera;
         sf_quality quality;
         sf_sim_camera(sim, view * sim->frames / NEARER, &camera);
         camera.t_cw[2] *= 2.0 / 3;
-        sf_studio_draw(&sim->studio, ctx->pool, &camera, truth, NULL);
-        for (size_t i = 0; i < values; i++) truth[i] = as_seen(truth[i]);
+        stab_draw_studio(ctx, sim, &camera, bytes);
+        for (size_t i = 0; i < values; i++) truth[i] = (float)bytes[i] / 255;
         assert_ok(ctx, sf_fitter_render(fitter, &camera, &(sf_image_out){.rgb = drawn}));
         assert_ok(ctx, sf_compare(renderer, camera.width, camera.height, drawn, truth, NULL, &quality));
         sum += quality.psnr / NEARER;
@@ -64,6 +57,7 @@ static double psnr_off_path(const sf_sim *sim, sf_context *ctx, sf_fitter *fitte
     sf_renderer_destroy(&renderer);
     free(truth);
     free(drawn);
+    free(bytes);
     return sum;
 }
 
