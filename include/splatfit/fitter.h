@@ -159,8 +159,8 @@ typedef enum sf_moment_format {
     INT(error_views, 8, 1, 1000, "",                                                                         \
         "densify error: training views that are sampled before each densification")                          \
     REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
-         "densify relocate: noise added to the means of faint Gaussians, in covariances (square extents) "   \
-         "times the means' rate")                                                                            \
+         "densify relocate: noise added to the means of faint Gaussians, in covariances (square half "   \
+         "pictures) times the means' rate")                                                                            \
     REAL(reg_opacity, 0, 0, 1e6, "",                                                                         \
          "each step lowers the logit-opacity of a visible Gaussian by this times its opacity times the "     \
          "opacities' learning rate")                                                                         \
@@ -175,7 +175,7 @@ typedef enum sf_moment_format {
          "least mean screen gradient (device units) or error (px) of a Gaussian that is densified")          \
     REAL(densify_rate, 0.5, 0, 1, "",                                                                        \
          "most Gaussians that one densification adds, as a fraction of those that exist")                    \
-    REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
+    REAL(split_scale, 0, 0, 1e9, "half pictures",                                                            \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
     REAL(max_scale, 3, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                    \
