@@ -159,8 +159,8 @@ typedef enum sf_moment_format {
     INT(error_views, 8, 1, 1000, "",                                                                         \
         "densify error: training views that are sampled before each densification")                          \
     REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
-         "densify relocate: noise added to the means of faint Gaussians, in covariances (square half "   \
-         "pictures) times the means' rate")                                                                            \
+         "densify relocate: noise added to the means of faint Gaussians, in covariances (square half "       \
+         "pictures) times the means' rate")                                                                  \
     REAL(reg_opacity, 0, 0, 1e6, "",                                                                         \
          "each step lowers the logit-opacity of a visible Gaussian by this times its opacity times the "     \
          "opacities' learning rate")                                                                         \

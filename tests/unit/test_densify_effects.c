@@ -178,8 +178,8 @@ static void test_newcomers_do_not_leap(void **state) {
     check_newcomers(SF_MOMENTS_HALF);
 }
 
-/* No axis grows beyond max_scale, in half pictures at the depths of 3.5 to 4.5 in which the cameras see it, and
- * nothing is taken away for it. */
+/* No axis grows beyond max_scale, in half pictures at the depths of 3.5 to 4.5 in which the cameras see it,
+ * and nothing is taken away for it. */
 static void test_no_giants(void **state) {
     (void)state;
     enum { COUNT = 2 };
