@@ -83,8 +83,7 @@ typedef enum sf_moment_format {
         "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \
     INT(seed, 1, 0, INT64_MAX, "", "seed of every random choice")                                            \
     REAL(extent, 0, 0, 1e12, "world units",                                                                  \
-         "size of the scene, the unit of some rates and limits; 0: computed from the distances between the " \
-         "cameras")                                                                                          \
+         "size of the scene, for first points and a given near_plane; 0: computed from points and cameras")  \
     FLAG(open_end, 0,                                                                                        \
          "no end: after the planned steps the run continues, and the learning rates do not fall")            \
     INT(sh_degree, 3, 0, 3, "", "highest degree of the spherical harmonics")                                 \
@@ -93,12 +92,13 @@ typedef enum sf_moment_format {
     REAL(background_red, 0, 0, 1, "", "red of background color")                                             \
     REAL(background_green, 0, 0, 1, "", "green of background color")                                         \
     REAL(background_blue, 0, 0, 1, "", "blue of background color")                                           \
-    REAL(near_plane, 0.04, 1e-9, 1e3, "extents", "Gaussians nearer to the camera are culled")                \
+    REAL(near_plane, 0, 0, 1e3, "extents",                                                                   \
+         "Gaussians nearer to the camera are culled; 0: chosen for each view")                               \
     REAL(lambda_dssim, 0.2, 0, 1, "", "weight of 1 - SSIM in the loss; the rest is L1, or Huber's loss")     \
     REAL(huber_delta, 0, 0, 1, "",                                                                           \
          "Huber loss: a difference d below delta counts as d^2 / (2 delta), a larger one as |d| - delta / "  \
          "2; 1e-9 makes it L1; 0: chosen by plan_steps, L1 for long runs")                                   \
-    REAL(lr_mean, 4.5e-4, 0, 1, "extents", "learning rate of the means at the start")                        \
+    REAL(lr_mean, 1.3e-3, 0, 1, "half pictures", "learning rate of the means at the start")                  \
     REAL(lr_mean_final, 0.05, 1e-9, 1, "",                                                                   \
          "rate of the means at the end, as a fraction of lr_mean; exponential between")                      \
     REAL(cool_down, 0.8, 0, 1, "of the run", "start of the cool-down, in which all learning rates fall")     \
@@ -159,8 +159,8 @@ typedef enum sf_moment_format {
     INT(error_views, 8, 1, 1000, "",                                                                         \
         "densify error: training views that are sampled before each densification")                          \
     REAL(relocate_noise, 5e5, 0, 1e12, "",                                                                   \
-         "densify relocate: noise added to the means of faint Gaussians, in covariances (square extents) "   \
-         "times the means' rate")                                                                            \
+         "densify relocate: noise added to the means of faint Gaussians, in covariances (square half "       \
+         "pictures) times the means' rate")                                                                  \
     REAL(reg_opacity, 0, 0, 1e6, "",                                                                         \
          "each step lowers the logit-opacity of a visible Gaussian by this times its opacity times the "     \
          "opacities' learning rate")                                                                         \
@@ -175,10 +175,10 @@ typedef enum sf_moment_format {
          "least mean screen gradient (device units) or error (px) of a Gaussian that is densified")          \
     REAL(densify_rate, 0.5, 0, 1, "",                                                                        \
          "most Gaussians that one densification adds, as a fraction of those that exist")                    \
-    REAL(split_scale, 0, 0, 1e9, "extents",                                                                  \
+    REAL(split_scale, 0, 0, 1e9, "half pictures",                                                            \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
-    REAL(max_scale, 1, 0, 1e9, "extents", "no axis grows beyond this; 0: no limit")                          \
+    REAL(max_scale, 3, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                    \
     REAL(max_aspect, 30, 0, 1e9, "",                                                                         \
          "the longest axis is at most this multiple of the middle one; 0: no limit")
 
@@ -384,7 +384,7 @@ SF_API sf_status sf_fitter_set_pose(sf_fitter *fitter, uint32_t id, const double
                                     const double t_cw[3]);
 
 /* sf_scene_save_cameras with the cameras of sf_fitter_get_camera. */
-SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *path);
+SF_API sf_status sf_fitter_save_cameras(const sf_fitter *fitter, const char *path, int world);
 
 /* A training picture's exposure: the picture is compared with min(gain x + bias, 1), where x is the render.
  * The logarithms of the gains and the biases have mean 0 over the training views. Without the option

@@ -39,6 +39,14 @@ SF_API int sf_model_sh_degree(const sf_model *model);
 SF_API int sf_model_antialiased(const sf_model *model);
 SF_API void sf_model_set_antialiased(sf_model *model, int antialiased);
 
+/* The origin of the model's coordinates in the world: that of the scene it was fitted to
+ * (sf_scene_get_origin), or what its file says. sf_model_set_origin moves the means, so that the Gaussians
+ * stay where they are in the world; means are floats, so that those far from the origin are rounded. A .ply
+ * states the origin in a comment, a .glb as the translation of its node; the other formats cannot, which the
+ * log says. */
+SF_API void sf_model_get_origin(const sf_model *model, double origin[3]);
+SF_API void sf_model_set_origin(sf_model *model, const double origin[3]);
+
 /* Copies Gaussians first .. first+count-1 from or to the caller's arrays; an array that is NULL is left out.
  * sf_model_get gives 0 for bands that a Gaussian lacks (sf_model_pack). SF_ERR_ARGUMENT, and nothing is
  * copied: the range exceeds the model, or a value to set that is not 0 belongs to a band that its Gaussian
@@ -66,8 +74,8 @@ typedef struct sf_similarity {
 } sf_similarity;
 
 /* Moves a model: means, rotations, scales and all SH bands, so that a camera that is moved in the same way
- * renders the same picture. SF_ERR_ARGUMENT, and the model is unchanged: values that are not finite, a
- * reflection, a scale of 0 or less. */
+ * renders the same picture. The origin is rotated and scaled; the means take the move. SF_ERR_ARGUMENT, and
+ * the model is unchanged: values that are not finite, a reflection, a scale of 0 or less. */
 SF_API sf_status sf_model_transform(sf_model *model, const sf_similarity *motion);
 
 /* Keeps the Gaussians whose means lie in a box, edges included, in their order. SF_ERR_ARGUMENT: low above
@@ -115,15 +123,17 @@ typedef struct sf_model_file_options {
                        values lie 2^(1 - bits) apart in -1..1. Both 0: more bits for Gaussians that cover
                        much of a picture, fewer for the others */
     sf_spz_frame spz_frame; /* .spz, read and written */
+    int world; /* written: 1: means relative to the world's 0 in place of the model's origin; they are floats,
+                  and the log says how far apart floats are there */
 } sf_model_file_options;
 
-/* SF_MODEL_AUTO, all bands, bits by what each Gaussian covers, the model's own frame. */
+/* SF_MODEL_AUTO, all bands, bits by what each Gaussian covers, the model's own frame and origin. */
 SF_API sf_model_file_options sf_model_file_options_default(void);
 
 /* Reads a model: an INRIA .ply (by property name, any order, with or without normals, f_rest and comments), a
  * .spz (gzip, versions 1 to 3; version 4 where the library is built with libzstd), a .splat, or a glTF file
  * with KHR_gaussian_splatting (.glb, .gltf with its buffers beside it). Opacities whose logit is
- * infinite get +-20, log-scales below -20 get -20. Gaussians with another non-finite value, a zero quaternion
+ * infinite get +-20, log-scales below -40 get -40. Gaussians with another non-finite value, a zero quaternion
  * or a log-scale above 20 are left out, counted and reported to the log; where all are, it is SF_ERR_FORMAT.
  * Data that is skipped, such as SH band 4 and extensions of a .spz, is also logged. options NULL: the
  * defaults. SF_ERR_IO, SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (another version), SF_ERR_MEMORY, SF_ERR_ARGUMENT

@@ -18,7 +18,8 @@ typedef struct sf_renderer sf_renderer;
 /* How a model is rendered. Start from sf_render_options_default(). */
 typedef struct sf_render_options {
     float background[3]; /* added as T_final * background */
-    float near_plane;    /* world units, > 0: Gaussians with camera z <= near_plane are culled */
+    float near_plane;    /* world units: Gaussians with camera z <= near_plane are culled; 0: a tenth of the
+                            depth that 2 % of the Gaussians in the picture are nearer than */
     int sh_degree;       /* bands used, 0..the model's; -1: all */
     int antialiased;     /* 1: with opacity compensation (M.3); 0: without; -1: as sf_model_antialiased */
 } sf_render_options;

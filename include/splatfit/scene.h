@@ -10,6 +10,7 @@
 
 #include "camera.h"
 #include "context.h"
+#include "model.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -117,13 +118,24 @@ typedef struct sf_scene_info {
     size_t rotated_views; /* pictures with an EXIF orientation, which is ignored, as poses assume */
     const char *kind; /* static: "COLMAP", "transforms.json", "Blender", "OpenSfM", "simulated"; NULL: made
                          by the caller */
-    double extent;    /* 1.1 x the largest distance of a training camera from their mean; where that is 0,
-                         the median distance from the cameras to the points, else 1 */
-    double center[3]; /* mean of the training cameras' centres */
+    double extent; /* size of the scene: the median over the training views of the median depth of the points
+                      that they see; without points 1.1 x the largest distance of a training camera from
+                      their mean, else 1 */
+    double center[3]; /* mean of the training cameras' centres. Both without cameras that are 5 times as far
+                         from all as is usual */
 } sf_scene_info;
 
 /* What the scene holds now. */
 SF_API void sf_scene_get_info(sf_scene *scene, sf_scene_info *info);
+
+/* The origin of the scene's coordinates in the world of its project: 0, or, where cameras and points lie far
+ * from 0, a place among them. It is subtracted when a project is loaded, and must be added to get the
+ * project's coordinates. */
+SF_API void sf_scene_get_origin(const sf_scene *scene, double origin[3]);
+
+/* Gives a model the scene's origin (sf_model_set_origin). A model that states none has the scene's
+ * coordinates already, or the world's: those in which it lies nearer to 0, by the medians of its means. */
+SF_API void sf_scene_place_model(const sf_scene *scene, sf_model *model);
 
 /* A view of a scene. */
 typedef struct sf_view_info {
@@ -150,8 +162,10 @@ SF_API size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity
  * one of an earlier run. It is not cryptographic. SF_ERR_MEMORY. */
 SF_API sf_status sf_scene_fingerprint(sf_scene *scene, uint64_t *fingerprint);
 
-/* Writes the views' cameras as INRIA's cameras.json, atomically. */
-SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path);
+/* Writes the views' cameras as INRIA's cameras.json, atomically. world 0: positions relative to the scene's
+ * origin, which each camera states as "origin" where it is not 0; 1: relative to the world's 0. SF_ERR_IO,
+ * SF_ERR_MEMORY. */
+SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path, int world);
 
 /* Reads a cameras.json: cameras without a picture. *cameras ([*count]) is freed by sf_cameras_free. Principal
  * points, which such files lack, are the pictures' middles. SF_ERR_IO; SF_ERR_FORMAT: names the camera and

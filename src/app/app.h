@@ -16,7 +16,7 @@ extern const command command_fit, command_render, command_eval, command_info, co
 /* Tables of options that several commands take. Every command that reads a model takes
  * model_options, and all but fit, where --antialiased is a hyperparameter, compensation_options. */
 extern const arg_option common_options[], compensation_options[], load_options[], model_options[],
-    render_options[];
+    world_options[], render_options[];
 
 /* parts.c: which libraries are built in, on standard output. */
 void app_parts(void);
@@ -32,6 +32,7 @@ int app_say(const args *a, const char *subject, const char *what);
  */
 int app_model_options(const args *a, sf_model_file_options *options);
 /* A model, read as these two tables say. 0 or an exit code. */
+sf_status app_save_model(const args *a, const sf_model *model, const char *path);
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model);
 
 /* A context as --threads, --isa and --quiet say. 0 or an exit code. */
@@ -54,7 +55,7 @@ int app_color(const char *text, float color[3]);
 
 /* How to render a model in a scene (NULL: in none): background and near plane, as --background and
  * --near-plane say. 0 or an exit code. */
-int app_render_options(const args *a, sf_scene *scene, sf_render_options *options);
+int app_render_options(const args *a, sf_render_options *options);
 
 /* Whether a view is meant by --split (test, train, all; `otherwise` where it was not given). */
 int app_split_wants(const args *a, const char *otherwise, sf_split split);
@@ -152,6 +153,8 @@ sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *v
  * sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be NULL)
  * is a regular one. */
 void app_log_model(json_t *result, const sf_model *model, const char *path);
+/* Adds "origin" to an object where the model's coordinates are relative to one. */
+void app_json_origin(json_t *to, const sf_model *model);
 
 /* progress.c: one line a moment about what goes on. */
 typedef struct progress_line {

@@ -51,7 +51,7 @@ static int measure_model(const args *a, sf_context *ctx, const bench_options *op
     if (!model_path) return 0;
     int error = sf_model_load(ctx, model_path, &model) ? app_fail(a, ctx) : 0;
     if (!error) error = app_load(a, ctx, project, &scene);
-    if (!error) error = app_render_options(a, scene, &render);
+    if (!error) error = app_render_options(a, &render);
     if (!error && bench_fit(ctx, options, model, scene, render.near_plane, report)) error = app_fail(a, ctx);
     sf_scene_destroy(&scene);
     sf_model_destroy(&model);

@@ -144,7 +144,7 @@ int compare_models(const args *a, sf_context *ctx, const sf_model *first, const 
                    sf_scene *scene, comparison *result) {
     *result = (comparison){.list = json_array()};
     job j = {.ctx = ctx, .models = {first, second}, .options = sf_render_options_default(), .result = result};
-    int error = app_render_options(a, scene, &j.options);
+    int error = app_render_options(a, &j.options);
     if (error) return error;
     sf_status status = sf_renderer_create(ctx, &j.renderer);
     if (!status) status = scene ? over_scene(&j, scene) : over_ring(&j, args_value(a, "near-plane") != NULL);

@@ -76,6 +76,12 @@ static int check_result(const args *a, sf_context *ctx, const sf_model_file_opti
     sf_scene *scene = NULL;
     int error = sf_model_load_as(ctx, c->out, options, &c->again) ? app_fail(a, ctx) : 0;
     if (!error && c->project) error = app_load(a, ctx, c->project, &scene);
+    if (!error && options->world) {
+        double origin[3];
+        sf_model_get_origin(c->model, origin);
+        sf_model_set_origin(c->again, origin);
+    }
+    if (!error && scene) sf_scene_place_model(scene, c->model), sf_scene_place_model(scene, c->again);
     if (!error) error = compare_models(a, ctx, c->model, c->again, scene, &c->compared);
     sf_scene_destroy(&scene);
     c->bytes_in = bytes_of(c->in);
@@ -118,9 +124,9 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {
-    own_options,     model_options, compensation_options, motion_options,
-    compare_options, load_options,  common_options,       NULL};
+static const arg_option *const tables[] = {own_options,          model_options,  world_options,
+                                           compensation_options, motion_options, compare_options,
+                                           load_options,         common_options, NULL};
 
 const command command_convert = {
     .name = "convert",

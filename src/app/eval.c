@@ -48,7 +48,8 @@ static int run(const args *a) {
     if (!error) error = app_context(a, &ctx);
     if (!error) error = app_load_model(a, ctx, a->positional[0], &model);
     if (!error) error = app_load(a, ctx, a->positional[1], &scene);
-    if (!error) error = app_render_options(a, scene, &d.options);
+    if (!error) sf_scene_place_model(scene, model);
+    if (!error) error = app_render_options(a, &d.options);
     if (!error && sf_renderer_create(ctx, &d.renderer)) error = app_fail(a, ctx);
     d.model = model;
     if (!error && app_evaluate(ctx, scene, a, "test", app_draw_model, &d, &e)) error = app_fail(a, ctx);

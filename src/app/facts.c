@@ -3,6 +3,13 @@
 
 #include "app.h"
 
+void app_json_origin(json_t *to, const sf_model *model) {
+    double origin[3];
+    sf_model_get_origin(model, origin);
+    if (origin[0] != 0 || origin[1] != 0 || origin[2] != 0)
+        json_object_set_new(to, "origin", app_json_numbers(origin, 3));
+}
+
 void app_log_model(json_t *result, const sf_model *model, const char *path) {
     size_t by_degree[SF_MAX_SH_DEGREE + 1];
     struct stat st;
@@ -13,6 +20,7 @@ void app_log_model(json_t *result, const sf_model *model, const char *path) {
     json_object_set_new(result, "gaussians", json_integer((json_int_t)sf_model_count(model)));
     json_object_set_new(result, "parameters", json_integer((json_int_t)sf_model_floats(model)));
     json_object_set_new(result, "sh_degrees", degrees);
+    app_json_origin(result, model);
     if (path && !stat(path, &st) && S_ISREG(st.st_mode))
         json_object_set_new(result, "bytes", json_integer((json_int_t)st.st_size));
 }

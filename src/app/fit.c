@@ -198,13 +198,14 @@ static int is_file(const char *path) {
 /* cameras.json beside the model, or where --cameras says; nothing for a model that went down a pipe. */
 static int write_cameras(const fit_run *r) {
     const char *asked = app_output(r->a, "cameras");
-    if (asked) return sf_fitter_save_cameras(r->fitter, asked) ? app_fail(r->a, r->ctx) : 0;
+    int world = args_value(r->a, "world") != NULL;
+    if (asked) return sf_fitter_save_cameras(r->fitter, asked, world) ? app_fail(r->a, r->ctx) : 0;
     if (args_value(r->a, "cameras")) return 0;
     if (!is_file(r->output)) return 0;
     char *folder = app_folder(r->output), *path = folder ? malloc(strlen(folder) + 16) : NULL;
     int error = 0;
     if (path) sprintf(path, "%scameras.json", folder);
-    if (!path || sf_fitter_save_cameras(r->fitter, path)) error = app_fail(r->a, r->ctx);
+    if (!path || sf_fitter_save_cameras(r->fitter, path, world)) error = app_fail(r->a, r->ctx);
     free(folder);
     free(path);
     return error;
@@ -253,7 +254,7 @@ static void print_result(fit_run *r, const evaluation *e) {
 static int save_model(const fit_run *r) {
     sf_model *model = NULL;
     sf_status status = sf_fitter_snapshot(r->fitter, &model);
-    if (!status) status = sf_model_save(model, r->output);
+    if (!status) status = app_save_model(r->a, model, r->output);
     sf_model_destroy(&model);
     return status ? app_fail(r->a, r->ctx) : 0;
 }
@@ -400,7 +401,7 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,  watch_options,  model_options,
+static const arg_option *const tables[] = {own_options,  watch_options,  model_options, world_options,
                                            load_options, common_options, NULL};
 
 const command command_fit = {

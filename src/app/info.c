@@ -29,6 +29,11 @@ static void print_model(const sf_model *model, const sf_gaussians *g, long long 
            sf_model_antialiased(model) ? ", anti-aliased (mip)" : "");
     if (!n) return;
     static const char axes[] = "xyz";
+    double origin[3];
+    sf_model_get_origin(model, origin);
+    if (origin[0] != 0 || origin[1] != 0 || origin[2] != 0)
+        printf("origin         %.17g %.17g %.17g: coordinates are relative to it\n", origin[0], origin[1],
+               origin[2]);
     for (size_t k = 0; k < 3; k++) {
         range r = range_of(g->means + k, n, 3);
         printf("mean %c         %12.5g .. %.5g\n", axes[k], r.least, r.most);

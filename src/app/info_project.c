@@ -47,7 +47,13 @@ static int forecast(sf_context *ctx, sf_scene *scene, sf_memory_bill *bill) {
 
 /* As text. */
 
-static void print_counts(const sf_scene_info *info) {
+static int has_origin(const sf_scene *scene, double origin[3]) {
+    sf_scene_get_origin(scene, origin);
+    return origin[0] != 0 || origin[1] != 0 || origin[2] != 0;
+}
+
+static void print_counts(const sf_scene *scene, const sf_scene_info *info) {
+    double origin[3];
     printf("%s: %zu views: %zu to train on, %zu held out\n", info->kind ? info->kind : "scene", info->views,
            info->train_views, info->test_views);
     printf("%zu sparse points\n", info->points);
@@ -63,6 +69,8 @@ static void print_counts(const sf_scene_info *info) {
         printf("%zu views with an EXIF orientation, which is ignored\n", info->rotated_views);
     printf("extent %.5g, centre %.5g %.5g %.5g\n", info->extent, info->center[0], info->center[1],
            info->center[2]);
+    if (has_origin(scene, origin))
+        printf("origin %.17g %.17g %.17g: coordinates are relative to it\n", origin[0], origin[1], origin[2]);
 }
 
 static void print_run(const camera_run *run) {
@@ -102,7 +110,7 @@ static void print_forecast(sf_context *ctx, const sf_memory_bill *bill) {
 static void print_all(sf_context *ctx, sf_scene *scene, const sf_scene_info *info,
                       const sf_memory_bill *bill) {
     camera_run run;
-    print_counts(info);
+    print_counts(scene, info);
     for (size_t i = 0; (run = next_run(scene, i)).views; i += run.views) print_run(&run);
     print_held_out(scene);
     if (info->train_views) print_forecast(ctx, bill);
@@ -155,6 +163,9 @@ static json_t *all_json(sf_scene *scene, const sf_scene_info *info, const char *
                   {"alpha_views", info->alpha_views},         {"rotated_views", info->rotated_views}};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
         json_object_set_new(all, counts[i].name, json_integer((json_int_t)counts[i].count));
+    double origin[3];
+    if (has_origin(scene, origin))
+        json_object_set_new(all, "origin", json_pack("[f,f,f]", origin[0], origin[1], origin[2]));
     json_object_set_new(all, "cameras", cameras_json(scene));
     json_object_set_new(all, "held_out", held_out_json(scene));
     json_object_set_new(all, "fit_memory", memory_json(bill));

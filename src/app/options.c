@@ -33,7 +33,8 @@ const arg_option load_options[] = {
 const arg_option render_options[] = {
     {"split", 0, "test|train|all", "which views: test (held out), train or all"},
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},
-    {"near-plane", 0, "X", "cull Gaussians nearer than X, world units; default: as a fit of the project"},
+    {"near-plane", 0, "X",
+     "cull Gaussians nearer than X, world units; default: chosen for each view, as in a fit"},
     {0},
 };
 
@@ -41,6 +42,12 @@ const arg_option model_options[] = {
     {"spz-frame", 0, "own|rub",
      "axes of a .spz: own, as the file states or else as in a .ply; rub (right, up, back): y and z are "
      "negated when reading or writing (own)"},
+    {0},
+};
+
+const arg_option world_options[] = {
+    {"world", 0, NULL,
+     "write coordinates of the world, as floats, where the model's are relative to an origin near it"},
     {0},
 };
 
@@ -69,8 +76,15 @@ int app_model_options(const args *a, sf_model_file_options *options) {
     int is_rub, is_no, error = read_word(a, "spz-frame", "own", "rub", &is_rub);
     if (!error && has_table(a, compensation_options))
         error = read_word(a, "antialiased", "yes", "no", &is_no);
+    options->world = has_table(a, world_options) && args_value(a, "world");
     if (!error) options->spz_frame = is_rub ? SF_SPZ_FRAME_RUB : SF_SPZ_FRAME_OWN;
     return error;
+}
+
+sf_status app_save_model(const args *a, const sf_model *model, const char *path) {
+    sf_model_file_options options = sf_model_file_options_default();
+    options.world = args_value(a, "world") != NULL;
+    return sf_model_save_as(model, path, &options);
 }
 
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model) {
@@ -133,13 +147,8 @@ int app_color(const char *text, float color[3]) {
     return 1;
 }
 
-int app_render_options(const args *a, sf_scene *scene, sf_render_options *options) {
+int app_render_options(const args *a, sf_render_options *options) {
     *options = sf_render_options_default();
-    sf_scene_info info;
-    if (scene) {
-        sf_scene_get_info(scene, &info);
-        options->near_plane = (float)(sf_fit_options_default().near_plane * info.extent);
-    }
     const char *near_plane = args_value(a, "near-plane"), *background = args_value(a, "background");
     if (background && !app_color(background, options->background)) {
         args_error(a->command, "--background: \"%s\" is neither black, white nor R,G,B in 0..1", background);

@@ -167,7 +167,8 @@ static int prepare(prune_run *r) {
         error = app_say(a, a->positional[0], what);
     }
     if (!error) error = app_load(a, r->ctx, a->positional[1], &r->scene);
-    if (!error) error = app_render_options(a, r->scene, &r->drawer.options);
+    if (!error) sf_scene_place_model(r->scene, r->model);
+    if (!error) error = app_render_options(a, &r->drawer.options);
     if (!error && sf_renderer_create(r->ctx, &r->drawer.renderer)) error = app_fail(a, r->ctx);
     if (!error) error = watch_start(&r->watch, r->ctx, r->scene, NULL, app_draw_model);
     r->options.render = r->drawer.options;
@@ -179,7 +180,7 @@ static int prune(prune_run *r) {
     int error = look(r, r->model, r->a->positional[0], &r->before);
     if (!error && sf_prune(r->ctx, r->scene, r->model, &r->options, &r->pruned, &r->result))
         error = app_fail(r->a, r->ctx);
-    if (!error && sf_model_save(r->pruned, output)) error = app_fail(r->a, r->ctx);
+    if (!error && app_save_model(r->a, r->pruned, output)) error = app_fail(r->a, r->ctx);
     if (error) return error;
     sf_fit_progress end = {.step = r->options.refit_steps,
                            .gaussians = sf_model_count(r->pruned),
@@ -212,7 +213,7 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,  model_options,  compensation_options,
+static const arg_option *const tables[] = {own_options,  model_options,  world_options, compensation_options,
                                            load_options, common_options, NULL};
 
 const command command_prune = {

@@ -46,7 +46,7 @@ static int render_views(job *j) {
     char *path = malloc(room);
     if (path) snprintf(path, room, "%s/cameras.json", j->to.out);
     error = app_make_folders(j->a, path ? path : "");
-    if (!error && (!path || sf_scene_save_cameras(j->scene, path))) error = app_fail(j->a, j->ctx);
+    if (!error && (!path || sf_scene_save_cameras(j->scene, path, 0))) error = app_fail(j->a, j->ctx);
     free(path);
     return error;
 }
@@ -67,7 +67,7 @@ static int render_path(job *j) {
 
 static int render_all(job *j) {
     int path = args_value(j->a, "path") != NULL;
-    int error = app_render_options(j->a, j->scene, &j->options);
+    int error = app_render_options(j->a, &j->options);
     if (!error && path) error = shots_make(j->a, j->ctx, j->model, j->scene, &j->along);
     if (!error && !j->scene && !args_value(j->a, "near-plane") && j->along.near_plane > 0)
         j->options.near_plane = (float)j->along.near_plane;
@@ -99,6 +99,7 @@ static int run(const args *a) {
     if (!error) error = pictures_begin(a, j.ctx, rate, &j.to);
     if (!error) error = app_load_model(a, j.ctx, a->positional[0], &j.model);
     if (!error && a->positionals > 1) error = app_load(a, j.ctx, a->positional[1], &j.scene);
+    if (!error && j.scene) sf_scene_place_model(j.scene, j.model);
     if (!error) error = render_all(&j);
     shots_free(&j.along);
     sf_renderer_destroy(&j.renderer);

@@ -37,7 +37,7 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
     size_t count;
     sf_render_options options;
     int error = shots_known(a, ctx, NULL, &known, &count);
-    if (!error) error = app_render_options(a, NULL, &options);
+    if (!error) error = app_render_options(a, &options);
     if (!error) error = first_camera(a, ctx, model, known, count, &first);
     if (!error) {
         const double background[3] = {options.background[0], options.background[1], options.background[2]};
@@ -50,6 +50,7 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
             json_pack("{s:b, s:s, s:I, s:o, s:o, s:o}", "still", 1, "state", "finished", "gaussians",
                       (json_int_t)sf_model_count(model), "background", app_json_numbers(background, 3),
                       "pose", app_json_pose(count ? &known[0] : &first), "views", views);
+        app_json_origin(status, model);
         char *text = status ? json_dumps(status, JSON_COMPACT | JSON_REAL_PRECISION(8)) : NULL;
         json_decref(status);
         if (!text)

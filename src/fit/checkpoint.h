@@ -36,6 +36,7 @@ enum { MERGE_WORDS = sizeof(sf_merge) / sizeof(uint32_t) };
     F(validation.best_step)                                                                                  \
     F(validation.merged)                                                                                     \
     F(blur.judged)                                                                                           \
+    F(misplaced.judged)                                                                                      \
     F(merges.in_vain)                                                                                        \
     F(select.min_error_level)                                                                                \
     F(end)                                                                                                   \

@@ -177,10 +177,10 @@ static sf_status take_banded(sf_sections_in *in, const char *prefix, int sh_degr
 }
 
 static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
-    int64_t model[2];
+    int64_t model[3];
     size_t banded[SF_BANDS], most = (size_t)f->options.max_gaussians;
     int none, degree = 0;
-    sf_status status = sf_sections_take(in, "model", model, 2, sizeof *model);
+    sf_status status = sf_sections_take(in, "model", model, 3, sizeof *model);
     if (!status && (model[0] < 0 || model[0] > SF_MAX_SH_DEGREE))
         status = sf_checkpoint_bad(in, "model", "the degree is out of range");
     if (!status) degree = (int)model[0];
@@ -191,6 +191,8 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     if (!status) status = sf_model_create_banded(f->ctx, banded, banded[0], degree, &f->model);
     if (status) return status;
     f->model->antialiased = model[1] != 0;
+    f->model->unit = (int)model[2];
+    memcpy(f->model->origin, f->scene->origin, sizeof f->model->origin);
     status = take_params(in, "model", f->model);
     if (!status) status = sf_fitter_start_room(f, sf_planned_count(f, 1));
     if (!status) status = take_moments(in, &f->moments, f->model);
@@ -201,6 +203,7 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     if (!status)
         status = sf_sections_take(in, "screen.seen", f->densify.visible_count, count,
                                   sizeof *f->densify.visible_count);
+    if (!status) status = sf_sections_take(in, "units", f->units.inverse, count, sizeof *f->units.inverse);
     return status;
 }
 
@@ -237,6 +240,8 @@ static sf_status take_restore_point(sf_sections_in *in, sf_fitter *f) {
     status = sf_model_create_banded(f->ctx, banded, f->model->capacity[0], degree, &f->restore.model);
     if (status) return status;
     f->restore.model->antialiased = f->model->antialiased;
+    f->restore.model->unit = f->model->unit;
+    memcpy(f->restore.model->origin, f->model->origin, sizeof f->model->origin);
     return take_params(in, "best", f->restore.model);
 }
 

@@ -68,7 +68,8 @@ static void put_indices(sf_sections_out *out, const char *name, const uint32_t *
     sf_sections_put(out, name, indices, n, sizeof *indices);
 }
 
-/* The views in the pass and in validation, the blurred ones, and how many views were assigned. */
+/* The views in the pass and in validation, the blurred and the misplaced ones, and how many views were
+ * assigned. */
 static void put_views(sf_sections_out *out, const sf_fitter *f, sf_view *const *views, size_t count,
                       uint32_t *indices) {
     int64_t known = 0;
@@ -76,6 +77,7 @@ static void put_views(sf_sections_out *out, const sf_fitter *f, sf_view *const *
     put_indices(out, "order", f->sampler.ids, f->sampler.count, views, count, indices);
     put_indices(out, "kept.out", f->validation.ids, f->validation.count, views, count, indices);
     put_indices(out, "blurred", f->blur.ids, f->blur.count, views, count, indices);
+    put_indices(out, "misplaced", f->misplaced.ids, f->misplaced.count, views, count, indices);
     sf_sections_put(out, "known", &known, 1, sizeof known);
 }
 
@@ -87,6 +89,7 @@ sf_status sf_checkpoint_put_scene(sf_sections_out *out, const sf_fitter *f) {
     if (status) return status;
     size_t most = f->sampler.count > f->validation.count ? f->sampler.count : f->validation.count;
     if (f->blur.count > most) most = f->blur.count;
+    if (f->misplaced.count > most) most = f->misplaced.count;
     uint32_t *indices = sf_alloc(f->ctx, most, sizeof *indices);
     status = indices ? make_table(f->ctx, views, count, &t) : SF_ERR_MEMORY;
     if (!status) {
@@ -209,6 +212,7 @@ sf_status sf_checkpoint_take_scene(sf_sections_in *in, sf_fitter *f) {
     if (!status)
         status = take_indices(in, "kept.out", &f->validation.ids, &f->validation.count, views, count);
     if (!status) status = take_indices(in, "blurred", &f->blur.ids, &f->blur.count, views, count);
+    if (!status) status = take_indices(in, "misplaced", &f->misplaced.ids, &f->misplaced.count, views, count);
     if (!status) f->validation.capacity = f->validation.count, status = take_newest(in, f, views, count);
     sf_scene_release_all(f->scene, views, count);
     return status;

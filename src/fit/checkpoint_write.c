@@ -52,7 +52,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
 #define VALUE(name) (double)f->name,
     const double reals[] = {STATE_REALS(VALUE)};
 #undef VALUE
-    const int64_t model[] = {m->sh_degree, m->antialiased};
+    const int64_t model[] = {m->sh_degree, m->antialiased, m->unit};
     int64_t banded[SF_BANDS], best[SF_BANDS];
     for (int band = 0; band < SF_BANDS; band++) {
         banded[band] = (int64_t)m->banded[band];
@@ -68,12 +68,13 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     sf_sections_put(out, "background.v", f->background_v, 3, sizeof *f->background_v);
     sf_sections_put(out, "losses", f->losses, SF_LOSS_WINDOW, sizeof *f->losses);
     sf_sections_put(out, "plan", f->trace.ticks, f->trace.count, sizeof *f->trace.ticks);
-    sf_sections_put(out, "model", model, 2, sizeof *model);
+    sf_sections_put(out, "model", model, 3, sizeof *model);
     sf_sections_put(out, "model.banded", banded, SF_BANDS, sizeof *banded);
     put_params(out, "model", m);
     put_moments(out, &f->moments, m);
     sf_sections_put(out, "screen.sum", f->densify.gradient_sum, m->count, sizeof *f->densify.gradient_sum);
     sf_sections_put(out, "screen.seen", f->densify.visible_count, m->count, sizeof *f->densify.visible_count);
+    sf_sections_put(out, "units", f->units.inverse, m->count, sizeof *f->units.inverse);
     sf_sections_put(out, "trials", f->merges.list, f->merges.count * MERGE_WORDS, sizeof(uint32_t));
     sf_sections_put(out, "trials.tiles", f->merges.tiles, f->merges.tile_count, sizeof *f->merges.tiles);
     const double psnr[] = {f->validation.psnr, f->validation.best_psnr}; /* NAN before the first validation */

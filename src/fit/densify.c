@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "opacity.h"
+#include "local_units.h"
 #include "densify_relocate.h"
 #include "densify_score.h"
 #include "remove.h"
@@ -122,11 +123,11 @@ static sf_status add_copies(sf_fitter *f, const candidate *candidates, size_t n)
         for (size_t k = 0; k < n; k++) entries[count + k] = entries[candidates[k].index];
         status = sf_reorder(f, entries, count + n, moved_to);
     }
-    float split_log_scale = (float)log(fmax(f->options.split_scale * f->extent, 1e-30));
     for (size_t k = 0; k < n && !status; k++) {
         size_t i = moved_to[candidates[k].index], j = moved_to[count + k];
         int longest = longest_axis(&f->model->params, i);
-        if (*sf_value(&f->model->params, SF_FIELD_log_scale, i, longest) > split_log_scale)
+        double scale = exp((double)*sf_value(&f->model->params, SF_FIELD_log_scale, i, longest));
+        if (scale > f->options.split_scale * (double)sf_unit_of(f, i))
             split(f, i, j);
         else
             clone(f, i, j);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "../base/hash.h"
+#include "local_units.h"
 #include "opacity.h"
 #include "remove.h"
 #include "reorder.h"
@@ -159,6 +160,7 @@ void sf_inject_noise(sf_fitter *f, double strength, size_t first, size_t end) {
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     for (size_t i = first * SF_LANES; i < last; i++) {
         double gate = 1 / (1 + exp(GATE_SLOPE * ((double)sf_sigmoidf(logit[i]) - GATE_OPACITY)));
-        if (gate >= GATE_LEAST) inject_noise(f, i, gate * strength);
+        double unit = (double)sf_unit_of(f, i);
+        if (gate >= GATE_LEAST && unit > 0) inject_noise(f, i, gate * strength / unit);
     }
 }

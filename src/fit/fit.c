@@ -8,6 +8,7 @@
 #include "../base/clock.h"
 #include "../scene/init.h"
 #include "blur.h"
+#include "misplaced.h"
 #include "densify.h"
 #include "draw_view.h"
 #include "memory.h"
@@ -30,6 +31,14 @@ enum {
     LEAST_GAUSSIANS = 1000 /* initial Gaussians of a cold start that must fit into memory */
 };
 
+/* The unit of the model that is trained: about the size of the scene, so that a fit does not depend on the
+ * world's unit. A given extent leaves the world's. */
+static int unit_of(const sf_fitter *f) {
+    int unit = 0;
+    if (!(f->options.extent > 0)) (void)frexp(f->extent, &unit);
+    return unit;
+}
+
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     const sf_fit_options *o = &f->options;
     if (from) {
@@ -41,7 +50,10 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         f->warm_start = 1;
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
-        return sf_model_copy_whole(from, degree, &f->model);
+        status = sf_model_copy_whole(from, degree, &f->model);
+        if (!status) sf_scene_place_model(f->scene, f->model);
+        if (!status) sf_model_set_unit(f->model, unit_of(f));
+        return status;
     }
     size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
     sf_status status = sf_fitter_plan_memory(f, least, (int)o->sh_degree);
@@ -52,9 +64,12 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
                              .sh_degree = (int)o->sh_degree,
                              .opacity = o->init_opacity,
                              .scale = o->init_scale,
+                             .unit = unit_of(f),
                              .extent = f->extent,
-                             .nearest = (double)f->near_plane};
-    return sf_init_gaussians(f->scene, &first, &f->rng, &f->model);
+                             .nearest = f->near_plane > 0 ? (double)f->near_plane : 0.04 * f->extent};
+    status = sf_init_gaussians(f->scene, &first, &f->rng, &f->model);
+    if (!status) memcpy(f->model->origin, f->scene->origin, sizeof f->model->origin);
+    return status;
 }
 
 static void choose_background(sf_fitter *f) {
@@ -230,10 +245,12 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_optimizer_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->densify.gradient_sum);
     sf_free(f->ctx, f->densify.visible_count);
+    sf_free(f->ctx, f->units.inverse);
     sf_merges_free(f);
     sf_free(f->ctx, f->sampler.ids);
     sf_free(f->ctx, f->validation.ids);
     sf_free(f->ctx, f->blur.ids);
+    sf_free(f->ctx, f->misplaced.ids);
     sf_free(f->ctx, f->trace.ticks);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
@@ -278,6 +295,14 @@ static sf_status find_blurred_views(sf_fitter *f, double fraction) {
     return status;
 }
 
+/* Likewise. Views in validation stay there: what they lose is the same for every model. */
+static sf_status find_misplaced_views(sf_fitter *f, double fraction) {
+    size_t known = f->misplaced.count;
+    sf_status status = sf_find_misplaced_views(f, fraction);
+    if (f->misplaced.count > known) sf_sampler_restart(&f->sampler);
+    return status;
+}
+
 void sf_select_and_densify(sf_fitter *f, double fraction) {
     int selecting = sf_selection_is_due(f, fraction), changed = 0;
     sf_status status = selecting ? sf_select_step(f, fraction, &changed) : SF_OK;
@@ -299,6 +324,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
     if (status == SF_ERR_END && sf_remove_not_finite(f)) status = SF_ERR_MEMORY;
     if (!status) status = sf_recovery_step(f, sf_validation_chooses(&f->validation));
     if (!status) status = find_blurred_views(f, fraction);
+    if (!status) status = find_misplaced_views(f, fraction);
     if (status) return status;
     sf_view *view;
     status = sf_next_view(f, &view);

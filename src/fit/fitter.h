@@ -88,6 +88,13 @@ typedef struct sf_blur {
     int judged; /* whether sharpness was measured */
 } sf_blur;
 
+/* misplaced.c */
+typedef struct sf_misplaced {
+    uint32_t *ids; /* of the training views with a wrong pose */
+    size_t count;
+    int judged; /* whether views were judged */
+} sf_misplaced;
+
 /* schedule.c: the last part of the run, over which learning rates are annealed; fractions of the run. */
 typedef struct sf_cool_down {
     double from, length;
@@ -119,12 +126,17 @@ typedef struct sf_selection {
                               make the rest look cheaper. 0: unknown */
 } sf_selection;
 
+/* local_units.c: the unit of length of each Gaussian; the array has the model's capacity. */
+typedef struct sf_local_units {
+    float *inverse; /* 1 / unit, 1 / world units; 0: no view has seen the Gaussian yet */
+} sf_local_units;
+
 struct sf_fitter {
     sf_context *ctx;
     sf_scene *scene;
     sf_fit_options options;
     double extent;      /* of the scene, world units */
-    float near_plane;   /* world units */
+    float near_plane;   /* world units; 0: chosen for each view */
     int warm_start;     /* started from a model: full resolution and all bands from the first step */
     size_t first_count; /* Gaussians at the start */
     sf_memory_bill bill;
@@ -138,12 +150,14 @@ struct sf_fitter {
 
     sf_view_sampler sampler;
     sf_densify densify;
+    sf_local_units units;
     sf_selection select;
     sf_merges merges;
     sf_validation validation;
     sf_restore_point restore;
     sf_recovery recovery;
     sf_blur blur;
+    sf_misplaced misplaced;
     sf_cool_down cool_down;
     sf_time_trace trace;
 

@@ -50,6 +50,7 @@ sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     if (status) return status;
     sf_take_moving_average(f, *model);
     sf_merges_undo(&f->merges, *model);
+    sf_model_set_unit(*model, 0);
     return SF_OK;
 }
 
@@ -88,9 +89,9 @@ sf_status sf_fitter_set_pose(sf_fitter *f, uint32_t id, const double R_cw[9], co
 
 static void refine_saved(void *views, uint32_t id, sf_camera *camera) { sf_refine_camera(views, id, camera); }
 
-sf_status sf_fitter_save_cameras(const sf_fitter *f, const char *path) {
+sf_status sf_fitter_save_cameras(const sf_fitter *f, const char *path, int world) {
     sf_view_states views = f->views;
-    return sf_save_cameras(f->scene, refine_saved, &views, path);
+    return sf_save_cameras(f->scene, refine_saved, &views, path, world);
 }
 
 sf_status sf_fitter_get_exposure(const sf_fitter *f, uint32_t id, double gain[3], double bias[3]) {

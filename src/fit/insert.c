@@ -32,6 +32,7 @@ static void clear(sf_fitter *f, size_t i) {
     sf_optimizer_reset(&f->moments, f->model, i);
     f->densify.gradient_sum[i] = 0;
     f->densify.visible_count[i] = 0;
+    f->units.inverse[i] = 0;
 }
 
 sf_status sf_fitter_add_points(sf_fitter *f, size_t count, const float *xyz, const uint8_t *rgb,
@@ -48,8 +49,10 @@ sf_status sf_fitter_add_points(sf_fitter *f, size_t count, const float *xyz, con
         if (!is_point(xyz + 3 * i, radius[i])) continue;
         uint32_t at = moved_to[had + k++];
         clear(f, at);
-        sf_point_gaussian(&f->model->params, at, xyz + 3 * i, rgb + 3 * i, fmin((double)radius[i], f->extent),
-                          f->options.init_opacity);
+        float at_xyz[3];
+        for (size_t axis = 0; axis < 3; axis++) at_xyz[axis] = ldexpf(xyz[3 * i + axis], -f->model->unit);
+        double scale = ldexp(fmin((double)radius[i], f->extent), -f->model->unit);
+        sf_point_gaussian(&f->model->params, at, at_xyz, rgb + 3 * i, scale, f->options.init_opacity);
     }
     sf_free(f->ctx, moved_to);
     if (!status && added) *added = n;

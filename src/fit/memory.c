@@ -87,7 +87,7 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* the moving average */
     double densifying = DENSIFYING + (f->options.size == SF_SIZE_AUTO ? SELECTING : 0);
     return (bill_rates){.gaussians = models + sizeof *f->densify.gradient_sum +
-                                     sizeof *f->densify.visible_count + densifying,
+                                     sizeof *f->densify.visible_count + sizeof *f->units.inverse + densifying,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),

@@ -17,7 +17,7 @@ void sf_take_moving_average(const sf_fitter *f, sf_model *copy) {
      * offset of a parameter that was limited. */
     float *scales = copy->params.field[SF_FIELD_log_scale];
     for (size_t k = 0; k < sf_field_values(SF_FIELD_log_scale, copy->count); k++)
-        scales[k] = fminf(fmaxf(scales[k], -SF_LOG_SCALE_MOST), SF_LOG_SCALE_MOST);
+        scales[k] = fminf(fmaxf(scales[k], SF_LOG_SCALE_LEAST_TRAINED), SF_LOG_SCALE_MOST);
 }
 
 /* Arrays for the averaged fields; the others are shared with the model. */

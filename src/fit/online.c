@@ -12,7 +12,9 @@ sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options) {
 
 int sf_online_has_view(const sf_fitter *f, uint32_t id) { return sf_view_state_of(&f->views, id) != NULL; }
 
-double sf_online_near_plane(const sf_fitter *f) { return (double)f->near_plane; }
+double sf_online_near_plane(const sf_fitter *f) {
+    return f->near_plane > 0 ? (double)f->near_plane : 0.04 * f->extent;
+}
 
 double sf_online_extent(const sf_fitter *f) { return f->extent; }
 

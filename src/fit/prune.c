@@ -273,6 +273,7 @@ static sf_status refit(pruner *p) {
     status = sf_fitter_run(fitter, NULL, NULL);
     sf_model *fitted = NULL;
     if (!status) status = sf_model_copy_whole(fitter->model, p->kept->sh_degree, &fitted);
+    if (!status) sf_model_set_unit(fitted, 0);
     if (!status) sf_model_assign(p->fitter->model, fitted);
     sf_model_destroy(&fitted);
     sf_fitter_destroy(&fitter);

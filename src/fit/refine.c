@@ -71,7 +71,7 @@ void sf_note_depth(sf_view_state *view, const sf_workspace *ws, double otherwise
         sum += 1 / (double)ws->splats[i].depth; /* harmonic mean: very distant Gaussians hardly count */
         seen++;
     }
-    view->depth = seen > 0 ? seen / sum : otherwise;
+    view->depth = seen > 0 ? ldexp(seen / sum, ws->unit) : otherwise;
 }
 
 /* 3. The steps */

@@ -23,6 +23,7 @@ static sf_status set_room(sf_fitter *f, int band, size_t room) {
         if (!status)
             status =
                 sf_resize(f->ctx, &f->densify.visible_count, used, room, sizeof *f->densify.visible_count);
+        if (!status) status = sf_resize(f->ctx, &f->units.inverse, used, room, sizeof *f->units.inverse);
     }
     return status ? status : sf_model_set_room(m, band, room);
 }
@@ -67,7 +68,8 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     if (status) return status;
     f->densify.gradient_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.gradient_sum);
     f->densify.visible_count = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.visible_count);
-    return f->densify.gradient_sum && f->densify.visible_count ? SF_OK : SF_ERR_MEMORY;
+    f->units.inverse = sf_calloc(f->ctx, m->capacity[0], sizeof *f->units.inverse);
+    return f->densify.gradient_sum && f->densify.visible_count && f->units.inverse ? SF_OK : SF_ERR_MEMORY;
 }
 
 sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *entries, size_t n, uint32_t *moved_to) {
@@ -79,6 +81,7 @@ sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *entries, size_t n, uint
     if (!status) {
         sf_values_reorder(f->densify.gradient_sum, sizeof *f->densify.gradient_sum, had, &order);
         sf_values_reorder(f->densify.visible_count, sizeof *f->densify.visible_count, had, &order);
+        sf_values_reorder(f->units.inverse, sizeof *f->units.inverse, had, &order);
         sf_optimizer_reorder(&f->moments, f->model, &order);
         sf_model_reorder(f->model, &order);
     }

@@ -37,6 +37,7 @@ sf_status sf_go_to_restore_point(sf_fitter *f) {
     sf_model_assign(f->model, f->restore.model);
     sf_optimizer_reset_all(&f->moments, f->model);
     sf_densify_clear(&f->densify, f->model->count);
+    memset(f->units.inverse, 0, f->model->count * sizeof *f->units.inverse);
     memcpy(f->background, f->restore.background, sizeof f->background);
     f->validation.psnr = f->validation.best_psnr;
     f->optimizer_restart = f->step;

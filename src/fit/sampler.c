@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "blur.h"
+#include "misplaced.h"
 #include "recovery.h"
 #include "refine.h"
 #include "validation.h"
@@ -67,6 +68,7 @@ static sf_status begin_pass(sf_fitter *f) {
     sf_status status = sf_scene_training_ids(f->scene, &f->sampler.ids, &f->sampler.count);
     if (!status) status = take_up_views(f, f->sampler.ids, &f->sampler.count);
     if (!status) {
+        sf_skip_misplaced_views(f);
         sf_skip_blurred_views(f);
         status = spread_order(f);
     }

@@ -177,7 +177,7 @@ static double full_rate(const sf_fitter *f, double fraction, int field) {
     const sf_fit_options *o = &f->options;
     switch (field) {
     case SF_FIELD_mean:
-        return o->lr_mean * sqrt(o->lr_boost) * f->extent * pow(o->lr_mean_final, fraction);
+        return o->lr_mean * sqrt(o->lr_boost) * pow(o->lr_mean_final, fraction);
     case SF_FIELD_log_scale:
         return o->lr_scale * o->lr_boost;
     case SF_FIELD_quat:

@@ -68,6 +68,8 @@ static sf_status find_viewpoints(const sf_fitter *f, double *depths, viewpoint *
         viewpoint *s = *viewpoints + k;
         s->camera = views[k]->camera;
         sf_refine_camera(&f->views, views[k]->id, &s->camera);
+        for (int axis = 0; axis < 3; axis++)
+            s->camera.t_cw[axis] = ldexp(s->camera.t_cw[axis], -f->model->unit);
         sf_camera_center(&s->camera, s->center);
         s->nearest = nearest_of(f->model, &s->camera, depths);
     }
@@ -102,7 +104,7 @@ static int is_floater(const sf_fitter *f, size_t i, const viewpoint *viewpoints,
     mean_of(p, i, mean);
     for (int k = 0; k < 3; k++) longest = fmax(longest, exp((double)*sf_value(p, SF_FIELD_log_scale, i, k)));
     /* a smaller one that contains the centre is nearer than the near plane, and not drawn */
-    int large = FLOATER_REACH * longest > (double)f->near_plane;
+    int large = FLOATER_REACH * longest > ldexp((double)f->near_plane, -f->model->unit);
     for (const viewpoint *s = viewpoints; s < viewpoints + count; s++) {
         if (large && encloses(p, i, mean, longest, s->center)) return 1;
         double depth = s->nearest > 0 ? depth_in(&s->camera, mean) : 0;

@@ -7,6 +7,7 @@
 #include "../scene/gaussian_math.h"
 #include "adam.h"
 #include "densify_relocate.h"
+#include "local_units.h"
 #include "schedule.h"
 
 typedef struct update_job {
@@ -25,15 +26,43 @@ static float most_of(float a, float b) { return a > b ? a : b; }
  * axis to the greatest ratio to the middle one. Needles and very large Gaussians fit one view and hurt
  * others; removing them would leave a hole until others fill it. No branches or calls, so that compilers
  * vectorise it. */
-static void limit_scales(float *block, float most_ratio, float most_scale) {
+static void limit_scales(float *block, float most_ratio, const float *most_scale) {
     float *x = block, *y = block + SF_LANES, *z = block + 2 * SF_LANES;
     for (int k = 0; k < 3 * SF_LANES; k++)
-        block[k] = most_of(least_of(block[k], most_scale), -SF_LOG_SCALE_MOST);
+        block[k] = most_of(least_of(block[k], most_scale[k % SF_LANES]), SF_LOG_SCALE_LEAST_TRAINED);
     for (int i = 0; i < SF_LANES; i++) {
         float middle = most_of(least_of(x[i], y[i]), least_of(most_of(x[i], y[i]), z[i]));
         float most = middle + most_ratio;
         x[i] = least_of(x[i], most), y[i] = least_of(y[i], most), z[i] = least_of(z[i], most);
     }
+}
+
+static void limit_block(const update_job *job, float *log_scales, size_t block) {
+    float most[SF_LANES];
+    for (size_t k = 0; k < SF_LANES; k++) {
+        size_t i = block * SF_LANES + k;
+        float inverse = i < job->fitter->model->count ? job->fitter->units.inverse[i] : 0;
+        most[k] =
+            inverse > 0 ? least_of(job->most_scale - logf(inverse), SF_LOG_SCALE_MOST) : SF_LOG_SCALE_MOST;
+    }
+    limit_scales(log_scales, job->most_ratio, most);
+}
+
+/* A step of the means of one block. Adam takes them in local units: the gradient times the unit, and from 0,
+ * so that the step alone is rounded. */
+static void move_means(const update_job *job, float *mean, const float *grads, size_t block) {
+    _Alignas(64) float local[3 * SF_LANES], step[3 * SF_LANES] = {0};
+    const sf_fitter *f = job->fitter;
+    float unit[SF_LANES];
+    for (size_t k = 0; k < SF_LANES; k++) {
+        size_t i = block * SF_LANES + k;
+        unit[k] = i < f->model->count ? sf_unit_of(f, i) : 0;
+    }
+    for (size_t k = 0; k < 3 * SF_LANES; k++) local[k] = grads[k] * unit[k % SF_LANES];
+    sf_optimizer_step(&f->moments, f->ctx->kernels,
+                      (sf_value_range){SF_FIELD_mean, 3 * SF_LANES * block, 3 * SF_LANES}, step, local,
+                      &job->step[SF_FIELD_mean], job->key[SF_FIELD_mean]);
+    for (size_t k = 0; k < 3 * SF_LANES; k++) mean[k] += step[k] * unit[k % SF_LANES];
 }
 
 static void gather_statistics(sf_fitter *f, size_t first, size_t end) {
@@ -73,12 +102,19 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     sf_fitter *f = job->fitter;
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
+    sf_note_units(f, first, end);
     around_mean(f, first, end, sf_mean_open);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         /* no gradient: a band that these blocks lack, or that is not in use yet */
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         if (!seen && !sf_has_momentum(field)) continue; /* nothing would change */
+        if (field == SF_FIELD_mean) {
+            for (size_t b = first; b < end; b++)
+                move_means(job, f->model->params.field[field] + b * block,
+                           grads->field[field] + (b - first) * block, b);
+            continue;
+        }
         sf_optimizer_step(&f->moments, f->ctx->kernels, (sf_value_range){field, at, (end - first) * block},
                           f->model->params.field[field] + at, grads->field[field], &job->step[field],
                           job->key[field]);
@@ -86,7 +122,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     if (job->fade > 0 || job->shrink > 0) regularise(job, first * SF_LANES, last);
     float *log_scale = f->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
-        limit_scales(log_scale + 3 * SF_LANES * block, job->most_ratio, job->most_scale);
+        limit_block(job, log_scale + 3 * SF_LANES * block, block);
     if (job->noise > 0) sf_inject_noise(f, job->noise, first, end);
     around_mean(f, first, end, sf_mean_close);
     gather_statistics(f, first * SF_LANES, last);
@@ -106,14 +142,13 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     double t = (double)(f->step - f->optimizer_restart) + 1;
     update_job job = {.fitter = f,
                       .most_ratio = o->max_aspect > 0 ? (float)log(o->max_aspect) : INFINITY,
-                      .most_scale = SF_LOG_SCALE_MOST,
+                      .most_scale = INFINITY,
                       .fade =
                           (float)(o->reg_opacity * sf_scheduled_rate(f, fraction, SF_FIELD_logit_opacity)),
                       .shrink = (float)(o->reg_scale * sf_scheduled_rate(f, fraction, SF_FIELD_log_scale))};
-    if (o->max_scale > 0) job.most_scale = least_of((float)log(o->max_scale * f->extent), SF_LOG_SCALE_MOST);
+    if (o->max_scale > 0) job.most_scale = (float)log(o->max_scale);
     if (o->densify == SF_DENSIFY_RELOCATE)
-        job.noise =
-            o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean) / (f->extent * f->extent);
+        job.noise = o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         job.key[field] = rounding_key(f, field);
         double start = sf_has_momentum(field) ? 1 - pow(o->adam_beta1, t) : 1;
@@ -125,7 +160,9 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
             .epsilon = (float)o->adam_epsilon,
         };
     }
-    return sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
+    sf_status status = sf_stage_project_bwd(&f->workspace, d_camera, update_blocks, &job);
+    for (int k = 0; d_camera && k < 3; k++) d_camera[k] = ldexp(d_camera[k], -f->model->unit);
+    return status;
 }
 
 void sf_update_background(sf_fitter *f, double fraction, const double *gradient) {

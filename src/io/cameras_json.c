@@ -26,23 +26,29 @@ static json_t *rotation_rows(const double R[9]) {
     return json_pack("[[fff][fff][fff]]", R[0], R[3], R[6], R[1], R[4], R[7], R[2], R[5], R[8]);
 }
 
-static json_t *describe_view(const sf_view *view, const sf_camera *c, size_t index) {
+static json_t *describe_view(const sf_view *view, const sf_camera *c, size_t index, const double origin[3],
+                             int world) {
     double o[3];
     sf_camera_center(c, o);
-    return json_pack("{s:I s:o s:i s:i s:[fff] s:o s:f s:f}", "id", (json_int_t)index, "img_name",
-                     name_text(view->ctx, view->name), "width", (int)c->width, "height", (int)c->height,
-                     "position", o[0], o[1], o[2], "rotation", rotation_rows(c->R_cw), "fx", c->fx, "fy",
-                     c->fy);
+    for (int k = 0; k < 3 && world; k++) o[k] += origin[k];
+    json_t *json =
+        json_pack("{s:I s:o s:i s:i s:[fff] s:o s:f s:f}", "id", (json_int_t)index, "img_name",
+                  name_text(view->ctx, view->name), "width", (int)c->width, "height", (int)c->height,
+                  "position", o[0], o[1], o[2], "rotation", rotation_rows(c->R_cw), "fx", c->fx, "fy", c->fy);
+    if (json && !world && (origin[0] != 0 || origin[1] != 0 || origin[2] != 0))
+        json_object_set_new(json, "origin", json_pack("[fff]", origin[0], origin[1], origin[2]));
+    return json;
 }
 
 /* NULL where memory is short. */
-static json_t *describe_views(sf_scene *scene, sf_camera_fn replace, void *user) {
+static json_t *describe_views(sf_scene *scene, sf_camera_fn replace, void *user, int world) {
     json_t *list = json_array();
     pthread_mutex_lock(&scene->lock);
     for (size_t i = 0; list && i < scene->view_count; i++) {
         sf_camera camera = scene->views[i]->camera;
         if (replace) replace(user, scene->views[i]->id, &camera);
-        if (!json_array_append_new(list, describe_view(scene->views[i], &camera, i))) continue;
+        if (!json_array_append_new(list, describe_view(scene->views[i], &camera, i, scene->origin, world)))
+            continue;
         json_decref(list);
         list = NULL;
     }
@@ -50,8 +56,8 @@ static json_t *describe_views(sf_scene *scene, sf_camera_fn replace, void *user)
     return list;
 }
 
-sf_status sf_save_cameras(sf_scene *scene, sf_camera_fn replace, void *user, const char *path) {
-    json_t *list = describe_views(scene, replace, user);
+sf_status sf_save_cameras(sf_scene *scene, sf_camera_fn replace, void *user, const char *path, int world) {
+    json_t *list = describe_views(scene, replace, user, world);
     char *text = list ? json_dumps(list, 0) : NULL;
     json_decref(list);
     if (!text) return sf_fail(scene->ctx, SF_ERR_MEMORY, "%s: no memory for the list of cameras", path);
@@ -60,8 +66,8 @@ sf_status sf_save_cameras(sf_scene *scene, sf_camera_fn replace, void *user, con
     return status;
 }
 
-sf_status sf_scene_save_cameras(sf_scene *scene, const char *path) {
-    return sf_save_cameras(scene, NULL, NULL, path);
+sf_status sf_scene_save_cameras(sf_scene *scene, const char *path, int world) {
+    return sf_save_cameras(scene, NULL, NULL, path, world);
 }
 
 /* ---- In ---- */

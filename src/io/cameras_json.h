@@ -8,6 +8,6 @@
 typedef void (*sf_camera_fn)(void *user, uint32_t id, sf_camera *camera);
 
 /* sf_scene_save_cameras of the cameras that `replace` (may be NULL) gives; it must not call the scene. */
-sf_status sf_save_cameras(sf_scene *scene, sf_camera_fn replace, void *user, const char *path);
+sf_status sf_save_cameras(sf_scene *scene, sf_camera_fn replace, void *user, const char *path, int world);
 
 #endif

@@ -105,9 +105,7 @@ sf_status sf_colmap_add_point(sf_colmap_reader *r, const sf_colmap_point_record 
     if (status) return status;
     size_t at = 3 * r->project->points++;
     for (size_t k = 0; k < 3; k++) {
-        double v = record->xyz[k];
-        /* A value beyond floats is left out by the scene, with what is not finite. */
-        r->project->xyz[at + k] = fabs(v) <= FLT_MAX ? (float)v : NAN;
+        r->project->xyz[at + k] = record->xyz[k];
         r->project->rgb[at + k] = record->rgb[k];
     }
     return SF_OK;

@@ -28,9 +28,10 @@ typedef struct sf_project {
     int blends;       /* the default for alpha is SF_ALPHA_BLEND, not SF_ALPHA_MASK */
     const char *path; /* as the caller named it */
     char *folder;     /* where the project's folders (masks) are */
-    float *xyz;       /* [points][3] */
+    double *xyz;      /* [points][3], relative to origin; NAN: not within floats */
     uint8_t *rgb;     /* [points][3] */
     size_t points;
+    double origin[3]; /* subtracted from poses and points (origin.h) */
 } sf_project;
 
 /* A copy of the name in which '\\' is '/', as Windows writes it, unless the folder holds the name as it is.

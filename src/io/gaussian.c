@@ -60,7 +60,8 @@ int sf_gaussian_is_faulty(const sf_gaussian *g, const sf_file_value *list, int v
     const float *v = g->values, *q = v + QUAT;
     for (int i = 0; i < values; i++) {
         int at = list[i].at, is_scale = at >= LOG_SCALE && at < LOG_SCALE + 3;
-        if (isfinite(v[at]) && !(is_scale && fabsf(v[at]) > SF_LOG_SCALE_MOST)) continue;
+        if (isfinite(v[at]) && !(is_scale && (v[at] < SF_LOG_SCALE_LEAST || v[at] > SF_LOG_SCALE_MOST)))
+            continue;
         snprintf(found->text, sizeof found->text, "%s is %g", list[i].name, (double)v[at]);
         return 1;
     }
@@ -94,8 +95,8 @@ static int keep_ends(float *v) {
     int moved = isinf(v[LOGIT_OPACITY]);
     if (moved) v[LOGIT_OPACITY] = v[LOGIT_OPACITY] > 0 ? -SF_INVISIBLE : SF_INVISIBLE;
     for (int k = LOG_SCALE; k < LOG_SCALE + 3; k++) {
-        if (!(v[k] < -SF_LOG_SCALE_MOST)) continue;
-        v[k] = -SF_LOG_SCALE_MOST;
+        if (!(v[k] < SF_LOG_SCALE_LEAST)) continue;
+        v[k] = SF_LOG_SCALE_LEAST;
         moved = 1;
     }
     return moved;
@@ -130,7 +131,7 @@ static void report_moved(const sf_intake *in) {
             in->ctx, SF_LOG_INFO,
             "%s: of %zu Gaussians infinite logits of the opacity became %g or %g, log-scales below %g became "
             "that",
-            in->path, in->moved, (double)SF_INVISIBLE, -(double)SF_INVISIBLE, -(double)SF_LOG_SCALE_MOST);
+            in->path, in->moved, (double)SF_INVISIBLE, -(double)SF_INVISIBLE, (double)SF_LOG_SCALE_LEAST);
 }
 
 sf_status sf_intake_end(sf_intake *in, int antialiased, sf_model **model) {

@@ -12,6 +12,7 @@
 #include "../base/bytes.h"
 #include "../base/linear.h"
 #include "../scene/gaussian_math.h"
+#include "../scene/gaussians.h"
 #include "gltf_data.h"
 #include "model_file.h"
 
@@ -225,7 +226,7 @@ static float logit_of(double opacity) {
 }
 
 static float log_of(double length) {
-    return length == 0 ? -SF_LOG_SCALE_MOST : length > 0 ? (float)log(length) : NAN;
+    return length == 0 ? SF_LOG_SCALE_LEAST : length > 0 ? (float)log(length) : NAN;
 }
 
 static void decode(const piece *p, size_t i, int logs, sf_gaussian *g) {
@@ -268,7 +269,20 @@ static sf_status motion_of(const sf_gltf *in, const double M[12], sf_similarity 
     return SF_OK;
 }
 
-static sf_status read_piece(const sf_gltf *in, const piece *p, int logs, int kept, sf_model **model) {
+/* Whether the node moves its Gaussians so far that their means, as floats, would be coarse. */
+static int is_far(const sf_model *model, const sf_similarity *motion) {
+    const double most = 256; /* as of projects: origin.c */
+    double reach = 0, move = 0;
+    for (size_t i = 0; i < model->count; i++)
+        for (int k = 0; k < 3; k++)
+            reach = fmax(reach, fabs((double)*sf_value(&model->params, SF_FIELD_mean, i, k)));
+    for (int k = 0; k < 3; k++) move = fmax(move, fabs(motion->move[k]));
+    return move > most * motion->scale * reach;
+}
+
+/* alone: no other piece has the model's coordinates, so that a far translation can be its origin. */
+static sf_status read_piece(const sf_gltf *in, const piece *p, int logs, int kept, int alone,
+                            sf_model **model) {
     static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     sf_similarity motion;
     sf_intake intake;
@@ -286,7 +300,14 @@ static sf_status read_piece(const sf_gltf *in, const piece *p, int logs, int kep
         sf_intake_abandon(&intake);
     else
         status = sf_intake_end(&intake, 0, model);
-    if (!status && memcmp(p->M, identity, sizeof identity)) status = sf_model_transform(*model, &motion);
+    if (status || !memcmp(p->M, identity, sizeof identity)) return status;
+    double origin[3] = {0};
+    if (alone && is_far(*model, &motion)) {
+        memcpy(origin, motion.move, sizeof origin);
+        memset(motion.move, 0, sizeof motion.move);
+    }
+    status = sf_model_transform(*model, &motion);
+    memcpy((*model)->origin, origin, sizeof origin);
     return status;
 }
 
@@ -315,8 +336,8 @@ static sf_status read_pieces(const pieces *all, const sf_model_file_options *opt
     sf_status status = parts ? SF_OK : SF_ERR_MEMORY;
     int logs = scales_are_logs(all->in, all);
     for (size_t p = 0; p < all->count && !status; p++)
-        status =
-            read_piece(all->in, &all->list[p], logs, sf_kept_degree(SF_MAX_SH_DEGREE, options), &parts[p]);
+        status = read_piece(all->in, &all->list[p], logs, sf_kept_degree(SF_MAX_SH_DEGREE, options),
+                            all->count == 1, &parts[p]);
     if (!status && all->count == 1) {
         *model = parts[0];
         parts[0] = NULL;

@@ -6,11 +6,12 @@
 
 #include <jansson.h>
 
+#include "../scene/gaussians.h"
 #include "gltf_format.h"
 #include "model_file.h"
 #include "quantise.h"
 
-enum { TARGET_ARRAY = 34962, FLOAT_DIGITS = 9 };
+enum { TARGET_ARRAY = 34962, FLOAT_DIGITS = 9, DOUBLE_DIGITS = 17 };
 
 sf_gltf_attribute sf_gltf_attribute_at(int index) {
     static const sf_gltf_attribute first[] = {{"POSITION", 3},
@@ -130,13 +131,21 @@ static json_t *primitive_of(const gltf_out *o) {
                      "srgb_rec709_display", "projection", "perspective", "sortingMethod", "cameraDistance");
 }
 
+/* The only node; an origin is its translation, a JSON number, in glTF's axes. */
+static json_t *node_of(const sf_model *model) {
+    const double *o = model->origin;
+    return sf_model_has_origin(model)
+               ? json_pack("{s:i, s:[f, f, f]}", "mesh", 0, "translation", -o[0], -o[1], o[2])
+               : json_pack("{s:i}", "mesh", 0);
+}
+
 static json_t *json_of(const gltf_out *o, json_int_t *bytes) {
     json_t *views = views_of(o, bytes);
-    return json_pack("{s:{s:s, s:s}, s:[s], s:i, s:[{s:[i]}], s:[{s:i}], s:[{s:[o]}], s:[{s:I}], s:o, s:o}",
+    return json_pack("{s:{s:s, s:s}, s:[s], s:i, s:[{s:[i]}], s:[o], s:[{s:[o]}], s:[{s:I}], s:o, s:o}",
                      "asset", "version", "2.0", "generator", "splatfit " SF_VERSION, "extensionsUsed",
-                     SF_GLTF_EXTENSION, "scene", 0, "scenes", "nodes", 0, "nodes", "mesh", 0, "meshes",
-                     "primitives", primitive_of(o), "buffers", "byteLength", *bytes, "bufferViews", views,
-                     "accessors", accessors_of(o));
+                     SF_GLTF_EXTENSION, "scene", 0, "scenes", "nodes", 0, "nodes", node_of(o->model),
+                     "meshes", "primitives", primitive_of(o), "buffers", "byteLength", *bytes, "bufferViews",
+                     views, "accessors", accessors_of(o));
 }
 
 static void put_u32(sf_writer *w, uint32_t value) {
@@ -149,7 +158,8 @@ static void put_u32(sf_writer *w, uint32_t value) {
 static sf_status put_front(const gltf_out *o) {
     json_int_t bytes;
     json_t *json = json_of(o, &bytes);
-    char *text = json ? json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(FLOAT_DIGITS)) : NULL;
+    size_t digits = sf_model_has_origin(o->model) ? DOUBLE_DIGITS : FLOAT_DIGITS;
+    char *text = json ? json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(digits)) : NULL;
     json_decref(json);
     if (!text) return sf_fail(o->w->ctx, SF_ERR_MEMORY, "%s: no memory for its JSON", o->w->path);
     size_t size = strlen(text), padded = (size + 3) / 4 * 4;

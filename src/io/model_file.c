@@ -1,6 +1,7 @@
 /* model_file.c - models in and out: which format, and what all of them share. */
 #include "model_file.h"
 
+#include <math.h>
 #include <string.h>
 #include <strings.h>
 
@@ -15,12 +16,13 @@ static const struct {
     const char *extension;
     load_fn load;
     put_fn put;
+    int states_origin; /* a file says to which origin its coordinates are relative */
 } formats[] = {
-    [SF_MODEL_PLY] = {".ply", sf_ply_load, sf_ply_put},
-    [SF_MODEL_SPZ] = {".spz", sf_spz_load, sf_spz_put},
-    [SF_MODEL_SPLAT] = {".splat", sf_splat_load, sf_splat_put},
-    [SF_MODEL_GLTF] = {".glb", sf_gltf_load, sf_gltf_put},
-    [SF_MODEL_SOG] = {".sog", sf_sog_load, sf_sog_put},
+    [SF_MODEL_PLY] = {".ply", sf_ply_load, sf_ply_put, 1},
+    [SF_MODEL_SPZ] = {".spz", sf_spz_load, sf_spz_put, 0},
+    [SF_MODEL_SPLAT] = {".splat", sf_splat_load, sf_splat_put, 0},
+    [SF_MODEL_GLTF] = {".glb", sf_gltf_load, sf_gltf_put, 1},
+    [SF_MODEL_SOG] = {".sog", sf_sog_load, sf_sog_put, 0},
 };
 
 sf_model_file_options sf_model_file_options_default(void) { return (sf_model_file_options){.sh_degree = -1}; }
@@ -37,6 +39,7 @@ static sf_status check_options(sf_context *ctx, const sf_model_file_options *o) 
     if (!status && !o->sh_bits[0] != !o->sh_bits[1])
         status = sf_fail(ctx, SF_ERR_ARGUMENT, "sh_bits: %d and %d: both are 0, or none", o->sh_bits[0],
                          o->sh_bits[1]);
+    if (!status) status = check_range(ctx, "world", o->world, 0, 1);
     if (!status)
         status = check_range(ctx, "spz_frame", (int)o->spz_frame, SF_SPZ_FRAME_OWN, SF_SPZ_FRAME_RUB);
     return status;
@@ -107,18 +110,57 @@ sf_status sf_model_load(sf_context *ctx, const char *path, sf_model **model) {
     return sf_model_load_as(ctx, path, NULL, model);
 }
 
+/* How far apart floats are near a value. */
+static double float_step(double value) {
+    float near = fabsf((float)value);
+    return (double)nextafterf(near, INFINITY) - (double)near;
+}
+
+/* A copy whose means are relative to the world's 0. */
+static sf_status copy_in_world(const sf_model *model, const char *path, sf_model **copy) {
+    static const double zero[3];
+    double step = 0;
+    for (int k = 0; k < 3; k++) step = fmax(step, float_step(model->origin[k]));
+    sf_status status = sf_model_copy(model, model->count, copy);
+    if (status) return status;
+    sf_model_set_origin(*copy, zero);
+    sf_log(model->ctx, SF_LOG_WARNING,
+           "%s: coordinates of the world: floats near the origin %.17g %.17g %.17g are %g apart", path,
+           model->origin[0], model->origin[1], model->origin[2], step);
+    return SF_OK;
+}
+
+static void warn_without_origin(const sf_model *model, const char *path) {
+    sf_log(model->ctx, SF_LOG_WARNING,
+           "%s: the format cannot state the origin %.17g %.17g %.17g, to which its coordinates are relative",
+           path, model->origin[0], model->origin[1], model->origin[2]);
+}
+
+static sf_status save(const sf_model *model, const char *path, sf_model_format format,
+                      const sf_model_file_options *o) {
+    sf_writer w;
+    sf_status status = sf_writer_open(&w, model->ctx, path);
+    if (status) return status;
+    status = formats[format].put(&w, model, sf_kept_degree(sf_model_sh_degree(model), o), o);
+    if (!status) return sf_writer_commit(&w);
+    sf_writer_abandon(&w);
+    return status;
+}
+
 sf_status sf_model_save_as(const sf_model *model, const char *path, const sf_model_file_options *options) {
     sf_model_file_options o = options ? *options : sf_model_file_options_default();
-    sf_writer w;
+    sf_model *copy = NULL;
     sf_status status = check_options(model->ctx, &o);
     if (!status && !o.format) status = sf_model_check_name(model->ctx, path);
     if (!status) status = sf_model_check(model, path);
-    if (!status) status = sf_writer_open(&w, model->ctx, path);
     if (status) return status;
-    put_fn put = formats[o.format ? o.format : format_to_write(path)].put;
-    status = put(&w, model, sf_kept_degree(sf_model_sh_degree(model), &o), &o);
-    if (!status) return sf_writer_commit(&w);
-    sf_writer_abandon(&w);
+    sf_model_format format = o.format ? o.format : format_to_write(path);
+    if (sf_model_has_origin(model) && o.world)
+        status = copy_in_world(model, path, &copy);
+    else if (sf_model_has_origin(model) && !formats[format].states_origin)
+        warn_without_origin(model, path);
+    if (!status) status = save(copy ? copy : model, path, format, &o);
+    sf_model_destroy(&copy);
     return status;
 }
 

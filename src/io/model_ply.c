@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../scene/gaussians.h"
 #include "model_ply.h"
 
 enum { MEAN_VALUES = 3, NORMAL_VALUES = 3 };
@@ -51,6 +52,7 @@ sf_status sf_ply_end_intake(sf_ply *ply, sf_intake *in, sf_status status, sf_mod
         return status;
     }
     status = sf_intake_end(in, sf_ply_antialiased(ply), model);
+    if (!status) memcpy((*model)->origin, sf_ply_origin(ply), sizeof(*model)->origin);
     if (!status) sf_ply_report_rest(ply);
     return status;
 }
@@ -96,6 +98,9 @@ sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_opt
 static void put_header(sf_writer *w, const sf_model *model, const sf_file_value *list, int values) {
     sf_writer_printf(w, "ply\nformat binary_little_endian 1.0\n");
     if (sf_model_antialiased(model)) sf_writer_printf(w, "comment SplatRenderMode: mip\n");
+    const double *o = model->origin;
+    if (o[0] != 0 || o[1] != 0 || o[2] != 0)
+        sf_writer_printf(w, "comment origin %.17g %.17g %.17g\n", o[0], o[1], o[2]);
     sf_writer_printf(w, "element vertex %zu\n", sf_model_count(model));
     for (int i = 0; i < values; i++) {
         if (i == MEAN_VALUES)

@@ -185,7 +185,7 @@ static sf_status read_point(reader *r, const char *name, const json_t *json) {
     if (status) return status;
     size_t at = 3 * r->project->points++;
     for (size_t k = 0; k < 3; k++) {
-        r->project->xyz[at + k] = fabs(xyz[k]) <= FLT_MAX ? (float)xyz[k] : NAN;
+        r->project->xyz[at + k] = xyz[k];
         r->project->rgb[at + k] = (uint8_t)lround(fmin(fmax(rgb[k], 0), 255));
     }
     return SF_OK;

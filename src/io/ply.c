@@ -67,6 +67,7 @@ struct sf_ply {
     size_t line; /* of the header, from 1 */
     format format;
     int antialiased;
+    double origin[3];
     element elements[MAX_ELEMENTS];
     size_t element_count;
     property properties[MAX_PROPERTIES];
@@ -172,6 +173,17 @@ static int next_line(sf_ply *p, char **words) {
     return count;
 }
 
+static sf_status parse_origin(sf_ply *p, char **words) {
+    for (int k = 0; k < 3; k++) {
+        char *end;
+        p->origin[k] = strtod(words[k], &end);
+        if (*end || !isfinite(p->origin[k]))
+            return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: line %zu: comment origin: %.40s is not a number",
+                           p->path, p->line, words[k]);
+    }
+    return SF_OK;
+}
+
 static sf_status parse_line(sf_ply *p, char **words, int count) {
     if (!strcmp(words[0], "format")) return parse_format(p, words, count);
     if (!strcmp(words[0], "element")) return parse_element(p, words, count);
@@ -180,7 +192,7 @@ static sf_status parse_line(sf_ply *p, char **words, int count) {
     if (!strcmp(words[0], "comment")) {
         if (count == 3 && !strcmp(words[1], "SplatRenderMode:") && !strcmp(words[2], "mip"))
             p->antialiased = 1;
-        return SF_OK;
+        return count == 5 && !strcmp(words[1], "origin") ? parse_origin(p, words + 2) : SF_OK;
     }
     return sf_fail(p->ctx, SF_ERR_FORMAT, "%s: line %zu: '%.40s' is no word of a .ply header", p->path,
                    p->line, words[0]);
@@ -384,6 +396,7 @@ sf_status sf_ply_open(sf_context *ctx, const char *path, sf_ply **ply) {
 
 size_t sf_ply_rows(const sf_ply *p) { return p->in->count; }
 int sf_ply_antialiased(const sf_ply *p) { return p->antialiased; }
+const double *sf_ply_origin(const sf_ply *p) { return p->origin; }
 
 size_t sf_ply_properties(const sf_ply *p, const char *prefix) {
     size_t count = 0;
@@ -427,8 +440,8 @@ static sf_status to_word(const sf_ply *p, const property *q, double value, uint3
     return SF_OK;
 }
 
-/* One of floats and words is NULL. */
-static sf_status next_row(sf_ply *p, float *floats, uint32_t *words) {
+/* Two of floats, doubles and words are NULL. */
+static sf_status next_row(sf_ply *p, float *floats, double *doubles, uint32_t *words) {
     const property *q = p->properties + p->in->first, *end = q + p->in->properties;
     for (; q < end; q++) {
         double value;
@@ -436,6 +449,8 @@ static sf_status next_row(sf_ply *p, float *floats, uint32_t *words) {
         if (!status && q->target != UNUSED) {
             if (floats)
                 floats[q->target] = to_float(value);
+            else if (doubles)
+                doubles[q->target] = value;
             else
                 status = to_word(p, q, value, &words[q->target]);
         }
@@ -445,8 +460,9 @@ static sf_status next_row(sf_ply *p, float *floats, uint32_t *words) {
     return SF_OK;
 }
 
-sf_status sf_ply_next(sf_ply *p, float *values) { return next_row(p, values, NULL); }
-sf_status sf_ply_next_words(sf_ply *p, uint32_t *words) { return next_row(p, NULL, words); }
+sf_status sf_ply_next(sf_ply *p, float *values) { return next_row(p, values, NULL, NULL); }
+sf_status sf_ply_next_doubles(sf_ply *p, double *values) { return next_row(p, NULL, values, NULL); }
+sf_status sf_ply_next_words(sf_ply *p, uint32_t *words) { return next_row(p, NULL, NULL, words); }
 
 void sf_ply_report_rest(sf_ply *p) {
     if (p->in != &p->elements[p->element_count - 1]) return;

@@ -15,6 +15,8 @@ void sf_ply_close(sf_ply **ply);
 
 /* Whether a comment says "SplatRenderMode: mip". */
 int sf_ply_antialiased(const sf_ply *ply);
+/* [3]: what a comment "origin X Y Z" says, to be added to all positions; else 0. */
+const double *sf_ply_origin(const sf_ply *ply);
 int sf_ply_has(const sf_ply *ply, const char *element);
 
 /* Goes to the first row of an element, wherever in the file it is. As far as the file's size can tell, all
@@ -35,6 +37,8 @@ sf_status sf_ply_bind(sf_ply *ply, const char *name, int target);
 /* The next of sf_ply_rows; NaN stands for what a float cannot hold. Values without a property stay as they
  * are. SF_ERR_FORMAT: the text ends or is not a number. */
 sf_status sf_ply_next(sf_ply *ply, float *values);
+/* The same of doubles: what they hold, whatever it is. */
+sf_status sf_ply_next_doubles(sf_ply *ply, double *values);
 /* The same of 32-bit words, which floats would round. SF_ERR_FORMAT too: a value is none of 0..2^32 - 1. */
 sf_status sf_ply_next_words(sf_ply *ply, uint32_t *words);
 
@@ -46,6 +50,6 @@ void sf_ply_report_rest(sf_ply *ply);
  * *count = n. Colours are the uchar properties red, green, blue, and 128 where a file has none. Points that
  * are not finite are the caller's to leave out. On failure *xyz and *rgb are NULL, *count is 0: SF_ERR_IO,
  * SF_ERR_FORMAT, SF_ERR_UNSUPPORTED (a list among the vertices' properties), SF_ERR_MEMORY. */
-sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uint8_t **rgb, size_t *count);
+sf_status sf_ply_read_points(sf_context *ctx, const char *path, double **xyz, uint8_t **rgb, size_t *count);
 
 #endif

@@ -24,30 +24,30 @@ static sf_status bind_point(sf_context *ctx, const char *path, sf_ply *p) {
 }
 
 /* In text a number is whatever it is, also where the header says uchar. */
-static sf_status take_colors(sf_context *ctx, const char *path, size_t point, const float *values,
+static sf_status take_colors(sf_context *ctx, const char *path, size_t point, const double *values,
                              uint8_t *rgb) {
     for (int i = POINT_RED; i < POINT_VALUES; i++) {
         if (!(values[i] >= 0 && values[i] <= 255))
             return sf_fail(ctx, SF_ERR_FORMAT, "%s: vertex %zu: property %s: %g is not in 0..255", path,
-                           point, point_properties[i], (double)values[i]);
+                           point, point_properties[i], values[i]);
         rgb[i - POINT_RED] = (uint8_t)values[i];
     }
     return SF_OK;
 }
 
-static sf_status read_points(sf_context *ctx, const char *path, sf_ply *p, float *xyz, uint8_t *rgb) {
-    float values[POINT_VALUES] = {0, 0, 0, 128, 128, 128};
+static sf_status read_points(sf_context *ctx, const char *path, sf_ply *p, double *xyz, uint8_t *rgb) {
+    double values[POINT_VALUES] = {0, 0, 0, 128, 128, 128};
     for (size_t i = 0; i < sf_ply_rows(p); i++, xyz += 3, rgb += 3) {
-        sf_status status = sf_ply_next(p, values);
+        sf_status status = sf_ply_next_doubles(p, values);
         if (!status) status = take_colors(ctx, path, i, values, rgb);
         if (status) return status;
-        memcpy(xyz, values, 3 * sizeof *xyz);
+        for (int k = 0; k < 3; k++) xyz[k] = values[k] + sf_ply_origin(p)[k];
     }
     sf_ply_report_rest(p);
     return SF_OK;
 }
 
-sf_status sf_ply_read_points(sf_context *ctx, const char *path, float **xyz, uint8_t **rgb, size_t *count) {
+sf_status sf_ply_read_points(sf_context *ctx, const char *path, double **xyz, uint8_t **rgb, size_t *count) {
     sf_ply *p;
     *xyz = NULL;
     *rgb = NULL;

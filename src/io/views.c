@@ -9,6 +9,7 @@
 #include "undistort.h"
 
 #include <limits.h>
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -217,7 +218,22 @@ static void report_cropped(const loading *l, const char *path, const sf_scene *s
                path, count, first->lens.kept, first->lens.seen, first->lens.model, first->name);
 }
 
-static void report(const loading *l, const char *path, const sf_scene *scene) {
+/* Cameras far from all others: views of the whole, or poses that are wrong. */
+static void report_far(const loading *l, const char *path, sf_scene *scene) {
+    enum { NAMED = 4 };
+    sf_far_view far[NAMED];
+    size_t count = sf_scene_far_views(scene, -1, far, NAMED);
+    for (size_t i = 0; i < count && i < NAMED; i++)
+        sf_log(l->ctx, SF_LOG_WARNING,
+               "%s: the camera of %s is %.3g times as far away as is usual%s: it does not count for the "
+               "scene's size",
+               path, far[i].name, far[i].times,
+               scene->point_count && !far[i].points ? ", and sees none of the points" : "");
+    if (count > NAMED)
+        sf_log(l->ctx, SF_LOG_WARNING, "%s: so do %zu more cameras not count", path, count - NAMED);
+}
+
+static void report(const loading *l, const char *path, sf_scene *scene) {
     size_t rotated = 0, alpha = 0;
     for (size_t i = 0; i < l->project->count; i++) {
         rotated += (size_t)l->results[i].rotated;
@@ -245,6 +261,7 @@ static void report(const loading *l, const char *path, const sf_scene *scene) {
         sf_log(l->ctx, SF_LOG_INFO, "%s: %zu views undistorted", path, scene->undistorted_views);
     report_cropped(l, path, scene);
     report_hidden(l, path);
+    report_far(l, path, scene);
 }
 
 /* " (first: PATH: why)" of a picture that was skipped, or "". */
@@ -320,6 +337,16 @@ static sf_status check_memory(const loading *l, const char *path) {
         path, budget / mega, bytes / mega, before / mega);
 }
 
+/* A point beyond floats is left out by the scene, with what is not finite. */
+static sf_status add_points(const sf_project *p, sf_scene *scene) {
+    float *xyz = sf_alloc(p->ctx, p->points, 3 * sizeof *xyz);
+    if (!xyz) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < 3 * p->points; i++) xyz[i] = fabs(p->xyz[i]) <= FLT_MAX ? (float)p->xyz[i] : NAN;
+    sf_status status = sf_scene_add_points(scene, p->points, xyz, p->rgb);
+    sf_free(p->ctx, xyz);
+    return status;
+}
+
 static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene) {
     const sf_project *p = l->project;
     sf_status fits = check_memory(l, path);
@@ -328,7 +355,7 @@ static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene)
     if (atomic_load(&l->ctx->loads_cancelled)) return sf_load_cancelled(l->ctx, path);
     sf_status status = fatal_result(l);
     for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
-    if (!status && p->points) status = sf_scene_add_points(scene, p->points, p->xyz, p->rgb);
+    if (!status && p->points) status = add_points(p, scene);
     if (status) return status;
     report(l, path, scene);
     return check_training(l, path, scene);
@@ -341,6 +368,7 @@ sf_status sf_project_build(const sf_project *p, const sf_load_options *options, 
     sf_status status = sf_scene_create(p->ctx, scene);
     if (!status) {
         (*scene)->kind = p->kind;
+        memcpy((*scene)->origin, p->origin, sizeof p->origin);
         status = fill_scene(&l, p->path, *scene);
         if (status) sf_scene_destroy(scene);
     }

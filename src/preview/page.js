@@ -141,7 +141,7 @@ const FIGURES = [
   ['steps_per_second', 'steps a second', fixed(1)], ['frames_per_second', 'frames a second', fixed(1)],
   ['tracked_per_second', 'tracked a second', fixed(1)], ['dropped', 'frames dropped', whole], ['keyframes', 'keyframes', whole],
   ['held_out_psnr', 'PSNR, held out', v => `${v.toFixed(2)} dB`], ['psnr_tracked', 'PSNR, tracked', v => `${v.toFixed(2)} dB`],
-  ['memory_mb', 'memory', v => `${whole(v)} MB`],
+  ['memory_mb', 'memory', v => `${whole(v)} MB`], ['origin', 'origin', v => v.join(', ')],
 ];
 const SOURCES = { board: 'pose: board', track: 'pose: tracked', file: 'pose: file', known: 'pose: known', none: 'no pose' };
 const GOOD = /fitting|track|done|saved|finish/i, WARN = /wait|pause|throttl|slow|settl/i, BAD = /lost|fail|error|stop/i;
@@ -165,7 +165,7 @@ function showStatus() {
   showState(status.state || 'connected');
   $('throttled').hidden = !status.throttled;
   if (!told) show($('message'), status.message);
-  const rows = FIGURES.filter(([key]) => number(status[key])).map(([key, name, format]) => {
+  const rows = FIGURES.filter(([key]) => [status[key]].flat().every(number)).map(([key, name, format]) => {
     const row = document.createElement('tr');
     for (const text of [name, format(status[key])]) row.appendChild(document.createElement('td')).textContent = text;
     return row;

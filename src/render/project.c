@@ -1,9 +1,11 @@
 /* project.c - projects all Gaussians to the screen, and its gradient by the raw parameters. */
 #include "workspace.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "../base/pool.h"
+#include "near_plane.h"
 
 static size_t tasks_of(size_t count) {
     return (sf_blocks(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
@@ -58,10 +60,24 @@ static sf_project_args project_args(const sf_workspace *ws) {
                              .rows = ws->rows};
 }
 
+/* The eye's lengths in the model's unit. */
+static void use_unit(sf_workspace *ws, int unit) {
+    sf_eye *eye = &ws->eye;
+    int change = ws->unit - unit;
+    for (int k = 0; k < 3 && change; k++) {
+        eye->t[k] = ldexpf(eye->t[k], change);
+        eye->center[k] = ldexpf(eye->center[k], change);
+    }
+    eye->near_plane = ldexpf(eye->near_plane, change);
+    ws->unit = unit;
+}
+
 sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degree, int antialiased) {
     size_t count = model->count;
     sf_status status = room(ws, count);
     if (status) return status;
+    use_unit(ws, model->unit);
+    if (!(ws->eye.near_plane > 0)) ws->eye.near_plane = sf_near_plane_of(model, &ws->eye);
     ws->params = model->params;
     ws->count = count;
     memcpy(ws->banded, model->banded, sizeof ws->banded);

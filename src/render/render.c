@@ -17,7 +17,7 @@ struct sf_renderer {
 };
 
 sf_render_options sf_render_options_default(void) {
-    return (sf_render_options){.near_plane = 0.2f, .sh_degree = -1, .antialiased = -1};
+    return (sf_render_options){.near_plane = 0, .sh_degree = -1, .antialiased = -1};
 }
 
 sf_status sf_renderer_create(sf_context *ctx, sf_renderer **out) {
@@ -45,7 +45,7 @@ sf_status sf_forward(sf_workspace *ws, const sf_model *model, const sf_camera *c
         return sf_fail(ws->ctx, SF_ERR_ARGUMENT,
                        "camera: size, focal length or pose is out of range (%dx%d, fx %g, fy %g)",
                        (int)camera->width, (int)camera->height, camera->fx, camera->fy);
-    if (!(options->near_plane > 0 && isfinite(options->near_plane)))
+    if (!(options->near_plane >= 0 && isfinite(options->near_plane)))
         return sf_fail(ws->ctx, SF_ERR_ARGUMENT, "near_plane: %g is not above 0",
                        (double)options->near_plane);
     int degree = options->sh_degree < 0 ? model->sh_degree : options->sh_degree;

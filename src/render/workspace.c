@@ -1,6 +1,7 @@
 /* workspace.c - the arrays of a step, allocated once and enlarged for a larger picture or model. */
 #include "workspace.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "../base/pool.h"
@@ -89,6 +90,7 @@ sf_status sf_workspace_look(sf_workspace *ws, const sf_camera *camera, float nea
     }
     if (status) return status;
     ws->eye = eye;
+    ws->unit = 0;
     ws->stride = (size_t)eye.tiles_x * SF_TILE;
     ws->plane_rows = (size_t)eye.tiles_y * SF_TILE;
     return SF_OK;
@@ -118,12 +120,13 @@ sf_status sf_workspace_loss_room(sf_workspace *ws) {
 
 void sf_copy_out(const sf_workspace *ws, const sf_image_out *out) {
     size_t width = (size_t)ws->eye.width, height = (size_t)ws->eye.height;
+    float unit = ldexpf(1, ws->unit);
     for (size_t y = 0; y < height; y++)
         for (size_t x = 0; x < width; x++) {
             size_t from = y * ws->stride + x, to = y * width + x;
             for (size_t ch = 0; out->rgb && ch < 3; ch++) out->rgb[3 * to + ch] = ws->rgb[ch][from];
             if (out->transmittance) out->transmittance[to] = ws->transmittance[from];
-            if (out->depth) out->depth[to] = ws->depth[from];
+            if (out->depth) out->depth[to] = unit * ws->depth[from];
         }
 }
 

@@ -33,6 +33,7 @@ typedef struct sf_workspace {
 
     /* the picture: planes of plane_rows x stride floats, both multiples of SF_TILE */
     sf_eye eye;
+    int unit; /* the eye's lengths and all depths are in units of 2^unit: the model's (gaussians.h) */
     size_t stride, plane_rows, plane_capacity;
     float *rgb[SF_CHANNELS], *transmittance, *depth;
     float *d_rgb[SF_CHANNELS];

@@ -13,6 +13,7 @@ typedef struct sf_seen {
     float *inverse_depth, *score; /* as sf_match gives them */
     double distance;              /* camera z of what it sees, world units */
     sf_match_range range;
+    sf_match_range widest;                             /* the range at first, which `range` stays within */
     size_t neighbour[SF_MATCH_NEIGHBOURS], neighbours; /* indices of the views that it was matched with */
 } sf_seen;
 

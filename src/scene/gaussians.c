@@ -1,6 +1,7 @@
 /* gaussians.c - storage of the Gaussians. */
 #include "gaussians.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "gaussian_math.h"
@@ -133,6 +134,8 @@ sf_status sf_model_copy_whole(const sf_model *model, int sh_degree, sf_model **c
     if (status) return status;
     copy_fields(model, *copy);
     (*copy)->antialiased = model->antialiased;
+    memcpy((*copy)->origin, model->origin, sizeof model->origin);
+    (*copy)->unit = model->unit;
     return SF_OK;
 }
 
@@ -142,6 +145,8 @@ void sf_model_assign(sf_model *model, const sf_model *from) {
     model->count = from->count;
     memcpy(model->banded, from->banded, sizeof model->banded);
     model->antialiased = from->antialiased;
+    memcpy(model->origin, from->origin, sizeof model->origin);
+    model->unit = from->unit;
 }
 
 void sf_model_reorder(sf_model *model, const sf_order *order) {
@@ -162,6 +167,39 @@ int sf_model_antialiased(const sf_model *model) { return model->antialiased; }
 void sf_model_set_antialiased(sf_model *model, int antialiased) {
     model->antialiased = antialiased != 0;
     sf_model_note_change(model);
+}
+
+int sf_model_has_origin(const sf_model *model) {
+    return model->origin[0] != 0 || model->origin[1] != 0 || model->origin[2] != 0;
+}
+
+void sf_model_get_origin(const sf_model *model, double origin[3]) {
+    memcpy(origin, model->origin, sizeof model->origin);
+}
+
+void sf_model_set_origin(sf_model *model, const double origin[3]) {
+    for (int k = 0; k < 3; k++) {
+        double move = ldexp(model->origin[k] - origin[k], -model->unit);
+        for (size_t i = 0; move != 0 && i < model->count; i++) {
+            float *value = sf_value(&model->params, SF_FIELD_mean, i, k);
+            *value = (float)((double)*value + move);
+        }
+        model->origin[k] = origin[k];
+    }
+    sf_model_note_change(model);
+}
+
+void sf_model_set_unit(sf_model *model, int unit) {
+    int change = model->unit - unit;
+    size_t n = change ? sf_field_values(SF_FIELD_mean, model->count) : 0;
+    float *mean = model->params.field[SF_FIELD_mean], *log_scale = model->params.field[SF_FIELD_log_scale];
+    for (size_t k = 0; k < n; k++) {
+        mean[k] = ldexpf(mean[k], change);
+        double scale = (double)log_scale[k] + change * 0.69314718055994531;
+        log_scale[k] = (float)fmin(fmax(scale, (double)SF_LOG_SCALE_LEAST), (double)SF_LOG_SCALE_MOST);
+    }
+    model->unit = unit;
+    sf_model_resize(model, model->count); /* lanes behind the last Gaussian are neutral again */
 }
 
 /* Walks over one Gaussian's values and the caller's arrays. */

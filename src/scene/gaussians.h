@@ -14,8 +14,13 @@
 /* Logit of the opacity of an invisible Gaussian. */
 #define SF_INVISIBLE (-20.0f)
 
-/* Greatest |log-scale|: larger ones break other tools, and are not written to files. */
-#define SF_LOG_SCALE_MOST 20.0f
+/* Range of log-scales in files and models. Readers of other tools fail above it; below it the square of a
+ * scale, an element of the covariance, is no normal float. */
+#define SF_LOG_SCALE_LEAST (-40.0f)
+#define SF_LOG_SCALE_MOST  20.0f
+
+/* The least log-scale in training, where lengths are in units of about the scene's size. */
+#define SF_LOG_SCALE_LEAST_TRAINED (-20.0f)
 
 enum { SF_BANDS = SF_MAX_SH_DEGREE + 1 };
 
@@ -23,15 +28,23 @@ struct sf_model {
     sf_context *ctx;
     int sh_degree; /* the highest that a Gaussian may have */
     int antialiased;
-    size_t count;              /* Gaussians */
-    size_t banded[SF_BANDS];   /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
-                                  above sh_degree */
+    double origin[3];        /* of the means, in the world */
+    int unit;                /* means and scales are in units of 2^unit; 0 but while a fit trains the model */
+    size_t count;            /* Gaussians */
+    size_t banded[SF_BANDS]; /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
+                                above sh_degree */
     size_t capacity[SF_BANDS]; /* Gaussians that the arrays of a band have room for, multiples of SF_LANES;
                                   all other fields go with band 0 */
     sf_params params;          /* lanes banded[b] .. capacity[b]-1 are neutral */
     uint64_t version;          /* of no other model of the context, nor of this one before
                                   sf_model_note_change */
 };
+
+/* Whether the coordinates are relative to another place than the world's 0. */
+int sf_model_has_origin(const sf_model *model);
+
+/* Changes model->unit; means exactly, log-scales rounded. The Gaussians stay as large as they are. */
+void sf_model_set_unit(sf_model *model, int unit);
 
 /* Marks the model as changed. Training steps do not call this, since no caller can hold a fit's model. */
 void sf_model_note_change(sf_model *model);

@@ -153,7 +153,7 @@ static sf_status gather_points(sf_scene *scene, const sf_init_options *options, 
 
 void sf_point_gaussian(const sf_params *params, size_t i, const float xyz[3], const uint8_t rgb[3],
                        double scale, double opacity) {
-    double least = exp(-(double)SF_LOG_SCALE_MOST), most = exp((double)SF_LOG_SCALE_MOST);
+    double least = exp((double)SF_LOG_SCALE_LEAST_TRAINED), most = exp((double)SF_LOG_SCALE_MOST);
     float log_scale = (float)log(fmin(fmax(scale, least), most));
     for (int k = 0; k < 3; k++) {
         *sf_value(params, SF_FIELD_mean, i, k) = xyz[k];
@@ -168,7 +168,10 @@ static void become_gaussians(const sf_cloud *c, const float *distances, const sf
     for (size_t i = 0; i < c->n; i++) {
         double scale = distances[i] > 0 ? options->scale * (double)distances[i] : 0.01 * options->extent;
         scale = fmin(fmax(scale, 1e-7 * options->extent), options->extent);
-        sf_point_gaussian(&model->params, i, c->xyz + 3 * i, c->rgb + 3 * i, scale, options->opacity);
+        float xyz[3];
+        for (size_t k = 0; k < 3; k++) xyz[k] = ldexpf(c->xyz[3 * i + k], -options->unit);
+        sf_point_gaussian(&model->params, i, xyz, c->rgb + 3 * i, ldexp(scale, -options->unit),
+                          options->opacity);
     }
 }
 
@@ -181,7 +184,10 @@ sf_status sf_init_gaussians(sf_scene *scene, const sf_init_options *options, sf_
     if (!status && !(distances = sf_alloc(ctx, c.n, sizeof *distances))) status = SF_ERR_MEMORY;
     if (!status) status = sf_nearest_distances(ctx, c.xyz, c.n, distances);
     if (!status) status = sf_model_create(ctx, c.n, options->sh_degree, model);
-    if (!status) become_gaussians(&c, distances, options, *model);
+    if (!status) {
+        become_gaussians(&c, distances, options, *model);
+        (*model)->unit = options->unit;
+    }
     sf_free(ctx, distances);
     sf_cloud_destroy(ctx, &c);
     return status;

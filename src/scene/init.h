@@ -15,6 +15,7 @@ typedef struct sf_init_options {
     int sh_degree;
     double opacity;
     double scale;   /* standard deviation, in mean distances to the 3 nearest */
+    int unit;       /* of the model's lengths: 2^unit world units */
     double extent;  /* of the scene, world units */
     double nearest; /* camera z from which on a sweep looks for surfaces, world units */
 } sf_init_options;

@@ -230,19 +230,19 @@ static size_t random_pixel(const cover *c, sf_rng *rng, size_t *x, size_t *y) {
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud) {
     const sf_camera **cameras = sf_alloc(ctx, n, sizeof *cameras);
+    double *distances = sf_alloc(ctx, n, sizeof *distances);
     cover c = {views, n, sf_calloc(ctx, n, CELLS * CELLS * sizeof *c.depths)};
     uint32_t *number = sf_calloc(ctx, n, CELLS * CELLS * sizeof *number);
-    sf_status status = cameras && c.depths && number ? SF_OK : SF_ERR_MEMORY;
+    sf_status status = cameras && distances && c.depths && number ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
-        double focus[3];
         for (size_t i = 0; i < n; i++) cameras[i] = &views[i]->camera;
-        sf_focus_point(cameras, n, focus);
+        sf_look_distances(cameras, n, extent, distances);
         void (*ask_views)(question *, const sf_view *const *, size_t, sf_rng *) =
             cloud->n ? ask_witnesses : ask_anybody; /* without points the range of depths is only a guess */
         size_t wanted = cloud->n + (size_t)((double)count * find_cover(&c, cloud, number)), x, y, i;
         for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
             question q = ask(views[i], x, y);
-            ask_about(&q, sf_look_distance(cameras[i], focus, extent));
+            ask_about(&q, distances[i]);
             ask_beside(&q, &c, i, x, y);
             ask_views(&q, views, n, rng);
             best_answer(&q, &c, rng, cloud->xyz + 3 * cloud->n);
@@ -251,6 +251,7 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
     }
     sf_free(ctx, number);
     sf_free(ctx, c.depths);
+    sf_free(ctx, distances);
     sf_free(ctx, cameras);
     return status;
 }

@@ -247,81 +247,8 @@ sf_status sf_scene_add_points(sf_scene *scene, size_t count, const float *xyz, c
     return status;
 }
 
-/* The median distance from `center` to (up to 4096 of) the points; 0 without points. */
-static double median_distance(const sf_scene *scene, const double *center) {
-    enum { SAMPLES = 4096 };
-    double distances[SAMPLES];
-    size_t n = scene->point_count < SAMPLES ? scene->point_count : SAMPLES;
-    for (size_t k = 0; k < n; k++) {
-        const float *p = scene->points + 3 * (size_t)((double)k * (double)scene->point_count / (double)n);
-        double x = p[0] - center[0], y = p[1] - center[1], z = p[2] - center[2];
-        distances[k] = sqrt(x * x + y * y + z * z);
-    }
-    return sf_median(distances, n);
-}
-
-/* Sets info->center; returns the largest distance of a training camera from it, 0 if all are in one place:
- * rounding of the mean is no extent. */
-static double measure_spread(const sf_scene *scene, sf_scene_info *info) {
-    double largest = 0, c[3];
-    for (size_t i = 0; i < scene->view_count; i++) {
-        if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
-        sf_camera_center(&scene->views[i]->camera, c);
-        for (int k = 0; k < 3; k++) info->center[k] += c[k] / (double)info->train_views;
-    }
-    for (size_t i = 0; i < scene->view_count; i++) {
-        if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
-        sf_camera_center(&scene->views[i]->camera, c);
-        double x = c[0] - info->center[0], y = c[1] - info->center[1], z = c[2] - info->center[2];
-        largest = fmax(largest, sqrt(x * x + y * y + z * z));
-    }
-    double scale = fabs(info->center[0]) + fabs(info->center[1]) + fabs(info->center[2]);
-    return 1.1 * largest > 1e-9 * scale ? largest : 0;
-}
-
-static void measure_extent(const sf_scene *scene, sf_scene_info *info) {
-    info->extent = 1.1 * measure_spread(scene, info);
-    if (!(info->extent > 0)) info->extent = median_distance(scene, info->center);
-    if (!(info->extent > 0)) info->extent = 1;
-}
-
-static size_t count_training(const sf_scene *scene) {
-    size_t count = 0;
-    for (size_t i = 0; i < scene->view_count; i++) count += scene->views[i]->split == SF_SPLIT_TRAIN;
-    return count;
-}
-
-int sf_scene_in_one_place(sf_scene *scene) {
-    sf_scene_info info = {0};
-    pthread_mutex_lock(&scene->lock);
-    info.train_views = count_training(scene);
-    int result = info.train_views && !(measure_spread(scene, &info) > 0);
-    pthread_mutex_unlock(&scene->lock);
-    return result;
-}
-
-void sf_scene_get_info(sf_scene *scene, sf_scene_info *info) {
-    pthread_mutex_lock(&scene->lock);
-    *info = (sf_scene_info){
-        .views = scene->view_count,
-        .points = scene->point_count,
-        .skipped_missing = scene->skipped_missing,
-        .skipped_pose = scene->skipped_pose,
-        .skipped_points = scene->skipped_points,
-        .undistorted_views = scene->undistorted_views,
-        .rotated_views = scene->rotated_views,
-        .kind = scene->kind,
-    };
-    for (size_t i = 0; i < scene->view_count; i++) {
-        const sf_view *v = scene->views[i];
-        info->masked_views += (size_t)v->masked;
-        info->alpha_views += (size_t)v->alpha;
-        info->cropped_views += (size_t)sf_lens_is_cropped(&v->lens);
-    }
-    info->train_views = count_training(scene);
-    info->test_views = info->views - info->train_views;
-    measure_extent(scene, info);
-    pthread_mutex_unlock(&scene->lock);
+void sf_scene_get_origin(const sf_scene *scene, double origin[3]) {
+    memcpy(origin, scene->origin, sizeof scene->origin);
 }
 
 sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {

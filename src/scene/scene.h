@@ -41,6 +41,7 @@ struct sf_scene {
     float *points;         /* [n][3], world units */
     uint8_t *point_colors; /* [n][3] */
     size_t point_count, point_capacity, color_capacity;
+    double origin[3]; /* of the coordinates, in the world */
     const char *kind; /* static; NULL: made by the caller */
     size_t skipped_missing, skipped_pose, skipped_points, undistorted_views, rotated_views;
     size_t first_skipped_point; /* in the order of adding */
@@ -68,6 +69,18 @@ sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
 sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
 sf_status sf_scene_retain_training(sf_scene *scene, sf_view ***views, size_t *count);
 void sf_scene_release_all(sf_scene *scene, sf_view **views, size_t count);
+/* A view whose camera lies far from all others. */
+typedef struct sf_far_view {
+    uint32_t id;
+    const char *name; /* of the view, which the caller keeps in the scene */
+    double times;     /* distance from the median centre of the training cameras, in their median distance */
+    size_t points;    /* how many of the scene's points are in its picture, out of at most 1,024 */
+} sf_far_view;
+
+/* size.c: lists up to `most` views of a split (of both: -1) that are 5 times as far from the training
+ * cameras' median centre as is usual or more; returns how many there are. */
+size_t sf_scene_far_views(sf_scene *scene, int split, sf_far_view *list, size_t most);
+
 /* Whether all training cameras are in one place, up to rounding. */
 int sf_scene_in_one_place(sf_scene *scene);
 /* fingerprint.c: the hash of a view's picture and weights. */

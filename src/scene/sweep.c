@@ -13,7 +13,8 @@
 #include "neighbours.h"
 
 enum {
-    MOST_VIEWS = 48,
+    MOST_VIEWS = 48, /* of one place */
+    MOST_VIEWS_APART = 192,
     NEIGHBOURS = 3,
     COARSE_SIDE = 80, /* px, the longest side of a picture */
     FINE_SIDE = 256,
@@ -22,8 +23,10 @@ enum {
     ENOUGH = 40, /* the fewest depths that determine the range of a view */
 };
 
-/* Inverse depth of the farthest plane of the coarse sweep, in 1 / extents: nearly infinity. */
+/* Inverse depths of the farthest and the nearest plane of the coarse sweep, in 1 / extents, or in 1 / what a
+ * view looks at where views have no common focus: nearly infinity, and near the camera. */
 #define FARTHEST 0.01
+#define NEAREST  25.0
 /* The fraction of the coarse depths that may lie outside the range, and the margin added on both sides. */
 #define OUTLIERS   0.02
 #define RANGE_ROOM 0.15
@@ -111,14 +114,14 @@ static void choose_partners(sweep_job *job, const sf_camera *const *cameras, int
 }
 
 /* Narrows a view's range to `n` inverse depths, which get sorted. */
-static void narrow(sf_seen *seen, float *found, size_t n, const sf_match_range *widest) {
+static void narrow(sf_seen *seen, float *found, size_t n) {
     qsort(found, n, sizeof *found, sf_compare_floats);
     double low = (double)found[(size_t)(OUTLIERS * (double)n)];
     double high = (double)found[n - 1 - (size_t)(OUTLIERS * (double)n)];
     seen->distance = 1 / (double)found[n / 2];
     double room = RANGE_ROOM * (high - low);
-    seen->range.first = fmax(widest->first, low - room);
-    seen->range.last = fmin(widest->last, high + room);
+    seen->range.first = fmax(seen->widest.first, low - room);
+    seen->range.last = fmin(seen->widest.last, high + room);
 }
 
 static size_t gather_depths(const sf_seen *seen, float *found) {
@@ -128,22 +131,31 @@ static size_t gather_depths(const sf_seen *seen, float *found) {
     return n;
 }
 
+static sf_match_range widest_of_all(const sweep_job *job) {
+    sf_match_range widest = job->seen[0].widest;
+    for (size_t i = 1; i < job->n; i++) {
+        widest.first = fmin(widest.first, job->seen[i].widest.first);
+        widest.last = fmax(widest.last, job->seen[i].widest.last);
+    }
+    return widest;
+}
+
 /* Sets the range of each view from its coarse depths; where these are few, from those of all views. */
-static sf_status narrow_ranges(sweep_job *job, const sf_match_range *widest) {
+static sf_status narrow_ranges(sweep_job *job) {
     size_t room = 0, all = 0;
     for (size_t i = 0; i < job->n; i++)
         room += (size_t)job->seen[i].grey.camera.width * (size_t)job->seen[i].grey.camera.height;
     float *found = sf_alloc(job->ctx, room, sizeof *found);
     if (!found) return SF_ERR_MEMORY;
     for (size_t i = 0; i < job->n; i++) all += gather_depths(&job->seen[i], found + all);
-    sf_seen together = {.range = *widest};
-    if (all >= ENOUGH) narrow(&together, found, all, widest);
+    sf_seen together = {.widest = widest_of_all(job)};
+    if (all >= ENOUGH) narrow(&together, found, all);
     for (size_t i = 0; i < job->n; i++) {
         sf_seen *seen = &job->seen[i];
         size_t n = gather_depths(seen, found);
-        seen->range = together.range;
+        seen->range = all >= ENOUGH ? together.range : seen->widest;
         if (n >= ENOUGH)
-            narrow(seen, found, n, widest);
+            narrow(seen, found, n);
         else if (all >= ENOUGH)
             seen->distance = together.distance;
         else
@@ -153,26 +165,27 @@ static sf_status narrow_ranges(sweep_job *job, const sf_match_range *widest) {
     return SF_OK;
 }
 
-static void first_look(sweep_job *job, const sf_camera *const *cameras, double extent,
-                       const sf_match_range *widest) {
-    double focus[3];
-    sf_focus_point(cameras, job->n, focus);
+static void first_look(sweep_job *job, const sf_camera *const *cameras, const sf_sweep_options *options) {
+    double distances[MOST_VIEWS_APART];
+    int shared = sf_look_distances(cameras, job->n, options->extent, distances);
     for (size_t i = 0; i < job->n; i++) {
-        job->seen[i].distance = sf_look_distance(cameras[i], focus, extent);
-        job->seen[i].range = *widest;
+        sf_seen *seen = &job->seen[i];
+        seen->distance = distances[i];
+        seen->widest.first = FARTHEST / (shared ? options->extent : distances[i]);
+        seen->widest.last = shared ? 1 / options->nearest : NEAREST / distances[i];
+        seen->range = seen->widest;
     }
 }
 
 static sf_status match_all(sweep_job *job, const sf_sweep_options *options) {
-    const sf_camera *cameras[MOST_VIEWS];
+    const sf_camera *cameras[MOST_VIEWS_APART];
     for (size_t i = 0; i < job->n; i++) cameras[i] = &job->seen[i].view->camera;
-    sf_match_range widest = {.first = FARTHEST / options->extent, .last = 1 / options->nearest};
     sf_status status = make_pictures(job, COARSE_SIDE);
     if (!status) {
-        first_look(job, cameras, options->extent, &widest);
+        first_look(job, cameras, options);
         choose_partners(job, cameras, COARSE_PLANES);
         sf_pool_run(job->ctx->pool, job->n, match_task, job);
-        status = narrow_ranges(job, &widest);
+        status = narrow_ranges(job);
     }
     free_pictures(job);
     if (!status) status = make_pictures(job, FINE_SIDE);
@@ -183,15 +196,35 @@ static sf_status match_all(sweep_job *job, const sf_sweep_options *options) {
     return status;
 }
 
+/* How many of n views to match: places that are apart need more. */
+static sf_status choose_count(sf_context *ctx, const sf_view *const *views, size_t n, double extent,
+                              size_t *count) {
+    *count = n;
+    if (n <= MOST_VIEWS) return SF_OK;
+    const sf_camera **cameras = sf_alloc(ctx, n, sizeof *cameras);
+    double *distances = sf_alloc(ctx, n, sizeof *distances);
+    for (size_t i = 0; i < n && cameras; i++) cameras[i] = &views[i]->camera;
+    if (cameras && distances) {
+        size_t most = sf_look_distances(cameras, n, extent, distances) ? MOST_VIEWS : MOST_VIEWS_APART;
+        if (n > most) *count = most;
+    }
+    sf_status status = cameras && distances ? SF_OK : SF_ERR_MEMORY;
+    sf_free(ctx, distances);
+    sf_free(ctx, cameras);
+    return status;
+}
+
 sf_status sf_sweep_points(sf_context *ctx, const sf_view *const *views, size_t n,
                           const sf_sweep_options *options, sf_cloud *cloud) {
     *cloud = (sf_cloud){0};
     if (!(options->nearest > 0 && options->extent > 0 && options->wanted))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "sweep: wanted %zu, nearest %g or extent %g is not above 0",
                        options->wanted, options->nearest, options->extent);
-    sweep_job job = {.ctx = ctx, .n = n < MOST_VIEWS ? n : MOST_VIEWS};
+    sweep_job job = {.ctx = ctx};
+    sf_status status = choose_count(ctx, views, n, options->extent, &job.n);
+    if (status) return status;
     job.seen = sf_calloc(ctx, job.n, sizeof *job.seen);
-    sf_status status = job.seen ? SF_OK : SF_ERR_MEMORY;
+    status = job.seen ? SF_OK : SF_ERR_MEMORY;
     for (size_t i = 0; !status && i < job.n; i++) {
         size_t place = i * n / job.n;
         job.seen[i].view = views[place], job.seen[i].place = (uint32_t)place;

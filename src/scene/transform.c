@@ -92,6 +92,9 @@ sf_status sf_model_transform(sf_model *model, const sf_similarity *motion) {
         for (int degree = sf_degree_of(model, i); degree > 0; degree--)
             turn_band(&model->params, i, degree, D);
     }
+    double origin[3];
+    sf_mat3_vec(motion->R, model->origin, origin);
+    for (int k = 0; k < 3; k++) model->origin[k] = motion->scale * origin[k];
     sf_model_note_change(model);
     return SF_OK;
 }

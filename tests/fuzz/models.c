@@ -32,7 +32,7 @@ int fuzz_ply(const uint8_t *data, size_t size) {
     sf_context *ctx = fuzz_begin(size, BASE, MULTIPLE);
     const char *path = fuzz_file("in.ply", data, size);
     sf_model_file_options options = sf_model_file_options_default();
-    float *xyz;
+    double *xyz;
     uint8_t *rgb;
     size_t count;
     options.format = SF_MODEL_PLY;

@@ -23,7 +23,7 @@ static int read_values(const args *a, sf_context *ctx) {
     watch times = {.a = a};
     int seed = 0, error = args_int(a, "threads", 0, 256, &seed);
     if (!error) error = app_split_check(a);
-    if (!error && !a->command->with_fit_options) error = app_render_options(a, NULL, &render);
+    if (!error && !a->command->with_fit_options) error = app_render_options(a, &render);
     if (!error) error = watch_read(&times);
     for (int i = 0; i < a->givens && !error && a->command->with_fit_options; i++) {
         sf_option_info info;

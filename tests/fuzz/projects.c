@@ -27,7 +27,7 @@ static int load(sf_context *ctx, const char *folder, int hold_out) {
     options.hold_out = hold_out;
     int well = fuzz_went_well(ctx, sf_scene_load(ctx, folder, &options, &scene), folder);
     if (!well) return 0;
-    FUZZ_CHECK(!sf_scene_save_cameras(scene, fuzz_path("again.json")), "cameras: %s", sf_last_error(ctx));
+    FUZZ_CHECK(!sf_scene_save_cameras(scene, fuzz_path("again.json"), 0), "cameras: %s", sf_last_error(ctx));
     FUZZ_CHECK(!sf_scene_fingerprint(scene, &fingerprint), "fingerprint: %s", sf_last_error(ctx));
     sf_scene_destroy(&scene);
     return 1;
@@ -115,7 +115,7 @@ static void check_again(sf_context *ctx, const sf_camera *camera) {
     FUZZ_CHECK(!sf_scene_create(ctx, &scene), "scene: %s", sf_last_error(ctx));
     sf_status status = sf_scene_add_view(scene, NULL, camera, &pixels, SF_SPLIT_TRAIN, NULL);
     if (!status) {
-        FUZZ_CHECK(!sf_scene_save_cameras(scene, path), "cameras: %s", sf_last_error(ctx));
+        FUZZ_CHECK(!sf_scene_save_cameras(scene, path, 0), "cameras: %s", sf_last_error(ctx));
         FUZZ_CHECK(!sf_cameras_load(ctx, path, &again, &count), "again: %s", sf_last_error(ctx));
         FUZZ_CHECK(count == 1 && again->fx == camera->fx && again->width == camera->width,
                    "again: other cameras");

@@ -65,6 +65,21 @@ sf_scene *stab_load(sf_context *ctx, const char *path, int hold_out, int downsca
     return scene;
 }
 
+static uint8_t as_byte(float linear) {
+    double v = fmin(fmax((double)linear, 0), 1);
+    v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+    return (uint8_t)floor(255 * v + 0.5);
+}
+
+void stab_draw_studio(sf_context *ctx, const sf_sim *sim, const sf_camera *camera, uint8_t *rgb) {
+    size_t values = 3 * (size_t)camera->width * (size_t)camera->height;
+    float *linear = malloc(values * sizeof *linear);
+    assert_non_null(linear);
+    sf_studio_draw(&sim->studio, ctx->pool, camera, linear, NULL);
+    for (size_t i = 0; i < values; i++) rgb[i] = as_byte(linear[i]);
+    free(linear);
+}
+
 sf_scene *stab_load_real(sf_context *ctx, const char *name, int hold_out, int downscale) {
     char path[1024];
     const char *data = getenv("SPLATFIT_DATA");

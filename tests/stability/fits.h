@@ -3,6 +3,7 @@
 #ifndef TESTS_STABILITY_FITS_H
 #define TESTS_STABILITY_FITS_H
 
+#include "sim/sim.h"
 #include "stability.h"
 
 enum { STAB_LOOKS = 256 };
@@ -30,6 +31,9 @@ void stab_draw_fit(stab_run *run, stab_line line, const stab_fit *fit, const cha
 
 /* Loads a scene whose every n-th view is held out, its pictures reduced by `downscale`. */
 sf_scene *stab_load(sf_context *ctx, const char *path, int hold_out, int downscale);
+
+/* What a camera sees of the simulated studio, as a picture holds it: rgb [height][width][3], sRGB bytes. */
+void stab_draw_studio(sf_context *ctx, const sf_sim *sim, const sf_camera *camera, uint8_t *rgb);
 
 /* A project in the folder that SPLATFIT_DATA names; NULL: the variable is not set. */
 sf_scene *stab_load_real(sf_context *ctx, const char *name, int hold_out, int downscale);

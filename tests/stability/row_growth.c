@@ -181,6 +181,6 @@ static void explosions(stab_run *run) {
 const stab_row stab_row_10 = {
     .id = "10",
     .failure = "Densification explodes: pictures of noise, the scene's unit",
-    .cure = "A hard cap after every step; every length is in extents of the scene.",
+    .cure = "A hard cap after every step; every length has a local unit (L1 to L4).",
     .run = explosions,
 };

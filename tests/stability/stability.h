@@ -48,7 +48,11 @@
     X(A5) \
     X(A6) \
     X(S1) \
-    X(S2)
+    X(S2) \
+    X(L1) \
+    X(L2) \
+    X(L3) \
+    X(L4)
 /* clang-format on */
 
 /* How much of an experiment is wanted. */

@@ -205,7 +205,7 @@ sf_status allocations_save_fitted_cameras(world *w) {
     sf_fitter *fitter = NULL;
     o.steps = 1;
     sf_status status = sf_fitter_create(w->ctx, w->scene, NULL, &o, &fitter);
-    if (!status) status = sf_fitter_save_cameras(fitter, test_path("fitted.json"));
+    if (!status) status = sf_fitter_save_cameras(fitter, test_path("fitted.json"), 0);
     if (!status) allocations_note_file(w, test_path("fitted.json"));
     sf_fitter_destroy(&fitter);
     return status;

@@ -163,7 +163,7 @@ static sf_status load_scene(world *w, const char *path, const sf_load_options *o
     }
     status = sf_scene_fingerprint(scene, &fingerprint);
     allocations_note(w, &fingerprint, sizeof fingerprint);
-    if (!status) status = sf_scene_save_cameras(scene, test_path("cameras.json"));
+    if (!status) status = sf_scene_save_cameras(scene, test_path("cameras.json"), 0);
     if (!status) allocations_note_file(w, test_path("cameras.json"));
     sf_scene_destroy(&scene);
     return status;
@@ -371,7 +371,7 @@ static int open_world(void **state) {
     write_archive();
     mkdir(test_path("video"), 0777);
     assert_ok(w.ctx, sf_scene_load(w.ctx, SCENE, NULL, &w.scene));
-    assert_ok(w.ctx, sf_scene_save_cameras(w.scene, test_path("known.json")));
+    assert_ok(w.ctx, sf_scene_save_cameras(w.scene, test_path("known.json"), 0));
     make_model(&w);
     assert_ok(w.ctx, sf_model_save(w.model, test_path("moved.ply")));
     *state = &w;

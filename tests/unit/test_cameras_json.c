@@ -30,7 +30,7 @@ static json_t *save_and_parse(sf_context *ctx, sf_scene *scene) {
     size_t size;
     json_error_t error;
     const char *path = test_path("cameras.json");
-    assert_ok(ctx, sf_scene_save_cameras(scene, path));
+    assert_ok(ctx, sf_scene_save_cameras(scene, path, 0));
     uint8_t *data = test_read(path, &size);
     json_t *list = json_loadb((const char *)data, size, 0, &error);
     if (!list) fail_msg("%s: line %d: %s", path, error.line, error.text);
@@ -141,7 +141,7 @@ static void test_to_where_no_file_can_be(void **state) {
     const char *paths[] = {test_path("a-file/cameras.json"), test_path("a-folder"),
                            test_path("absent/cameras.json")};
     for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
-        assert_status(ctx, sf_scene_save_cameras(scene, paths[i]), SF_ERR_IO);
+        assert_status(ctx, sf_scene_save_cameras(scene, paths[i], 0), SF_ERR_IO);
         assert_error_names(ctx, paths[i]);
     }
     assert_int_equal(test_count_entries(test_folder()), entries);
@@ -158,7 +158,7 @@ static void test_read_again(void **state) {
     assert_ok(ctx, sf_scene_create(ctx, &scene));
     add_view(ctx, scene, "a.jpg", SF_SPLIT_TRAIN);
     add_view(ctx, scene, "b.jpg", SF_SPLIT_TEST);
-    assert_ok(ctx, sf_scene_save_cameras(scene, test_path("again.json")));
+    assert_ok(ctx, sf_scene_save_cameras(scene, test_path("again.json"), 0));
     assert_ok(ctx, sf_cameras_load(ctx, test_path("again.json"), &cameras, &count));
     assert_int_equal(count, 2);
     const sf_camera *c = &cameras[1];

@@ -378,7 +378,7 @@ static sf_status do_run(run *r) {
     if (!status) status = render_and_differentiate(r);
     if (!status) status = fit(r);
     if (!status) status = sf_model_save(r->fitted, run_path());
-    if (!status) status = sf_scene_save_cameras(r->scene, test_path("cameras.json"));
+    if (!status) status = sf_scene_save_cameras(r->scene, test_path("cameras.json"), 0);
     if (!status) status = sf_model_load(r->ctx, run_path(), &r->loaded);
     return status;
 }

@@ -31,6 +31,7 @@ static sf_fitter *grown(sf_context *ctx, sf_scene **scene, const ball *balls, do
     *scene = densify_scene_of(ctx, balls, 3, -1, NULL, NULL);
     sf_fitter *f = densify_fitter_of(ctx, *scene, balls, 3, &options);
     f->densify.gradient_sum[0] = f->densify.visible_count[0] = 1;
+    f->units.inverse[0] = 1;
     sf_select_and_densify(f, 1);
     assert_int_equal(f->model->count, 4);
     return f;
@@ -287,6 +288,7 @@ static void test_noise(void **state) {
     sf_fit_options options = densify_options_of(SF_DENSIFY_RELOCATE);
     sf_scene *scene = densify_scene_of(ctx, balls, 1, -1, NULL, NULL);
     sf_fitter *f = densify_fitter_of(ctx, scene, balls, COUNT, &options);
+    for (int i = 0; i < COUNT; i++) f->units.inverse[i] = 1;
     sf_inject_noise(f, 1, 0, 3);
     for (size_t i = 0; i < COUNT; i++)
         for (int k = 0; k < 3; k++) {

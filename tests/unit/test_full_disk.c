@@ -117,7 +117,7 @@ static sf_status write_splat(const subject *s, const char *path) {
     return sf_model_save_as(s->model, path, &options);
 }
 static sf_status write_cameras(const subject *s, const char *path) {
-    return sf_scene_save_cameras(s->scene, path);
+    return sf_scene_save_cameras(s->scene, path, 0);
 }
 static sf_status write_nothing(const subject *s, const char *path) {
     return sf_write_file(s->ctx, path, "", 0);

@@ -190,7 +190,7 @@ static void test_takes_flat_gaussians(void **state) {
     (void)state;
     p.scale[1] = 0;
     gaussian g = load_one(ctx, write_parts(&p), 0);
-    assert_float_equal(g.log_scales[1], -20, 0);
+    assert_float_equal(g.log_scales[1], -40, 0);
     sf_context_destroy(&ctx);
 }
 

@@ -134,7 +134,7 @@ static void test_refuses_to_write(void **state) {
         {&broken.means[3 * 7 + 1], NAN, "#7: y is nan"},
         {&broken.means[3 * 7 + 2], INFINITY, "#7: z is inf"},
         {&broken.log_scales[3 * 7 + 2], 20.001f, "#7: scale_2 is 20.001"},
-        {&broken.log_scales[3 * 7], -20.001f, "#7: scale_0 is -20.001"},
+        {&broken.log_scales[3 * 7], -40.001f, "#7: scale_0 is -40.001"},
         {&broken.logit_opacities[7], -INFINITY, "#7: opacity is -inf"},
         {&broken.sh[12 * 7 + 2], NAN, "#7: f_dc_2 is nan"},
         {&broken.sh[12 * 7 + 3 * 2 + 1], NAN, "#7: f_rest_4 is nan"},

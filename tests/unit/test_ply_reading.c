@@ -144,7 +144,7 @@ static void test_keeps_the_ends(void **state) {
                        "1 2 3 0.5 0.25 0.125 -inf -30 -inf -4 1 -7 0.5 0\n"
                        "1 2 3 0.5 0.25 0.125 1e300 -1e300 -20 20 1 -7 0.5 0\n");
     static const float logits[] = {20, -20, 20};
-    static const float scales[] = {-2, -3, -4, -20, -20, -4, -20, -20, 20};
+    static const float scales[] = {-2, -3, -4, -30, -40, -4, -40, -20, 20};
     float got_logits[3], got_scales[9];
     sf_gaussians got = {.logit_opacities = got_logits, .log_scales = got_scales};
     sf_model *model;

@@ -195,7 +195,7 @@ static void test_truncation_of_text(void **state) {
 
 static void assert_whole_or_refused(sf_context *ctx, const char *path) {
     sf_model *model = (sf_model *)ctx;
-    float *xyz;
+    double *xyz;
     uint8_t *rgb;
     size_t count;
     sf_status status = sf_model_load(ctx, path, &model);

@@ -116,7 +116,7 @@ static void cameras_are_told(void **state) {
     options.refine_poses = options.refine_intrinsics = options.fix_gauge = 1;
     fitting f = run("sim:studio?width=64&height=48&frames=12", test_disturbance(0.5, 0.01, 1), &options, 2);
     const char *path = test_path("cameras.json");
-    assert_ok(f.ctx, sf_fitter_save_cameras(f.fitter, path));
+    assert_ok(f.ctx, sf_fitter_save_cameras(f.fitter, path, 0));
     json_t *list = json_load_file(path, 0, NULL);
     sf_scene_info info;
     int held = 0, moved = 0;

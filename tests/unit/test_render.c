@@ -214,7 +214,7 @@ static void assert_option_refused(stage *s, const sf_render_options *options, co
 
 static void bad_options_are_refused(void **state) {
     (void)state;
-    static const float near_planes[] = {0, -1, NAN, INFINITY};
+    static const float near_planes[] = {-1, NAN, INFINITY};
     stage s;
     set_stage(&s, 3);
     for (size_t i = 0; i < sizeof near_planes / sizeof *near_planes; i++) {
@@ -273,7 +273,7 @@ static void backward_needs_its_render(void **state) {
     assert_ok(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads));
 
     /* one that failed is none */
-    s.options.near_plane = 0;
+    s.options.near_plane = -1;
     assert_option_refused(&s, &s.options, "near_plane");
     assert_status(s.ctx, sf_render_backward(s.renderer, s.model, d_rgb, &grads), SF_ERR_ARGUMENT);
     assert_error_names(s.ctx, "model");

@@ -1,0 +1,159 @@
+/* test_units.c - a fit does not depend on the world's unit, on where its origin is, or on one far camera. */
+#include "../testing.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "fit/fitter.h"
+#include "render/near_plane.h"
+
+enum { WIDTH = 64, HEIGHT = 48, STEPS = 30, POINTS = 300 };
+
+/* The embedded scene with its cameras, and points around the middle, times 2^k and moved. The camera
+ * `far_view`
+ * (-1: none) is moved by a further `distance`. */
+static sf_scene *scaled_scene(sf_context *ctx, int k, int far_view, double distance) {
+    sf_scene *plain, *scene;
+    static float rgb[3 * WIDTH * HEIGHT];
+    static uint8_t bytes[3 * WIDTH * HEIGHT];
+    assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=64&height=48&frames=9", NULL, &plain));
+    assert_ok(ctx, sf_scene_create(ctx, &scene));
+    sf_view_info view;
+    for (size_t i = 0; i < 9; i++) {
+        assert_ok(ctx, sf_scene_get_view(plain, i, &view));
+        assert_ok(ctx, sf_scene_get_pixels(plain, view.id, rgb, NULL));
+        for (size_t p = 0; p < 3 * WIDTH * HEIGHT; p++) bytes[p] = (uint8_t)lroundf(255 * rgb[p]);
+        sf_camera camera = view.camera;
+        if ((int)i == far_view) camera.t_cw[0] += distance;
+        for (int axis = 0; axis < 3; axis++) camera.t_cw[axis] = ldexp(camera.t_cw[axis], k);
+        sf_pixels pixels = {.rgb = bytes, .stride = 3 * WIDTH};
+        assert_ok(ctx, sf_scene_add_view(scene, NULL, &camera, &pixels, view.split, NULL));
+    }
+    static float xyz[3 * POINTS];
+    for (int i = 0; i < POINTS; i++) {
+        xyz[3 * i] = ldexpf((float)(i % 10) / 5 - 1, k);
+        xyz[3 * i + 1] = ldexpf((float)(i / 10 % 6) / 3 - 1, k);
+        xyz[3 * i + 2] = ldexpf((float)(i / 60) / 4, k);
+    }
+    assert_ok(ctx, sf_scene_add_points(scene, POINTS, xyz, NULL));
+    sf_scene_destroy(&plain);
+    return scene;
+}
+
+static sf_model *fitted(sf_context *ctx, sf_scene *scene) {
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = STEPS;
+    options.init = SF_INIT_POINTS;
+    sf_fitter *f;
+    sf_model *model;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+    assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
+    assert_ok(ctx, sf_fitter_snapshot(f, &model));
+    sf_fitter_destroy(&f);
+    return model;
+}
+
+static void test_any_unit(void **state) {
+    (void)state;
+    static const int powers[] = {-20, -3, 1, 20};
+    sf_context *ctx = test_context();
+    sf_scene *scene = scaled_scene(ctx, 0, -1, 0);
+    sf_model *model = fitted(ctx, scene);
+    sf_scene_destroy(&scene);
+    for (size_t p = 0; p < sizeof powers / sizeof *powers; p++) {
+        int k = powers[p];
+        scene = scaled_scene(ctx, k, -1, 0);
+        sf_model *scaled = fitted(ctx, scene);
+        assert_int_equal(scaled->count, model->count);
+        for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, model->sh_degree); field++)
+            for (size_t i = 0; i < model->banded[sf_field_band(field)]; i++)
+                for (int c = 0; c < sf_field_components(field); c++) {
+                    float one = *sf_value(&model->params, field, i, c);
+                    float other = *sf_value(&scaled->params, field, i, c);
+                    if (field == SF_FIELD_mean)
+                        assert_true(ldexpf(one, k) == other);
+                    else if (field == SF_FIELD_log_scale)
+                        assert_true(fabs((double)one + k * log(2) - (double)other) < 2e-6);
+                    else
+                        assert_true(one == other);
+                }
+        sf_model_destroy(&scaled);
+        sf_scene_destroy(&scene);
+    }
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* One camera far away leaves the scene's size as it is. */
+static void test_one_far_camera(void **state) {
+    (void)state;
+    static const double distances[] = {100, 500, 1e5};
+    sf_context *ctx = test_context();
+    sf_scene *scene = scaled_scene(ctx, 0, -1, 0);
+    double size = test_scene_info(scene).extent;
+    sf_scene_destroy(&scene);
+    for (size_t i = 0; i < sizeof distances / sizeof *distances; i++) {
+        scene = scaled_scene(ctx, 0, 4, distances[i]);
+        sf_scene_info info = test_scene_info(scene);
+        assert_true(info.extent > 0.7 * size && info.extent < 1.4 * size);
+        for (int k = 0; k < 3; k++) assert_true(fabs(info.center[k]) < 10);
+        sf_scene_destroy(&scene);
+    }
+    sf_context_destroy(&ctx);
+}
+
+/* The near plane is a part of the depths in the picture, whatever the unit; what lies outside the picture or
+ * behind the camera does not count. */
+static void test_near_plane(void **state) {
+    (void)state;
+    enum { COUNT = 64 };
+    sf_context *ctx = test_context();
+    sf_model *model;
+    assert_ok(ctx, sf_model_create(ctx, COUNT, 0, &model));
+    sf_eye eye = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .fx = 60, .fy = 60, .cx = 32, .cy = 24};
+    eye.width = WIDTH, eye.height = HEIGHT;
+    for (int k = -30; k <= 30; k += 30) {
+        for (size_t i = 0; i < COUNT; i++) {
+            float z = i % 2   ? 5
+                      : i % 4 ? -1
+                              : 0.5f,
+                  x = i % 4 ? 0 : 100; /* half of them are not to be seen */
+            *sf_value(&model->params, SF_FIELD_mean, i, 0) = ldexpf(x, k);
+            *sf_value(&model->params, SF_FIELD_mean, i, 2) = ldexpf(z, k);
+        }
+        assert_true(fabsf(ldexpf(sf_near_plane_of(model, &eye), -k) - 0.5f) < 1e-6f);
+    }
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* Another origin moves the means, and back. */
+static void test_origin(void **state) {
+    (void)state;
+    static const double far[3] = {500000, 5000000, 128}, zero[3];
+    double is[3];
+    sf_context *ctx = test_context();
+    sf_model *model;
+    assert_ok(ctx, sf_model_create(ctx, 1, 0, &model));
+    *sf_value(&model->params, SF_FIELD_mean, 0, 1) = 0.25f;
+    memcpy(model->origin, far, sizeof far);
+    sf_model_set_origin(model, zero);
+    assert_true(*sf_value(&model->params, SF_FIELD_mean, 0, 0) == 500000);
+    assert_true(*sf_value(&model->params, SF_FIELD_mean, 0, 1) == 5000000); /* rounded */
+    sf_model_set_origin(model, far);
+    sf_model_get_origin(model, is);
+    assert_memory_equal(is, far, sizeof far);
+    assert_true(*sf_value(&model->params, SF_FIELD_mean, 0, 2) == 0);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_any_unit),
+        cmocka_unit_test(test_one_far_camera),
+        cmocka_unit_test(test_near_plane),
+        cmocka_unit_test(test_origin),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
