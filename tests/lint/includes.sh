@@ -3,8 +3,8 @@
 #
 #   kernels <- base <- scene <- {io, render};  base <- sim;  {io, sim} <- capture;  {io, sim, render} <- pose
 #   {io, render} <- fit;  pose <- sfm;  {pose, fit} <- live
-#   chart sees base;  bench sees base, kernels, scene, render, fit, sfm, arch and chart;  preview sees base, scene and io;
-#   app sees bench, chart and preview;  arch sees kernels;  all see include/splatfit
+#   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base, scene and io;
+#   app sees bench, chart and preview;  arch sees kernels;  bench sees sfm, too;  all see include/splatfit
 set -eu
 
 arrows=$(mktemp)

@@ -158,8 +158,8 @@ static void find_album(const char *isa, int threads, const sf_features_options *
         size_t n = own[i].count;
         features[i] = (sf_features){n, calloc(n + 1, sizeof *own[i].points), calloc(n + 1, SF_DESCRIPTOR)};
         assert_true(features[i].points && features[i].descriptors);
-        memcpy(features[i].points, own[i].points, n * sizeof *own[i].points);
-        memcpy(features[i].descriptors, own[i].descriptors, n * SF_DESCRIPTOR);
+        if (n) memcpy(features[i].points, own[i].points, n * sizeof *own[i].points);
+        if (n) memcpy(features[i].descriptors, own[i].descriptors, n * SF_DESCRIPTOR);
         sf_features_free(ctx, &own[i]);
     }
     free_album(&a);
