@@ -61,7 +61,7 @@ typedef struct sf_map_input {
     size_t camera_count;
     const sf_map_picture *pictures;
     size_t picture_count;
-    const sf_verified_pair *pairs;
+    const sf_matched_pair *pairs;
     size_t pair_count;
 } sf_map_input;
 

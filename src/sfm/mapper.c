@@ -24,13 +24,13 @@ typedef struct mapper {
 /* 1. The first pair */
 
 typedef struct start {
-    const sf_verified_pair *pair;
+    const sf_matched_pair *pair;
     double score;
 } start;
 
 /* Many matches, and wide angles: from 16 degrees on more does not help. Planes are the last choice, for their
  * pose may be the wrong one of two. */
-static double score_of(const mapper *m, const sf_verified_pair *pair) {
+static double score_of(const mapper *m, const sf_matched_pair *pair) {
     const double enough = 0.28, least = m->map->options.least_angle;
     const sf_two_view *g = &pair->geometry;
     if (m->map->pictures[pair->first].is_left_out || m->map->pictures[pair->second].is_left_out) return 0;
@@ -52,7 +52,7 @@ static void place_at(sf_map *map, size_t picture, const sf_rigid *T) {
 }
 
 /* Whether enough points come out of a pair. */
-static sf_status try_start(mapper *m, const sf_verified_pair *pair, int *is_good) {
+static sf_status try_start(mapper *m, const sf_matched_pair *pair, int *is_good) {
     const sf_rigid still = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     sf_map *map = m->map;
     size_t sightings, dropped;

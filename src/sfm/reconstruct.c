@@ -22,7 +22,7 @@ typedef struct run {
     sf_reconstruction *r;
     sf_photo_pair *pairs;       /* [pair_count], all of them */
     sf_matches *matches;        /* [pair_count], of features */
-    sf_verified_pair *verified; /* [pair_count]; without matches where there is no geometry */
+    sf_matched_pair *verified; /* [pair_count]; without matches where there is no geometry */
     size_t pair_count;
     double began;
 } run;
@@ -146,7 +146,7 @@ static sf_status verify_pairs(run *work, size_t *verified) {
     sf_verify_options options = sf_verify_options_default();
     options.error_px = work->options->error;
     for (size_t i = 0; i < work->pair_count; i++)
-        work->verified[i] = (sf_verified_pair){.first = work->pairs[i].first,
+        work->verified[i] = (sf_matched_pair){.first = work->pairs[i].first,
                                                .second = work->pairs[i].second,
                                                .matches = &work->matches[i].items->a,
                                                .count = work->matches[i].count};

@@ -50,7 +50,7 @@ static void join(joiner *j, uint32_t a, uint32_t b) {
 }
 
 static int compare_pairs(const void *a, const void *b) {
-    const sf_verified_pair *x = *(const sf_verified_pair *const *)a, *y = *(const sf_verified_pair *const *)b;
+    const sf_matched_pair *x = *(const sf_matched_pair *const *)a, *y = *(const sf_matched_pair *const *)b;
     if (x->count != y->count) return x->count < y->count ? 1 : -1;
     if (x->first != y->first) return x->first < y->first ? -1 : 1;
     return x->second < y->second ? -1 : x->second > y->second;
@@ -114,10 +114,10 @@ static sf_status collect(sf_context *ctx, joiner *j, size_t pictures, sf_tracks 
     return ready ? SF_OK : SF_ERR_MEMORY;
 }
 
-sf_status sf_tracks_make(sf_context *ctx, const sf_verified_pair *pairs, size_t pair_count,
+sf_status sf_tracks_make(sf_context *ctx, const sf_matched_pair *pairs, size_t pair_count,
                          const size_t *keypoint_counts, size_t pictures, sf_tracks *tracks) {
     joiner j = {0};
-    const sf_verified_pair **order = sf_alloc(ctx, pair_count + 1, sizeof *order);
+    const sf_matched_pair **order = sf_alloc(ctx, pair_count + 1, sizeof *order);
     *tracks = (sf_tracks){0};
     sf_status status = order && make_joiner(ctx, keypoint_counts, pictures, &j) ? SF_OK : SF_ERR_MEMORY;
     for (size_t i = 0; !status && i < pair_count; i++) order[i] = &pairs[i];

@@ -9,12 +9,12 @@
 #include "two_view.h"
 
 /* A pair of pictures whose geometry is known. */
-typedef struct sf_verified_pair {
+typedef struct sf_matched_pair {
     uint32_t first, second; /* pictures */
     uint32_t *matches;      /* [count][2]: keypoints of the first and of the second, those that agree */
     size_t count;
     sf_two_view geometry;
-} sf_verified_pair;
+} sf_matched_pair;
 
 /* Where a track is seen. */
 typedef struct sf_sighting {
@@ -31,7 +31,7 @@ typedef struct sf_tracks {
 
 /* Joins matches to tracks; keypoint_counts [pictures]. Pairs with more matches come first; a match that would
  * put two keypoints of one picture into a track is left out. SF_ERR_MEMORY leaves *tracks empty. */
-sf_status sf_tracks_make(sf_context *ctx, const sf_verified_pair *pairs, size_t pair_count,
+sf_status sf_tracks_make(sf_context *ctx, const sf_matched_pair *pairs, size_t pair_count,
                          const size_t *keypoint_counts, size_t pictures, sf_tracks *tracks);
 void sf_tracks_free(sf_context *ctx, sf_tracks *tracks);
 

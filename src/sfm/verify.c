@@ -20,7 +20,7 @@ typedef struct verifier {
     const sf_map_picture *pictures;
     sf_map_camera *cameras;
     size_t camera_count;
-    sf_verified_pair *pairs;
+    sf_matched_pair *pairs;
     size_t pair_count, most; /* matches of a pair */
     double *scratch;         /* [threads][SCRATCH most] */
     int with_lenses;         /* the stage: lenses are known */
@@ -33,13 +33,13 @@ sf_verify_options sf_verify_options_default(void) {
 static int is_known(const sf_map_camera *camera) { return camera->is_fixed || camera->focal_prior > 0; }
 
 /* Whether both lenses of a pair were known before. */
-static int are_known(const verifier *v, const sf_verified_pair *p) {
+static int are_known(const verifier *v, const sf_matched_pair *p) {
     return is_known(&v->cameras[v->pictures[p->first].camera]) &&
            is_known(&v->cameras[v->pictures[p->second].camera]);
 }
 
 /* Rays through the lens; of a pixel that has none, and in the first stage of all, those of a pinhole. */
-static void make_rays(const verifier *v, const sf_verified_pair *p, int side, int with_lens, double *rays) {
+static void make_rays(const verifier *v, const sf_matched_pair *p, int side, int with_lens, double *rays) {
     const sf_map_picture *picture = &v->pictures[side ? p->second : p->first];
     const sf_lens *lens = &v->cameras[picture->camera].lens;
     for (size_t k = 0; k < p->count; k++) {
@@ -51,7 +51,7 @@ static void make_rays(const verifier *v, const sf_verified_pair *p, int side, in
 }
 
 /* The inliers come first, all else in its order. */
-static void keep_inliers(sf_verified_pair *p, const uint8_t *inliers) {
+static void keep_inliers(sf_matched_pair *p, const uint8_t *inliers) {
     size_t kept = 0;
     for (size_t k = 0; k < p->count; k++) {
         if (!inliers[k]) continue;
@@ -64,7 +64,7 @@ static void keep_inliers(sf_verified_pair *p, const uint8_t *inliers) {
 
 static void verify_task(void *pointer, size_t task, int thread) {
     const verifier *v = pointer;
-    sf_verified_pair *p = &v->pairs[task];
+    sf_matched_pair *p = &v->pairs[task];
     sf_two_view_options o = sf_two_view_options_default();
     sf_two_view found;
     double *a = v->scratch + (size_t)thread * SCRATCH * v->most, *b = a + 2 * v->most,
@@ -99,7 +99,7 @@ static void vote(const verifier *v, size_t camera, sf_focal_pair *pairs) {
     sf_map_camera *c = &v->cameras[camera];
     size_t count = 0;
     for (size_t i = 0; i < v->pair_count; i++) {
-        const sf_verified_pair *p = &v->pairs[i];
+        const sf_matched_pair *p = &v->pairs[i];
         if (p->geometry.kind != SF_PAIR_GENERAL || !p->count) continue;
         if (v->pictures[p->first].camera != camera || v->pictures[p->second].camera != camera) continue;
         memcpy(pairs[count].F, p->geometry.F, sizeof p->geometry.F);
@@ -118,7 +118,7 @@ static void verify(verifier *v, sf_focal_pair *votes) {
 }
 
 sf_status sf_verify_pairs(sf_context *ctx, const sf_verify_options *options, const sf_map_picture *pictures,
-                          sf_map_camera *cameras, size_t camera_count, sf_verified_pair *pairs,
+                          sf_map_camera *cameras, size_t camera_count, sf_matched_pair *pairs,
                           size_t pair_count) {
     verifier v = {.ctx = ctx,
                   .o = options,

@@ -20,7 +20,7 @@ sf_verify_options sf_verify_options_default(void);
  * and it is written back. Of pictures, keypoints and camera are read. The same bytes for any number of
  * threads. SF_ERR_MEMORY: pairs and cameras are as they were. */
 sf_status sf_verify_pairs(sf_context *ctx, const sf_verify_options *options, const sf_map_picture *pictures,
-                          sf_map_camera *cameras, size_t camera_count, sf_verified_pair *pairs,
+                          sf_map_camera *cameras, size_t camera_count, sf_matched_pair *pairs,
                           size_t pair_count);
 
 #endif

@@ -80,7 +80,7 @@ static void take_picture(sfm_scene *s, size_t view, double noise, sf_rng *rng) {
 }
 
 static void match(sfm_scene *s, size_t pair, double wrong, sf_rng *rng) {
-    sf_verified_pair *p = &s->pairs[pair];
+    sf_matched_pair *p = &s->pairs[pair];
     const sf_map_picture *a = &s->pictures[p->first], *b = &s->pictures[p->second];
     uint32_t *there = clear(s->points, sizeof *there);
     p->matches = clear(2 * a->count, sizeof *p->matches);

@@ -26,7 +26,7 @@ typedef struct sfm_scene {
     sf_map_camera *known;     /* [cameras]: what is told of them */
     sf_map_picture *pictures; /* [views] */
     uint32_t **point_of;      /* [views][keypoints] */
-    sf_verified_pair *pairs;
+    sf_matched_pair *pairs;
     size_t pair_count;
 } sfm_scene;
 

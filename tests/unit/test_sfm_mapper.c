@@ -15,9 +15,9 @@ static void tracks_are_joined(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     static uint32_t ab[] = {0, 0, 1, 1}, bc[] = {0, 2, 1, 1, 2, 0}, ac[] = {0, 2, 1, 0};
-    const sf_verified_pair pairs[] = {{.first = 0, .second = 1, .matches = ab, .count = 2},
-                                   {.first = 1, .second = 2, .matches = bc, .count = 3},
-                                   {.first = 0, .second = 2, .matches = ac, .count = 2}};
+    const sf_matched_pair pairs[] = {{.first = 0, .second = 1, .matches = ab, .count = 2},
+                                     {.first = 1, .second = 2, .matches = bc, .count = 3},
+                                     {.first = 0, .second = 2, .matches = ac, .count = 2}};
     static const size_t counts[] = {2, 3, 3};
     sf_tracks t;
     assert_ok(ctx, sf_tracks_make(ctx, pairs, 3, counts, 3, &t));
@@ -207,7 +207,7 @@ static void the_largest_place_is_mapped(void **state) {
     for (uint32_t few = 0; few < 2; few++) { /* the first place is the smaller one, or the second */
         sf_map *map;
         size_t kept = 0;
-        sf_verified_pair *pairs = malloc(s.pair_count * sizeof *pairs);
+        sf_matched_pair *pairs = malloc(s.pair_count * sizeof *pairs);
         assert_non_null(pairs);
         for (size_t i = 0; i < s.pair_count; i++) {
             uint32_t a = s.pairs[i].first, b = s.pairs[i].second;
