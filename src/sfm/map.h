@@ -109,4 +109,9 @@ sf_status sf_map_adjust(sf_map *map, int rounds, double enough);
 /* Adjusts the poses of a picture and of those `most` that share most points with it, and these points. */
 sf_status sf_map_adjust_around(sf_map *map, size_t picture, size_t most);
 
+/* 4. map_lens.c */
+
+/* Adjusts with as few radial parameters of the lenses as explain the pictures as well. SF_ERR_MEMORY. */
+sf_status sf_map_choose_lens(sf_map *map);
+
 #endif

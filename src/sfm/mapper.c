@@ -168,7 +168,7 @@ static sf_status finish(mapper *m) {
         if (round + 1 < FINAL_ROUNDS) sf_map_make_points(map, SIZE_MAX);
         if (round && !dropped) break;
     }
-    return SF_OK;
+    return sf_map_choose_lens(map);
 }
 
 static sf_status run_once(sf_context *ctx, mapper *m, const sf_map_options *options) {
