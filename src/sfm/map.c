@@ -5,7 +5,7 @@
 
 sf_map_options sf_map_options_default(void) {
     return (sf_map_options){
-        .error_px = 4, .least_angle = 0.0262, .least_seen = 20, .first_count = 60, .radial = 2, .seed = 1};
+        .error_px = 4, .least_angle = 0.0262, .least_seen = 15, .first_count = 60, .radial = 2, .seed = 1};
 }
 
 /* Copies of the caller's pictures, with room for their tracks. */

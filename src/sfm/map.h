@@ -73,7 +73,7 @@ void sf_map_destroy(sf_map **map);
 /* Back to how it was created. */
 void sf_map_clear(sf_map *map, const sf_map_input *input);
 
-/* error 4 px, angle 1.5 degrees, 20 points seen, 60 of the first pair, radial 2, seed 1. */
+/* error 4 px, angle 1.5 degrees, 15 points seen, 60 of the first pair, radial 2, seed 1. */
 sf_map_options sf_map_options_default(void);
 
 /* 1. map_points.c */
