@@ -12,6 +12,14 @@
 extern "C" {
 #endif
 
+/* Where a folder holds photos without cameras. */
+typedef enum sf_photos_place {
+    SF_PHOTOS_NONE,  /* it is a project, holds fewer than two photos, or is no folder */
+    SF_PHOTOS_HERE,  /* in the folder itself */
+    SF_PHOTOS_IMAGES /* in its folder images */
+} sf_photos_place;
+SF_API sf_photos_place sf_sfm_find_photos(const char *folder);
+
 /* The cameras of a folder of photos. */
 typedef struct sf_reconstruction sf_reconstruction;
 

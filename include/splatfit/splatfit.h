@@ -14,6 +14,7 @@
 #include "remap.h"
 #include "render.h"
 #include "scene.h"
+#include "sfm.h"
 #include "source.h"
 #include "status.h"
 #include "video.h"

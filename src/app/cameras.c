@@ -47,6 +47,7 @@ static int make_folder(const job *j, const char *path) {
 static int link_photos(const job *j, char *path) {
     char photos[PATH_MAX], there[PATH_MAX];
     sprintf(path, "%s/images", j->project);
+    if (!strcmp(path, j->photos)) return 0;
     if (!realpath(j->photos, photos)) return app_say(j->a, j->photos, strerror(errno));
     if (realpath(path, there))
         return strcmp(photos, there)
@@ -92,6 +93,17 @@ static void print_result(const job *j) {
            info.seconds[1], info.seconds[2], info.seconds[3]);
 }
 
+/* Finds and writes the cameras. */
+static int find(job *j, const sf_sfm_options *options) {
+    int error = progress_start(&j->line, j->a, stdout);
+    if (error) return error;
+    if (sf_sfm_run(j->ctx, j->photos, options, &j->result)) error = app_fail(j->a, j->ctx);
+    progress_break(&j->line);
+    if (!error) error = save(j);
+    if (!error) print_result(j);
+    return error;
+}
+
 static int read_options(const job *j, sf_sfm_options *options) {
     *options = sf_sfm_options_default();
     int error = args_int(j->a, "side", 64, 28000, &options->side);
@@ -99,6 +111,35 @@ static int read_options(const job *j, sf_sfm_options *options) {
     if (!error) error = args_numbers(j->a, "focal", 1, &options->focal);
     options->progress = tell;
     options->user = (void *)(uintptr_t)j;
+    return error;
+}
+
+int app_find_cameras(const args *a, sf_context *ctx, const char *path, char **project) {
+    int own = sf_sfm_find_photos(path) == SF_PHOTOS_IMAGES;
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/') length--;
+    job j = {.a = a, .ctx = ctx};
+    char *photos = malloc(length + 16);
+    *project = malloc(length + 16);
+    if (!photos || !*project) {
+        free(photos);
+        return app_say(a, path, "out of memory");
+    }
+    sprintf(photos, "%.*s%s", (int)length, path, own ? "/images" : "");
+    sprintf(*project, "%.*s%s", (int)length, path, own ? "" : ".project");
+    j.photos = photos, j.project = *project;
+    struct stat st;
+    char known[PATH_MAX];
+    snprintf(known, sizeof known, "%s/sparse/0/images.bin", *project);
+    int found = !stat(known, &st), error = 0;
+    if (!found) {
+        sf_sfm_options options = sf_sfm_options_default();
+        options.progress = tell, options.user = &j;
+        error = find(&j, &options);
+    }
+    printf("cameras of %s: %s%s\n", path, *project, found ? ", found before" : "");
+    sf_reconstruction_destroy(&j.result);
+    free(photos);
     return error;
 }
 
@@ -111,13 +152,7 @@ static int run(const args *a) {
     }
     int error = read_options(&j, &options);
     if (!error) error = app_context(a, &j.ctx);
-    if (!error) {
-        error = progress_start(&j.line, a, stdout);
-        if (!error && sf_sfm_run(j.ctx, j.photos, &options, &j.result)) error = app_fail(a, j.ctx);
-        progress_break(&j.line);
-    }
-    if (!error) error = save(&j);
-    if (!error) print_result(&j);
+    if (!error) error = find(&j, &options);
     sf_reconstruction_destroy(&j.result);
     sf_context_destroy(&j.ctx);
     return error;

@@ -310,7 +310,12 @@ static int lowered(const fit_run *r) {
 /* The memory of a checkpoint or a log is the fit's: the pictures are held to what this run was given. */
 static int load_scene(fit_run *r) {
     int64_t memory = args_value(r->a, "memory") ? r->options.memory : 0;
-    return app_load_within(r->a, r->ctx, r->a->positional[0], memory, &r->scene);
+    const char *path = r->a->positional[0];
+    char *found = NULL;
+    int error = sf_sfm_find_photos(path) ? app_find_cameras(r->a, r->ctx, path, &found) : 0;
+    if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
+    free(found);
+    return error;
 }
 
 static int prepare(fit_run *r) {
@@ -407,9 +412,9 @@ static const arg_option *const tables[] = {own_options,  watch_options,  model_o
 const command command_fit = {
     .name = "fit",
     .synopsis = "PROJECT -o splat.ply [OPTIONS]",
-    .summary = "Fits a model to a project. PROJECT is a COLMAP folder, a transforms.json or its folder, or "
-               "the embedded "
-               "scene sim:studio. SIGINT and SIGTERM write the model so far, and the checkpoint that "
+    .summary = "Fits a model to a project. PROJECT is a COLMAP folder, a transforms.json or its folder, a "
+               "folder of photos, whose cameras are found first, or the embedded scene sim:studio. SIGINT "
+               "and SIGTERM write the model so far, and the checkpoint that "
                "--checkpoint names.",
     .tables = tables,
     .least = 1,

@@ -79,20 +79,15 @@ static char *quote(sf_context *ctx, const char *text, int length, const char *en
     return word;
 }
 
-/* Of the folder in the shell's $P, whose images are in $P/images: COLMAP writes $P/sparse. */
-#define COLMAP                                                                                               \
-    "QT_QPA_PLATFORM=offscreen colmap automatic_reconstructor --workspace_path \"$P\" "                      \
-    "--image_path \"$P/images\" --single_camera 1 --camera_model OPENCV --dense 0 --use_gpu 0 "              \
-    "&& splatfit fit \"$P\" -o splat.ply"
-
 static sf_status tell_images(sf_context *ctx, const char *folder, size_t count) {
     char *P = quote(ctx, folder, stem(folder), "");
     sf_status status = SF_ERR_MEMORY;
     if (P)
         status = sf_fail(
             ctx, SF_ERR_IO,
-            "%s: no project: %zu pictures in images, but no cameras. COLMAP finds them: P=%s; %s" COLMAP,
-            folder, count, P, install("colmap"));
+            "%s: no project: %zu pictures in images, but no cameras. This finds them: P=%s; splatfit cameras "
+            "\"$P/images\" -o \"$P\"",
+            folder, count, P);
     sf_free(ctx, P);
     return status;
 }
@@ -102,10 +97,10 @@ static sf_status tell_photos(sf_context *ctx, const char *folder, size_t count) 
     char *P = quote(ctx, folder, stem(folder), ".project"), *photos = quote(ctx, folder, stem(folder), "");
     sf_status status = SF_ERR_MEMORY;
     if (P && photos)
-        status = sf_fail(ctx, SF_ERR_IO,
-                         "%s: no project: %zu pictures, but no cameras. COLMAP finds them: P=%s; %smkdir "
-                         "\"$P\" && ln -s \"$(realpath %s)\" \"$P/images\" && " COLMAP,
-                         folder, count, P, install("colmap"), photos);
+        status = sf_fail(
+            ctx, SF_ERR_IO,
+            "%s: no project: %zu pictures, but no cameras. This finds them: splatfit cameras %s -o %s",
+            folder, count, photos, P);
     sf_free(ctx, P);
     sf_free(ctx, photos);
     return status;

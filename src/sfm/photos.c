@@ -2,6 +2,7 @@
 #include "photos.h"
 
 #include <dirent.h>
+#include <limits.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,8 +10,11 @@
 #include <strings.h>
 
 #include "../base/pool.h"
+#include "../io/dataset.h"
 #include "../io/paths.h"
 #include "../io/picture.h"
+
+#include <splatfit/sfm.h>
 
 static int is_photo(const char *name) {
     static const char *const endings[] = {".jpg", ".jpeg", ".png"};
@@ -18,6 +22,25 @@ static int is_photo(const char *name) {
     for (size_t i = 0; dot && dot > name && i < sizeof endings / sizeof *endings; i++)
         if (!strcasecmp(dot, endings[i])) return 1;
     return 0;
+}
+
+/* How many photos a folder holds, up to 2. */
+static int count_photos(const char *path) {
+    int count = 0;
+    const struct dirent *e;
+    DIR *folder = opendir(path);
+    while (folder && count < 2 && (e = readdir(folder)))
+        count += is_photo(e->d_name) && sf_holds_file(path, e->d_name);
+    if (folder) closedir(folder);
+    return count;
+}
+
+sf_photos_place sf_sfm_find_photos(const char *folder) {
+    char images[PATH_MAX];
+    if (!sf_is_folder(folder) || sf_holds_project(folder)) return SF_PHOTOS_NONE;
+    int size = snprintf(images, sizeof images, "%s/images", folder);
+    if (size > 0 && (size_t)size < sizeof images && count_photos(images) == 2) return SF_PHOTOS_IMAGES;
+    return count_photos(folder) == 2 ? SF_PHOTOS_HERE : SF_PHOTOS_NONE;
 }
 
 static int by_name(const void *a, const void *b) {

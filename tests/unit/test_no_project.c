@@ -27,8 +27,8 @@ static void test_photos(void **state) {
     make_file("photos/c.PNG");
     make_file("photos/notes.txt");
     assert_says(SF_ERR_IO, "photos",
-                (const char *[]){"photos: no project: 3 pictures, but no cameras", "photos.project'; ",
-                                 "ln -s", "colmap automatic_reconstructor", "splatfit fit \"$P\"", NULL});
+                (const char *[]){"photos: no project: 3 pictures, but no cameras", "splatfit cameras '",
+                                 "photos' -o '", "photos.project'", NULL});
 }
 
 static void test_images_without_cameras(void **state) {
@@ -38,7 +38,7 @@ static void test_images_without_cameras(void **state) {
     make_file("scene/images/a.jpg");
     assert_says(SF_ERR_IO, "scene/",
                 (const char *[]){"1 pictures in images, but no cameras", "scene'; ",
-                                 "colmap automatic_reconstructor", NULL});
+                                 "splatfit cameras \"$P/images\" -o \"$P\"", NULL});
 }
 
 static void test_videos(void **state) {
