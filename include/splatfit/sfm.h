@@ -1,4 +1,4 @@
-/* splatfit/sfm.h - structure from motion: cameras and sparse points from photos alone. */
+/* sfm.h - structure from motion: cameras and sparse points from photos alone. */
 #ifndef SPLATFIT_SFM_H
 #define SPLATFIT_SFM_H
 
@@ -18,61 +18,71 @@ typedef enum sf_photos_place {
     SF_PHOTOS_HERE,  /* in the folder itself */
     SF_PHOTOS_IMAGES /* in its folder images */
 } sf_photos_place;
+
+/* Looks for photos (.jpg, .jpeg, .png) in a folder and in its folder images. */
 SF_API sf_photos_place sf_sfm_find_photos(const char *folder);
 
 /* The cameras of a folder of photos. */
 typedef struct sf_reconstruction sf_reconstruction;
 
+/* The stages, in their order. */
 typedef enum sf_sfm_stage {
     SF_SFM_FEATURES, /* of photos */
-    SF_SFM_MATCHES,  /* of pairs */
-    SF_SFM_GEOMETRY, /* of pairs */
+    SF_SFM_MATCHES,  /* of pairs of photos */
+    SF_SFM_GEOMETRY, /* of pairs of photos */
     SF_SFM_MAPPING,  /* of photos that are placed */
-    SF_SFM_STAGES
+    SF_SFM_STAGES    /* how many stages there are */
 } sf_sfm_stage;
 
 /* Told as a stage goes on: so many of all are done. What it returns, if not 0, cancels. */
 typedef int (*sf_sfm_progress)(void *user, sf_sfm_stage stage, size_t done, size_t all);
 
-/* Start from sf_sfm_options_default(). */
+/* How cameras are found. Start from sf_sfm_options_default(). */
 typedef struct sf_sfm_options {
     int side;            /* px: photos are reduced until no side is longer, 64..28000 */
     int features;        /* of a photo at most, 100..1000000 */
-    double error;        /* px of a photo that is not reduced: the greatest distance of an inlier, above 0 */
-    double focal;        /* px of the photos; 0: found */
+    double error;        /* px: the greatest distance of an inlier from where its point is seen, above 0 */
+    double focal;        /* px of the photos, about; 0: found */
     const sf_lens *lens; /* the lens of all photos, kept as it is; NULL: found */
     sf_sfm_progress progress; /* NULL: none */
-    void *user;
+    void *user;               /* for progress */
 } sf_sfm_options;
 
+/* Sides of 1,600 px, 2,048 features, 4 px, the lens found. */
 SF_API sf_sfm_options sf_sfm_options_default(void);
 
 /* Finds the cameras of the photos in a folder (.jpg, .jpeg, .png): features, matches of all pairs, the
- * geometry of pairs, and a map that grows photo by photo. The same bytes for any number of threads.
- * SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no pair that can begin a map (the error says why);
- * SF_ERR_ARGUMENT; SF_ERR_CANCELLED; SF_ERR_MEMORY. */
+ * geometry of pairs, and a map that grows photo by photo. Photos of one size share a lens. The same bytes for
+ * any number of threads. options NULL: the defaults. SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no
+ * pair that can begin a map (sf_last_error says why); SF_ERR_ARGUMENT: an option out of its range;
+ * SF_ERR_CANCELLED; SF_ERR_MEMORY. On failure *reconstruction is NULL. */
 SF_API sf_status sf_sfm_run(sf_context *context, const char *folder, const sf_sfm_options *options,
                             sf_reconstruction **reconstruction);
+
+/* Sets *reconstruction to NULL; NULL is allowed. */
 SF_API void sf_reconstruction_destroy(sf_reconstruction **reconstruction);
 
+/* What was found. */
 typedef struct sf_reconstruction_info {
     size_t photos, placed;       /* in the folder; with a pose */
     size_t points, observations; /* sparse points, and where photos see them */
-    double error; /* px: root mean square of the distances between points and where photos see them */
-    double seconds[SF_SFM_STAGES];
-    size_t other_places,
-        other_photos; /* maps of other places that nothing connects with this one, and their photos */
+    double error;                /* px: root mean square distance between points and where photos see them */
+    double seconds[SF_SFM_STAGES];     /* that each stage took */
+    size_t other_places, other_photos; /* maps of places that nothing connects with this one; their photos */
 } sf_reconstruction_info;
+
+/* Sums up the reconstruction. */
 SF_API void sf_reconstruction_get_info(const sf_reconstruction *reconstruction, sf_reconstruction_info *info);
 
+/* A photo of the folder. */
 typedef struct sf_reconstruction_photo {
-    const char *name;
-    int placed;
-    const char *why; /* where it is not placed: why; else "" */
-    size_t features, observations;
-    int32_t width, height;
-    sf_lens lens;
-    double R_cw[9], t_cw[3]; /* as of sf_camera, in an arbitrary frame and unit */
+    const char *name;              /* within the folder; as long as the reconstruction */
+    int placed;                    /* whether it has a pose */
+    const char *why;               /* why it has none; "": it has one */
+    size_t features, observations; /* found in it; of them, those that are seen points */
+    int32_t width, height;         /* px; 0: it cannot be read */
+    sf_lens lens;                  /* as found, or as given */
+    double R_cw[9], t_cw[3];       /* as of sf_camera, in an arbitrary frame and unit */
 } sf_reconstruction_photo;
 
 /* Photo 0 .. photos-1, by name. SF_ERR_ARGUMENT: there is none of that index. */

@@ -47,9 +47,9 @@ static sf_status draw(photo_lab *lab, int quick) {
         for (size_t i = 0; i < pixels; i++) lab->pixels[i] = (uint8_t)fmin(fmax((double)light[i], 0), 255);
         for (int i = 0; i < PHOTOS; i++)
             lab->photos[i] = (sf_photo){.pixels = lab->pixels + i * SHIFT,
-                                       .stride = (size_t)width,
-                                       .width = width - SHIFT,
-                                       .height = height};
+                                        .stride = (size_t)width,
+                                        .width = width - SHIFT,
+                                        .height = height};
     }
     sf_free(lab->ctx, light);
     return light && lab->pixels ? SF_OK : SF_ERR_MEMORY;

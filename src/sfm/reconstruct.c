@@ -20,8 +20,8 @@ typedef struct run {
     sf_context *ctx;
     const sf_sfm_options *options;
     sf_reconstruction *r;
-    sf_photo_pair *pairs;       /* [pair_count], all of them */
-    sf_matches *matches;        /* [pair_count], of features */
+    sf_photo_pair *pairs;      /* [pair_count], all of them */
+    sf_matches *matches;       /* [pair_count], of features */
     sf_matched_pair *verified; /* [pair_count]; without matches where there is no geometry */
     size_t pair_count;
     double began;
@@ -147,9 +147,9 @@ static sf_status verify_pairs(run *work, size_t *verified) {
     options.error_px = work->options->error;
     for (size_t i = 0; i < work->pair_count; i++)
         work->verified[i] = (sf_matched_pair){.first = work->pairs[i].first,
-                                               .second = work->pairs[i].second,
-                                               .matches = &work->matches[i].items->a,
-                                               .count = work->matches[i].count};
+                                              .second = work->pairs[i].second,
+                                              .matches = &work->matches[i].items->a,
+                                              .count = work->matches[i].count};
     sf_status status = sf_verify_pairs(r->ctx, &options, r->pictures, r->cameras, r->camera_count,
                                        work->verified, work->pair_count);
     *verified = 0;
