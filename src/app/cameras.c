@@ -17,6 +17,7 @@ static const arg_option own_options[] = {
     {"features", 0, "N", "features of a photo at most (2048)"},
     {"side", 0, "PX", "photos are reduced until no side is longer before features are looked for (1600)"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
+    {"progress", 0, "auto|plain|json|none", "auto, plain, json (no lines) or none (auto)"},
     {0},
 };
 
@@ -26,6 +27,7 @@ typedef struct job {
     const char *photos, *project;
     sf_reconstruction *result;
     progress_line line;
+    FILE *out;
 } job;
 
 static int tell(void *user, sf_sfm_stage stage, size_t done, size_t all) {
@@ -73,29 +75,32 @@ static int save(const job *j) {
 static void print_result(const job *j) {
     sf_reconstruction_info info;
     sf_reconstruction_photo photo;
+    if (j->line.kind == PROGRESS_JSON || args_value(j->a, "quiet")) return;
     sf_reconstruction_get_info(j->result, &info);
     double seconds = 0;
     for (int s = 0; s < SF_SFM_STAGES; s++) seconds += info.seconds[s];
     for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++)
-        if (!photo.placed) printf("not placed: %s: %s\n", photo.name, photo.why);
+        if (!photo.placed) fprintf(j->out, "not placed: %s: %s\n", photo.name, photo.why);
     if (info.other_places)
-        printf("%zu other places, with %zu photos, that nothing connects with this one\n", info.other_places,
-               info.other_photos);
+        fprintf(j->out, "%zu other places, with %zu photos, that nothing connects with this one\n",
+                info.other_places, info.other_photos);
     for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++) {
         if (!photo.placed) continue;
-        printf("focal length %.1f px, k1 %.4f, k2 %.4f\n", photo.lens.fx, photo.lens.k1, photo.lens.k2);
+        fprintf(j->out, "focal length %.1f px, k1 %.4f, k2 %.4f\n", photo.lens.fx, photo.lens.k1,
+                photo.lens.k2);
         break;
     }
-    printf("%zu of %zu photos placed, %zu points, %zu observations, reprojection error %.2f px, %.1f s "
-           "(features %.1f, "
-           "matches %.1f, pairs %.1f, mapping %.1f)\n",
-           info.placed, info.photos, info.points, info.observations, info.error, seconds, info.seconds[0],
-           info.seconds[1], info.seconds[2], info.seconds[3]);
+    fprintf(j->out,
+            "%zu of %zu photos placed, %zu points, %zu observations, reprojection error %.2f px, %.1f s "
+            "(features %.1f, "
+            "matches %.1f, pairs %.1f, mapping %.1f)\n",
+            info.placed, info.photos, info.points, info.observations, info.error, seconds, info.seconds[0],
+            info.seconds[1], info.seconds[2], info.seconds[3]);
 }
 
 /* Finds and writes the cameras. */
 static int find(job *j, const sf_sfm_options *options) {
-    int error = progress_start(&j->line, j->a, stdout);
+    int error = progress_start(&j->line, j->a, j->out);
     if (error) return error;
     if (sf_sfm_run(j->ctx, j->photos, options, &j->result)) error = app_fail(j->a, j->ctx);
     progress_break(&j->line);
@@ -114,11 +119,11 @@ static int read_options(const job *j, sf_sfm_options *options) {
     return error;
 }
 
-int app_find_cameras(const args *a, sf_context *ctx, const char *path, char **project) {
+int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
     int own = sf_sfm_find_photos(path) == SF_PHOTOS_IMAGES;
     size_t length = strlen(path);
     while (length > 1 && path[length - 1] == '/') length--;
-    job j = {.a = a, .ctx = ctx};
+    job j = {.a = a, .ctx = ctx, .out = out};
     char *photos = malloc(length + 16);
     *project = malloc(length + 16);
     if (!photos || !*project) {
@@ -137,14 +142,15 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, char **pr
         options.progress = tell, options.user = &j;
         error = find(&j, &options);
     }
-    printf("cameras of %s: %s%s\n", path, *project, found ? ", found before" : "");
+    if (found && !args_value(a, "quiet"))
+        fprintf(stderr, "cameras of %s, found before: %s\n", path, *project);
     sf_reconstruction_destroy(&j.result);
     free(photos);
     return error;
 }
 
 static int run(const args *a) {
-    job j = {.a = a, .photos = a->positional[0], .project = args_value(a, "output")};
+    job j = {.a = a, .photos = a->positional[0], .project = args_value(a, "output"), .out = stdout};
     sf_sfm_options options;
     if (!j.project) {
         app_say(a, "an argument is missing", "-o PROJECT");

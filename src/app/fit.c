@@ -312,7 +312,7 @@ static int load_scene(fit_run *r) {
     int64_t memory = args_value(r->a, "memory") ? r->options.memory : 0;
     const char *path = r->a->positional[0];
     char *found = NULL;
-    int error = sf_sfm_find_photos(path) ? app_find_cameras(r->a, r->ctx, path, &found) : 0;
+    int error = sf_sfm_find_photos(path) ? app_find_cameras(r->a, r->ctx, path, r->out, &found) : 0;
     if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
     free(found);
     return error;

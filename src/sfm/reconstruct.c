@@ -1,5 +1,5 @@
 /* reconstruct.c - cameras from photos: features, matches, the geometry of pairs, the map (README.md). */
-#include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <time.h>
 
@@ -179,6 +179,14 @@ static void free_run(run *work, size_t pairs) {
     sf_free(work->ctx, work->verified);
 }
 
+/* Puts the folder before what the mapper says of its pictures. */
+static void name_folder(sf_context *ctx, const char *folder) {
+    char why[512];
+    const char *said = sf_last_error(ctx), *at = strstr(said, "cameras: ");
+    snprintf(why, sizeof why, "%s", at == said ? said + strlen("cameras: ") : said);
+    if (at == said) (void)sf_fail(ctx, SF_ERR_EMPTY, "%s: %s", folder, why);
+}
+
 static sf_status run_stages(run *work, const char *folder) {
     sf_reconstruction *r = work->r;
     sf_features_options features = sf_features_options_default();
@@ -202,6 +210,7 @@ static sf_status run_stages(run *work, const char *folder) {
     end_stage(work, SF_SFM_GEOMETRY);
     if (!status && tell(work, SF_SFM_GEOMETRY, verified, pairs)) status = SF_ERR_CANCELLED;
     if (!status) status = map_photos(work);
+    if (status == SF_ERR_EMPTY && !r->map) name_folder(r->ctx, folder);
     end_stage(work, SF_SFM_MAPPING);
     free_run(work, pairs);
     return status;

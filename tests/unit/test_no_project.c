@@ -84,7 +84,7 @@ static void test_quotes_in_names(void **state) {
     mkdir(test_path("bob's"), 0777);
     make_file("bob's/a.jpg");
     assert_says(SF_ERR_IO, "bob's",
-                (const char *[]){"bob'\\''s.project'; ", "bob'\\''s')\" \"$P/images\"", NULL});
+                (const char *[]){"splatfit cameras '", "bob'\\''s' -o '", "bob'\\''s.project'", NULL});
     make_file("bob's first.walk.mp4");
     assert_says(SF_ERR_FORMAT, "bob's first.walk.mp4",
                 (const char *[]){"bob'\\''s first.walk.mp4' -f", "-o 'bob'\\''s first.walk.project'", NULL});
@@ -96,10 +96,12 @@ static void test_missing_programs(void **state) {
     char *before = strdup(getenv("PATH"));
     assert_int_equal(setenv("PATH", test_path("films"), 1), 0);
     assert_says(SF_ERR_FORMAT, "films/walk.MP4", (const char *[]){"apt install ffmpeg && ffmpeg", NULL});
-    assert_says(SF_ERR_IO, "photos", (const char *[]){"apt install colmap && mkdir", NULL});
+    mkdir(test_path("known"), 0777);
+    make_file("known/database.db");
+    assert_says(SF_ERR_IO, "known", (const char *[]){"apt install colmap && mkdir", NULL});
     make_file("films/colmap");
     chmod(test_path("films/colmap"), 0755);
-    assert_says(SF_ERR_IO, "photos", (const char *[]){"photos.project'; mkdir", NULL});
+    assert_says(SF_ERR_IO, "known", (const char *[]){"known'; mkdir", NULL});
     setenv("PATH", before, 1);
     free(before);
 }
