@@ -33,7 +33,7 @@ only() { # WHAT WORD...: nothing else either
 
 touch "$scratch/a.ply" "$scratch/b.spz" "$scratch/c.txt"
 mkdir "$scratch/project"
-check "commands" only "calibrate capture" ca
+check "commands" only "calibrate cameras capture" ca
 check "options of a command" only "--checkpoint --checkpoint-every" fit --checkp
 check "hyperparameters" has --lr-mean-final fit --lr-m
 check "values of an option" only "draft high standard" fit --preset ''
