@@ -1,4 +1,4 @@
-/* test_cameras.c - the program from outside: a folder of photos, its cameras, and a fit of it. */
+/* test_photos.c - the program from outside: a folder of photos, its cameras, and a fit of it. */
 #include "program.h"
 
 #include <stdio.h>
