@@ -159,6 +159,7 @@ sf_status sf_model_save_as(const sf_model *model, const char *path, const sf_mod
         status = copy_in_world(model, path, &copy);
     else if (sf_model_has_origin(model) && !formats[format].states_origin)
         warn_without_origin(model, path);
+    if (!status && copy) status = sf_model_check(copy, path); /* an origin beyond floats */
     if (!status) status = save(copy ? copy : model, path, format, &o);
     sf_model_destroy(&copy);
     return status;

@@ -145,6 +145,12 @@ static void test_model_files(void **state) {
         assert_means(again, in_world, zero);
         sf_model_destroy(&again);
     }
+    sf_model_file_options beyond = sf_model_file_options_default();
+    beyond.world = 1;
+    model->origin[0] = 1e300;
+    assert_status(ctx, sf_model_save_as(model, test_path("beyond.ply"), &beyond), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "Gaussian #0: x is inf");
+    model->origin[0] = utm[0];
     test_log_clear();
     assert_ok(ctx, sf_model_save(model, test_path("far.spz")));
     colmap_assert_log("cannot state the origin 500000 5000000 100");
