@@ -146,10 +146,11 @@ static sf_status verify_pairs(run *work, size_t *verified) {
     sf_verify_options options = sf_verify_options_default();
     options.error_px = work->options->error;
     for (size_t i = 0; i < work->pair_count; i++)
-        work->verified[i] = (sf_matched_pair){.first = work->pairs[i].first,
-                                              .second = work->pairs[i].second,
-                                              .matches = &work->matches[i].items->a,
-                                              .count = work->matches[i].count};
+        work->verified[i] =
+            (sf_matched_pair){.first = work->pairs[i].first,
+                              .second = work->pairs[i].second,
+                              .matches = work->matches[i].count ? &work->matches[i].items->a : NULL,
+                              .count = work->matches[i].count};
     sf_status status = sf_verify_pairs(r->ctx, &options, r->pictures, r->cameras, r->camera_count,
                                        work->verified, work->pair_count);
     *verified = 0;
