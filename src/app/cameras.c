@@ -37,7 +37,7 @@ static int tell(void *user, sf_sfm_stage stage, size_t done, size_t all) {
     char text[128];
     snprintf(text, sizeof text, "%s: %zu of %zu", names[stage], done, all);
     if (progress_due(&j->line, app_seconds(), done == all)) progress_text(&j->line, text);
-    return app_stopped_by() != 0;
+    return 0; /* a signal ends the program: nothing is written before all cameras are found */
 }
 
 static int make_folder(const job *j, const char *path) {
@@ -92,8 +92,7 @@ static void print_result(const job *j) {
     }
     fprintf(j->out,
             "%zu of %zu photos placed, %zu points, %zu observations, reprojection error %.2f px, %.1f s "
-            "(features %.1f, "
-            "matches %.1f, pairs %.1f, mapping %.1f)\n",
+            "(features %.1f, matches %.1f, pairs %.1f, mapping %.1f)\n",
             info.placed, info.photos, info.points, info.observations, info.error, seconds, info.seconds[0],
             info.seconds[1], info.seconds[2], info.seconds[3]);
 }
@@ -170,8 +169,7 @@ const command command_cameras = {
     .name = "cameras",
     .synopsis = "PHOTOS -o PROJECT [OPTIONS]",
     .summary = "Finds the cameras of photos of one place, by structure from motion, and writes them with "
-               "sparse points "
-               "as a COLMAP project, which fit reads.",
+               "sparse points as a COLMAP project, which fit reads.",
     .tables = tables,
     .least = 1,
     .most = 1,

@@ -86,10 +86,10 @@ static sf_status begin(mapper *m) {
     if (status || is_good) return status;
     if (!count)
         return sf_fail(ctx, SF_ERR_EMPTY,
-                       "cameras: no two pictures show the same place from two sides: take "
+                       "no two pictures show the same place from two sides: take "
                        "pictures that overlap, and move the camera from one to the next");
     return sf_fail(ctx, SF_ERR_EMPTY,
-                   "cameras: of %zu pairs of pictures none shows %zu points from two sides: "
+                   "of %zu pairs of pictures none shows %zu points from two sides: "
                    "take more pictures that overlap",
                    count, m->map->options.first_count);
 }
@@ -136,7 +136,7 @@ static sf_status add_picture(mapper *m, size_t picture, int *is_placed) {
     if (!status) status = sf_map_drop_bad(map, picture, map->options.error_px, &dropped);
     if (status) return status;
     if (m->progress && m->progress(m->user, map->placed_count, map->picture_count))
-        return sf_fail(map->ctx, SF_ERR_CANCELLED, "cameras: cancelled");
+        return sf_fail(map->ctx, SF_ERR_CANCELLED, "cancelled");
     if ((double)map->placed_count < GROWTH * (double)m->adjusted_at) return SF_OK;
     return adjust_all(m, 6, 2e-3);
 }

@@ -180,12 +180,12 @@ static void free_run(run *work, size_t pairs) {
     sf_free(work->ctx, work->verified);
 }
 
-/* Puts the folder before what the mapper says of its pictures. */
-static void name_folder(sf_context *ctx, const char *folder) {
+/* Puts the folder before what a stage says of its photos. */
+static sf_status named(sf_context *ctx, const char *folder, sf_status status) {
     char why[512];
-    const char *said = sf_last_error(ctx), *at = strstr(said, "cameras: ");
-    snprintf(why, sizeof why, "%s", at == said ? said + strlen("cameras: ") : said);
-    if (at == said) (void)sf_fail(ctx, SF_ERR_EMPTY, "%s: %s", folder, why);
+    if (status != SF_ERR_EMPTY) return status;
+    snprintf(why, sizeof why, "%s", sf_last_error(ctx));
+    return sf_fail(ctx, status, "%s: %s", folder, why);
 }
 
 static sf_status run_stages(run *work, const char *folder) {
@@ -200,7 +200,7 @@ static sf_status run_stages(run *work, const char *folder) {
         status = sf_photos_find_features(r->ctx, folder, work->options->side, &features, features_done, work,
                                          &r->list);
     end_stage(work, SF_SFM_FEATURES);
-    if (!status) status = group_cameras(work);
+    if (!status) status = named(r->ctx, folder, group_cameras(work));
     if (!status) status = make_pictures(r);
     if (!status) status = list_pairs(work);
     size_t pairs = work->pair_count, verified = 0;
@@ -210,8 +210,7 @@ static sf_status run_stages(run *work, const char *folder) {
     if (!status) status = verify_pairs(work, &verified);
     end_stage(work, SF_SFM_GEOMETRY);
     if (!status && tell(work, SF_SFM_GEOMETRY, verified, pairs)) status = SF_ERR_CANCELLED;
-    if (!status) status = map_photos(work);
-    if (status == SF_ERR_EMPTY && !r->map) name_folder(r->ctx, folder);
+    if (!status) status = named(r->ctx, folder, map_photos(work));
     end_stage(work, SF_SFM_MAPPING);
     free_run(work, pairs);
     return status;
