@@ -60,11 +60,11 @@ static sf_status judge(sf_fitter *f, const sf_far_view *far, size_t count) {
         status = psnr_of(f, far[i].id, &psnr);
         if (status || !(psnr < others - WORSE)) continue;
         f->misplaced.ids[f->misplaced.count++] = far[i].id;
-        sf_log(f->ctx, SF_LOG_WARNING,
-               "view %s: %.3g times as far away as is usual, and its picture does not fit (%.1f dB, others "
-               "%.1f): its "
-               "pose is taken to be wrong, and the view is trained on no more",
-               far[i].name, far[i].times, psnr, others);
+        sf_log(
+            f->ctx, SF_LOG_WARNING,
+            "view %s: its camera is %.3g times as far from the cameras' middle as they usually are, and its "
+            "picture does not fit (%.1f dB, others %.1f): the fit goes on without this view",
+            far[i].name, far[i].times, psnr, others);
     }
     return status;
 }

@@ -225,12 +225,12 @@ static void report_far(const loading *l, const char *path, sf_scene *scene) {
     size_t count = sf_scene_far_views(scene, -1, far, NAMED);
     for (size_t i = 0; i < count && i < NAMED; i++)
         sf_log(l->ctx, SF_LOG_WARNING,
-               "%s: the camera of %s is %.3g times as far away as is usual%s: it does not count for the "
-               "scene's size",
+               "%s: the camera of %s is %.3g times as far from the cameras' middle as they usually are%s: it "
+               "does not count for the scene's size",
                path, far[i].name, far[i].times,
                scene->point_count && !far[i].points ? ", and sees none of the points" : "");
     if (count > NAMED)
-        sf_log(l->ctx, SF_LOG_WARNING, "%s: so do %zu more cameras not count", path, count - NAMED);
+        sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu more cameras are as far away", path, count - NAMED);
 }
 
 static void report(const loading *l, const char *path, sf_scene *scene) {

@@ -12,9 +12,9 @@ enum { LOCAL = 8 /* cameras that tell what one among them looks at */ };
 #define BEST_ANGLE  0.16
 #define LEAST_ANGLE 0.012
 #define MOST_ANGLE  0.7
+/* Greatest tangent of the angle between an optical axis and the point that the camera is said to look at. */
+#define NEAR_AXIS 0.5
 /* The least cosine between optical axes, and the least part of the picture that the other view sees. */
-/* Tangent of the angle between an axis and what the camera is said to look at. */
-#define NEAR_AXIS     0.5
 #define LEAST_COSINE  0.5
 #define LEAST_OVERLAP 0.4
 

@@ -77,8 +77,8 @@ typedef struct sf_far_view {
     size_t points;    /* how many of the scene's points are in its picture, out of at most 1,024 */
 } sf_far_view;
 
-/* size.c: lists up to `most` views of a split (of both: -1) that are 5 times as far from the training
- * cameras' median centre as is usual or more; returns how many there are. */
+/* size.c: lists up to `most` views of a split (of both: -1) whose distance from the training cameras' median
+ * centre is at least 5 times the median distance; returns how many there are. */
 size_t sf_scene_far_views(sf_scene *scene, int split, sf_far_view *list, size_t most);
 
 /* Whether all training cameras are in one place, up to rounding. */

@@ -6,6 +6,7 @@
 
 #include "fit/fitter.h"
 #include "render/near_plane.h"
+#include "scene/scene.h"
 
 enum { WIDTH = 64, HEIGHT = 48, STEPS = 30, POINTS = 300 };
 
@@ -102,6 +103,35 @@ static void test_one_far_camera(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A far view whose picture does not fit its pose is left out of later passes; where none is far, none is. */
+static void test_misplaced_view(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    for (int is_far = 0; is_far < 2; is_far++) {
+        sf_scene *scene = scaled_scene(ctx, 0, is_far ? 4 : -1, 100);
+        uint32_t id = test_view_info(scene, 4).id;
+        sf_far_view far[2];
+        assert_int_equal(test_view_info(scene, 4).split, SF_SPLIT_TRAIN);
+        assert_int_equal(sf_scene_far_views(scene, SF_SPLIT_TRAIN, far, 2), is_far);
+        if (is_far) assert_true(far[0].id == id && far[0].times > 5 && far[0].points == 0);
+        sf_fit_options options = sf_fit_options_default();
+        options.steps = 300, options.validate = 0;
+        options.init = SF_INIT_POINTS; /* the far view sees none of them */
+        sf_fitter *f;
+        test_log_clear();
+        assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+        assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
+        assert_int_equal(f->misplaced.count, is_far);
+        assert_int_equal(strstr(test_log, "its picture does not fit") != NULL, is_far);
+        int drawn = 0;
+        for (size_t i = 0; i < f->sampler.count; i++) drawn |= f->sampler.ids[i] == id;
+        assert_int_equal(drawn, !is_far);
+        sf_fitter_destroy(&f);
+        sf_scene_destroy(&scene);
+    }
+    sf_context_destroy(&ctx);
+}
+
 /* The near plane is a part of the depths in the picture, whatever the unit; what lies outside the picture or
  * behind the camera does not count. */
 static void test_near_plane(void **state) {
@@ -150,9 +180,8 @@ static void test_origin(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_any_unit),
-        cmocka_unit_test(test_one_far_camera),
-        cmocka_unit_test(test_near_plane),
+        cmocka_unit_test(test_any_unit),       cmocka_unit_test(test_one_far_camera),
+        cmocka_unit_test(test_misplaced_view), cmocka_unit_test(test_near_plane),
         cmocka_unit_test(test_origin),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
