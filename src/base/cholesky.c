@@ -3,7 +3,7 @@
  * 4.2.7). A task is a row of tiles. */
 #include "cholesky.h"
 
-#include <math.h>
+#include "linear.h"
 
 enum { TILE = SF_CHOLESKY_TILE };
 
@@ -12,23 +12,6 @@ typedef struct work {
     double *A;
     double *panel; /* [TILE][n]: the tiles below the diagonal of the column, transposed */
 } work;
-
-/* The tile on the diagonal; rows are n apart. */
-static int factor_tile(double *A, size_t n) {
-    for (size_t j = 0; j < TILE; j++) {
-        double d = A[j * n + j];
-        for (size_t k = 0; k < j; k++) d -= A[j * n + k] * A[j * n + k];
-        if (!(d > 0) || isinf(d)) return 0;
-        double root = sqrt(d);
-        A[j * n + j] = root;
-        for (size_t i = j + 1; i < TILE; i++) {
-            double s = A[i * n + j];
-            for (size_t k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
-            A[i * n + j] = s / root;
-        }
-    }
-    return 1;
-}
 
 /* X L^T = A of a tile below the diagonal, for all its rows at once: row k of its transpose is done when those
  * above it are. */
@@ -76,7 +59,7 @@ int sf_cholesky_tiled(struct sf_pool *pool, size_t n, double *A, double *panel) 
     work w = {n, 0, A, panel};
     for (; w.column < n / TILE; w.column++) {
         size_t below = n / TILE - 1 - w.column;
-        if (!factor_tile(A + w.column * TILE * (n + 1), n)) return 0;
+        if (!sf_cholesky_within(TILE, n, A + w.column * TILE * (n + 1))) return 0;
         if (!below) continue;
         sf_pool_run(pool, below, divide_task, &w);
         sf_pool_run(pool, below, subtract_task, &w);

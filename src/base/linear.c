@@ -3,21 +3,23 @@
 
 #include <math.h>
 
-int sf_cholesky(int n, double *A) {
-    for (int j = 0; j < n; j++) {
-        double d = A[j * n + j];
-        for (int k = 0; k < j; k++) d -= A[j * n + k] * A[j * n + k];
+int sf_cholesky_within(size_t n, size_t stride, double *A) {
+    for (size_t j = 0; j < n; j++) {
+        double d = A[j * stride + j];
+        for (size_t k = 0; k < j; k++) d -= A[j * stride + k] * A[j * stride + k];
         if (!(d > 0) || isinf(d)) return 0;
         double root = sqrt(d);
-        A[j * n + j] = root;
-        for (int i = j + 1; i < n; i++) {
-            double s = A[i * n + j];
-            for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
-            A[i * n + j] = s / root;
+        A[j * stride + j] = root;
+        for (size_t i = j + 1; i < n; i++) {
+            double s = A[i * stride + j];
+            for (size_t k = 0; k < j; k++) s -= A[i * stride + k] * A[j * stride + k];
+            A[i * stride + j] = s / root;
         }
     }
     return 1;
 }
+
+int sf_cholesky(int n, double *A) { return sf_cholesky_within((size_t)n, (size_t)n, A); }
 
 void sf_cholesky_solve(int n, const double *L, double *x) {
     for (int i = 0; i < n; i++) {

@@ -4,11 +4,15 @@
 
 /* Matrices are row-major. */
 
+#include <stddef.h>
+
 enum { SF_EIGEN_MOST = 9 };
 
 /* A = L L^T in place: the lower triangle of A (n x n, symmetric) becomes L. 0 if A is not positive definite.
  */
 int sf_cholesky(int n, double *A);
+/* The same of a block of a larger matrix, whose rows are `stride` doubles apart. */
+int sf_cholesky_within(size_t n, size_t stride, double *A);
 /* x = A^-1 x, with L from above. */
 void sf_cholesky_solve(int n, const double *L, double *x);
 /* inverse = A^-1 (n x n, whole), with L from above. */

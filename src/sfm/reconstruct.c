@@ -1,8 +1,8 @@
 /* reconstruct.c - cameras from photos: features, matches, the geometry of pairs, the map (README.md). */
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
+#include "../base/clock.h"
 #include "mapper.h"
 #include "match.h"
 #include "reconstruction.h"
@@ -24,7 +24,7 @@ typedef struct run {
     sf_matches *matches;       /* [pair_count], of features */
     sf_matched_pair *verified; /* [pair_count]; without matches where there is no geometry */
     size_t pair_count;
-    double began;
+    int64_t began; /* sf_clock_ns of the stage */
 } run;
 
 static sf_status check_options(sf_context *ctx, const sf_sfm_options *o) {
@@ -43,15 +43,9 @@ static int tell(const run *work, sf_sfm_stage stage, size_t done, size_t all) {
     return work->options->progress && work->options->progress(work->options->user, stage, done, all);
 }
 
-static double seconds(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 static void end_stage(run *work, sf_sfm_stage stage) {
-    double now = seconds();
-    work->r->seconds[stage] = now - work->began;
+    int64_t now = sf_clock_ns();
+    work->r->seconds[stage] = 1e-9 * (double)(now - work->began);
     work->began = now;
 }
 
@@ -225,7 +219,7 @@ sf_status sf_sfm_run(sf_context *ctx, const char *folder, const sf_sfm_options *
     sf_reconstruction *r = sf_calloc(ctx, 1, sizeof *r);
     if (!r) return SF_ERR_MEMORY;
     r->ctx = ctx;
-    run work = {.ctx = ctx, .options = &o, .r = r, .began = seconds()};
+    run work = {.ctx = ctx, .options = &o, .r = r, .began = sf_clock_ns()};
     status = run_stages(&work, folder);
     if (status)
         sf_reconstruction_destroy(&r);
