@@ -45,6 +45,12 @@ int app_cores(const args *a);
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene);
 int app_load_within(const args *a, sf_context *ctx, const char *path, int64_t memory, sf_scene **scene);
 
+/* Fails if one of the load options is given, since `what` is no project. 0 or an exit code. */
+int app_refuse_load_options(const args *a, const char *what);
+
+/* project_model.c: a scene's points and cameras as Gaussians, to be looked at. 0 or an exit code. */
+int app_project_model(const args *a, sf_context *ctx, sf_scene *scene, sf_model **model);
+
 /* signals.c: sf_scene_load. SIGINT, SIGTERM or SIGHUP meanwhile cancels the load, which leaves no unpacked
  * archive, and then ends the program. 0 or an exit code. */
 int app_load_caught(const args *a, sf_context *ctx, const char *path, const sf_load_options *options,

@@ -110,11 +110,8 @@ static const arg_option own_options[] = {
 
 /* What says how a project is read, or what is written of it, and would do nothing here. */
 static int refuse_project_options(const args *a, const char *what) {
-    const char *wrong = args_value(a, "json") ? "json" : NULL;
-    for (const arg_option *o = load_options; o->name && !wrong; o++)
-        if (args_value(a, o->name)) wrong = o->name;
-    if (!wrong) return 0;
-    args_error(a->command, "--%s: goes with a project, not with %s", wrong, what);
+    if (!args_value(a, "json")) return app_refuse_load_options(a, what);
+    args_error(a->command, "--json: goes with a project, not with %s", what);
     return EXIT_USAGE;
 }
 

@@ -170,6 +170,15 @@ static const char *split_or(const args *a, const char *otherwise) {
     return split ? split : otherwise;
 }
 
+int app_refuse_load_options(const args *a, const char *what) {
+    for (const arg_option *o = load_options; o->name; o++) {
+        if (!args_value(a, o->name)) continue;
+        args_error(a->command, "--%s: goes with a project, not with %s", o->name, what);
+        return EXIT_USAGE;
+    }
+    return 0;
+}
+
 int app_split_check(const args *a) {
     const char *split = split_or(a, "all");
     if (!strcmp(split, "test") || !strcmp(split, "train") || !strcmp(split, "all")) return 0;

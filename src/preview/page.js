@@ -125,7 +125,8 @@ async function fetchModel(m) {
 function showModel(bytes, m, sh, degree = 0) {
   view.set(bytes, m.antialiased, sh, degree);
   note(bytes.length ? '' : 'the model is empty');
-  $('model-facts').textContent = `${(bytes.length / SPLAT_BYTES).toLocaleString('en')} Gaussians${degree ? `, SH of degree ${degree}` : ''}`;
+  // Where the status says what the Gaussians stand for, that is said in place of how many they are.
+  $('model-facts').textContent = status.contents || `${(bytes.length / SPLAT_BYTES).toLocaleString('en')} Gaussians${degree ? `, SH of degree ${degree}` : ''}`;
   if (view.count) orbit.frame(view.means);
   if (view.count && !placed) placed = firstView();
   $('to-model').disabled = !view.count;

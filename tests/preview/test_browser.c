@@ -277,6 +277,11 @@ static void test_finished_model(void **state) {
     assert_false(is_shown("#camera") || is_shown("#quality") || is_shown("#numbers") ||
                  is_shown("#to-pose") || is_shown("#follow") || is_shown("#buttons"));
     assert_int_equal(browser_number(&shared, "document.querySelector('#views').options.length"), 2);
+    browser_resize(&shared, 1280, 800, 1, 0); /* nothing covers the tools there */
+    assert_true(browser_number(&shared,
+                               "(r => document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2)"
+                               " === $('to-model'))($('to-model').getBoundingClientRect())") == 1);
+    browser_resize(&shared, WIDTH, HEIGHT, 1, 0);
     snprintf(before, sizeof before, "%s", browser_text(&shared, "orbit.toText()"));
     browser_number(&shared, "$('views').value = 1, $('views').onchange(), 1");
     assert_string_not_equal(browser_text(&shared, "orbit.toText()"), before);
