@@ -34,6 +34,8 @@ enum {
 #define BOARD_RMS 1.5 /* px */
 /* A pose from outside that is known so well (rad) is held. */
 #define FIXED 0.004
+/* Standard deviation of the frames' own poses: rad, parts of the distance. */
+#define OWN 1e-4
 /* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet, nor of what is
  * wrong of many pictures alike: a recording's poses were off by a degree for a second. */
 #define BOARD_DOUBT 16.0
@@ -93,10 +95,11 @@ static sf_status fix_by_board(sf_live *live, sf_fix *fix) {
 
 static void fix_by_frame(const sf_live *live, sf_fix *fix) {
     const sf_picture *p = live->input.picture;
+    double far = live->localizer.distance > 0 ? live->localizer.distance : 1;
     if (!live->options.own_poses || !p->has_truth) return;
     memcpy(fix->prior.pose.R, p->truth.R_cw, sizeof p->truth.R_cw);
     memcpy(fix->prior.pose.t, p->truth.t_cw, sizeof p->truth.t_cw);
-    for (int k = 0; k < 6; k++) fix->prior.information[7 * k] = 1e8;
+    for (int k = 0; k < 6; k++) fix->prior.information[7 * k] = pow(OWN * (k < 3 ? far : 1), -2);
     fix->from = SF_POSE_OUTSIDE;
 }
 
