@@ -50,7 +50,9 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
             json_pack("{s:b, s:s, s:I, s:o, s:o, s:o}", "still", 1, "state", "finished", "gaussians",
                       (json_int_t)sf_model_count(model), "background", app_json_numbers(background, 3),
                       "pose", app_json_pose(count ? &known[0] : &first), "views", views);
-        app_json_origin(status, model);
+        double origin[3];
+        sf_model_get_origin(model, origin);
+        app_json_origin(status, origin);
         char *text = status ? json_dumps(status, JSON_COMPACT | JSON_REAL_PRECISION(8)) : NULL;
         json_decref(status);
         if (!text)

@@ -8,7 +8,8 @@
 #include "../base/select.h"
 #include "../fit/online.h"
 
-/* A correction as lanes read it, in the model's unit: the camera sees x at R x + t, and x moves by A x + b. */
+/* A correction as lanes read it, in the model's unit: the camera sees x at R x + t, and x moves by A x + b.
+ */
 typedef struct motion {
     float R[9], t[3], A[9], b[3];
     float fx, fy, cx, cy, width, height;

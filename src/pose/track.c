@@ -177,7 +177,8 @@ static void points_task(void *tracker, size_t y, int thread) {
     if (y == 0 || y + 1 == (size_t)c->height) return;
     for (size_t x = 1; x + 1 < width; x++) {
         float z = depth_of(&t->ws, y * t->ws.stride + x);
-        if (is_surface(&t->ws, y * t->ws.stride + x, z)) to[t->found[y]++] = point_at(&t->ws, c, x, y, unit * z);
+        if (is_surface(&t->ws, y * t->ws.stride + x, z))
+            to[t->found[y]++] = point_at(&t->ws, c, x, y, unit * z);
     }
 }
 

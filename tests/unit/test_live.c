@@ -11,7 +11,6 @@
 #include <splatfit/source.h>
 
 #include "live/live.h"
-#include "scene/gaussians.h"
 
 #define SOURCE "sim:studio?width=64&height=48&fps=0&frames="
 
@@ -388,103 +387,10 @@ static void new_gaussians_are_not_large_in_keyframes(void **state) {
                           cases[i].limited) < 1e-6f);
 }
 
-/* The frame's own camera in a world whose lengths are times 2^power. */
-typedef struct scaled_world {
-    sf_live *live;
-    int power;
-} scaled_world;
-
-static sf_status scaled_pose(void *world, int64_t time_ns, double R_cw[9], double t_cw[3],
-                             double information[36]) {
-    (void)time_ns;
-    const scaled_world *w = world;
-    const sf_camera *truth = &w->live->input.picture->truth;
-    memcpy(R_cw, truth->R_cw, sizeof truth->R_cw);
-    for (int k = 0; k < 3; k++) t_cw[k] = ldexp(truth->t_cw[k], w->power);
-    for (int k = 0; k < 36; k++) information[k] = k % 7 ? 0 : k < 18 ? ldexp(1e6, -2 * w->power) : 1e6;
-    return SF_OK;
-}
-
-/* A run in a world of other lengths, by poses from outside or by a board of another size. */
-typedef struct world_run {
-    run r;
-    scaled_world world;
-    sf_context *board_ctx;
-    sf_board *board;
-    sf_model *model;
-} world_run;
-
-static void run_in_a_world(int power, int by_board, world_run *w) {
-    sf_live_options options = options_for(1);
-    sf_live_progress p;
-    *w = (world_run){.world = {.power = power}, .board_ctx = test_context_threads(1)};
-    options.own_poses = 0;
-    if (by_board) {
-        assert_ok(w->board_ctx, sf_board_open(w->board_ctx, "a3-36h11", ldexp(0.08, power), &w->board));
-        options.board = w->board;
-    } else {
-        options.pose = scaled_pose, options.pose_user = &w->world;
-    }
-    w->r = open_source(by_board ? "sim:studio-board?width=160&height=120&fps=0&frames=150"
-                                : "sim:studio?width=64&height=48&fps=0&frames=40",
-                       1, &options);
-    w->world.live = w->r.live;
-    do {
-        assert_ok(w->r.ctx, sf_live_step(w->r.live));
-        sf_live_get_progress(w->r.live, &p);
-    } while (p.looked_at < LOOKS);
-    print_message("times 2^%d: %zu keyframes, %lld steps, held out %.2f dB\n", power, p.keyframes,
-                  (long long)p.fit.step, p.held_out_psnr_corrected);
-    assert_true(p.fit.step > 5 && p.lost == 0);
-    assert_ok(w->r.ctx, sf_live_snapshot(w->r.live, &w->model));
-}
-
-static void close_world(world_run *w) {
-    sf_model_destroy(&w->model);
-    close_run(&w->r);
-    sf_board_close(&w->board);
-    sf_context_destroy(&w->board_ctx);
-}
-
-/* All fields of two models, but for the world's unit: the logarithms of scales are rounded. */
-static void assert_same_but_scaled(const sf_model *model, const sf_model *scaled, int power) {
-    assert_int_equal(scaled->count, model->count);
-    for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, model->sh_degree); field++)
-        for (size_t i = 0; i < model->banded[sf_field_band(field)]; i++)
-            for (int c = 0; c < sf_field_components(field); c++) {
-                float one = *sf_value(&model->params, field, i, c);
-                float other = *sf_value(&scaled->params, field, i, c);
-                if (field == SF_FIELD_mean)
-                    assert_true(ldexpf(one, power) == other);
-                else if (field == SF_FIELD_log_scale)
-                    assert_true(fabs((double)one + power * log(2) - (double)other) < 4e-6);
-                else
-                    assert_true(one == other);
-            }
-}
-
-/* A board of 1 mm or of 10 m, and poses in any unit, give the same model but for its unit. */
-static void any_unit_gives_the_same_model(void **state) {
-    (void)state;
-    test_skip_emulated();
-    static const int powers[2][2] = {{-20, 20}, {-6, 6}}; /* of boards: tags of 1.25 mm to 5 m */
-    world_run plain, scaled;
-    for (int by_board = 0; by_board < 2; by_board++) {
-        run_in_a_world(0, by_board, &plain);
-        for (int i = 0; i < 2; i++) {
-            run_in_a_world(powers[by_board][i], by_board, &scaled);
-            assert_same_but_scaled(plain.model, scaled.model, powers[by_board][i]);
-            close_world(&scaled);
-        }
-        close_world(&plain);
-    }
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(fits_what_passes_by),
         cmocka_unit_test(runs_can_be_repeated),
-        cmocka_unit_test(any_unit_gives_the_same_model),
         cmocka_unit_test(is_paused_and_reset),
         cmocka_unit_test(keeps_no_more_keyframes_than_allowed),
         cmocka_unit_test(is_cancelled),
