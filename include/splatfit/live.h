@@ -28,8 +28,10 @@ typedef enum sf_pose_from {
 } sf_pose_from;
 
 /* The camera's pose at a time (ns, as sf_frame.time_ns), from outside: R_cw (row-major) and t_cw as in
- * camera.h. information (row-major 6 x 6): inverse covariance of its left twist, world units and radians.
- * Returns SF_OK, or SF_ERR_EMPTY where it is not known. Called from sf_live_step. */
+ * camera.h. information (row-major 6 x 6): inverse covariance of its left twist, world units and radians; all
+ * 0: not known, standard deviations of 0.01 of the distance to the scene and 0.01 rad are assumed.
+ * Coordinates may be far from 0 (UTM, ECEF): the scene gets an origin near the first poses. Returns SF_OK, or
+ * SF_ERR_EMPTY where it is not known. Called from sf_live_step. */
 typedef sf_status (*sf_pose_fn)(void *user, int64_t time_ns, double R_cw[9], double t_cw[3],
                                 double information[36]);
 
@@ -141,7 +143,8 @@ SF_API void sf_live_get_progress(const sf_live *live, sf_live_progress *progress
 typedef struct sf_live_frame {
     uint64_t number;     /* counted over the tracked frames, from 1; 0: no frame yet */
     int64_t time_ns;     /* as in sf_frame */
-    sf_camera camera;    /* of the undistorted picture; its pose is valid unless `from` is SF_POSE_NONE */
+    sf_camera camera;    /* of the undistorted picture; its pose, relative to the scene's origin, is valid
+                            unless `from` is SF_POSE_NONE */
     sf_pose_from from;   /* where the pose comes from */
     double agreement;    /* correlation of picture and model, -1..1 */
     int has_truth;       /* the frame came with its own camera, which was not used for tracking */
@@ -161,10 +164,13 @@ SF_API sf_status sf_live_snapshot(const sf_live *live, sf_model **model);
 /* Renders that model; as sf_render. SF_ERR_EMPTY: there is no model yet. */
 SF_API sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_out *out);
 
-/* The current keyframes as a scene: pictures and tracked poses. The scene belongs to the object. */
+/* The current keyframes as a scene: pictures and tracked poses. The scene belongs to the object.
+ * sf_scene_get_origin: where its coordinates, those of frames and the model's lie in the world; 0 unless
+ * poses from outside are far from 0. */
 SF_API sf_scene *sf_live_scene(sf_live *live);
-/* Writes the keyframes' cameras, as refined by the fit, as INRIA's cameras.json, atomically. */
-SF_API sf_status sf_live_save_cameras(sf_live *live, const char *path);
+/* Writes the keyframes' cameras, as refined by the fit, as INRIA's cameras.json, atomically; world as in
+ * sf_scene_save_cameras. */
+SF_API sf_status sf_live_save_cameras(sf_live *live, const char *path, int world);
 
 #ifdef __cplusplus
 }

@@ -132,6 +132,10 @@ SF_API void sf_scene_get_info(sf_scene *scene, sf_scene_info *info);
  * from 0, a place among them. It is subtracted when a project is loaded, and must be added to get the
  * project's coordinates. */
 SF_API void sf_scene_get_origin(const sf_scene *scene, double origin[3]);
+/* States that origin; nothing moves. For a caller that adds views and points in coordinates far from 0: it
+ * subtracts an origin among them before, since points and Gaussians are floats. Models that are fitted later
+ * state it, too. SF_ERR_ARGUMENT: not finite. */
+SF_API sf_status sf_scene_set_origin(sf_scene *scene, const double origin[3]);
 
 /* Gives a model the scene's origin (sf_model_set_origin). A model that states none has the scene's
  * coordinates already, or the world's: those in which it lies nearer to 0, by the medians of its means. */

@@ -164,8 +164,8 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
  * sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be NULL)
  * is a regular one. */
 void app_log_model(json_t *result, const sf_model *model, const char *path);
-/* Adds "origin" to an object where the model's coordinates are relative to one. */
-void app_json_origin(json_t *to, const sf_model *model);
+/* Adds "origin" to an object where coordinates are relative to one, not to 0. */
+void app_json_origin(json_t *to, const double origin[3]);
 
 /* progress.c: one line a moment about what goes on. */
 typedef struct progress_line {

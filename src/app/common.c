@@ -65,8 +65,8 @@ size_t app_pose_header(char line[APP_POSE_LINE]) {
 }
 
 size_t app_pose_line(char line[APP_POSE_LINE], double time, const double c[3], const double q[4]) {
-    int n = snprintf(line, APP_POSE_LINE, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time, c[0], c[1], c[2],
-                     q[1], q[2], q[3], q[0]);
+    int n = snprintf(line, APP_POSE_LINE, "%.6f %.13g %.13g %.13g %.7f %.7f %.7f %.7f\n", time, c[0], c[1],
+                     c[2], q[1], q[2], q[3], q[0]);
     return n < APP_POSE_LINE ? (size_t)n : 0; /* of values beyond all sense */
 }
 

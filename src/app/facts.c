@@ -3,9 +3,7 @@
 
 #include "app.h"
 
-void app_json_origin(json_t *to, const sf_model *model) {
-    double origin[3];
-    sf_model_get_origin(model, origin);
+void app_json_origin(json_t *to, const double origin[3]) {
     if (origin[0] != 0 || origin[1] != 0 || origin[2] != 0)
         json_object_set_new(to, "origin", app_json_numbers(origin, 3));
 }
@@ -20,7 +18,9 @@ void app_log_model(json_t *result, const sf_model *model, const char *path) {
     json_object_set_new(result, "gaussians", json_integer((json_int_t)sf_model_count(model)));
     json_object_set_new(result, "parameters", json_integer((json_int_t)sf_model_floats(model)));
     json_object_set_new(result, "sh_degrees", degrees);
-    app_json_origin(result, model);
+    double origin[3];
+    sf_model_get_origin(model, origin);
+    app_json_origin(result, origin);
     if (path && !stat(path, &st) && S_ISREG(st.st_mode))
         json_object_set_new(result, "bytes", json_integer((json_int_t)st.st_size));
 }

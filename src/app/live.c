@@ -20,7 +20,9 @@ static const arg_option own_options[] = {
      "where poses come from: board (see --board); frames (the frames' own, as simulated cameras have); "
      "file:PATH, unix:PATH or udp:ADDRESS:PORT with lines of time x y z qx qy qz qw, camera to world "
      "(board)"},
-    {"pose-sigma", 0, "DEG,M", "standard deviations of poses from outside: degrees, world units (0.5,0.01)"},
+    {"pose-sigma", 0, "DEG,UNITS",
+     "standard deviations of poses from outside: degrees, world units; default: 0.57 degrees and 0.01 of the "
+     "distance to the scene"},
     {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
     {"track-rate", 0, "HZ", "most frames to track in a second (12)"},
@@ -71,7 +73,7 @@ typedef struct live_run {
     sf_source *source;
     sf_board *board;
     sf_path *path;
-    double sigma_degrees, sigma_units; /* of its poses */
+    double sigma_degrees, sigma_units; /* of its poses; 0: not told */
     sf_live_options options;
     sf_live *live;
     progress_line line;
@@ -133,14 +135,14 @@ static sf_status pose_at(void *user, int64_t time_ns, double R_cw[9], double t_c
     const live_run *r = user;
     double turn = r->sigma_degrees / 57.29577951308232;
     for (int i = 0; i < 36; i++) information[i] = 0;
-    for (int i = 0; i < 6; i++) information[7 * i] = i < 3 ? pow(r->sigma_units, -2) : pow(turn, -2);
+    for (int i = 0; i < 6 && turn > 0; i++)
+        information[7 * i] = i < 3 ? pow(r->sigma_units, -2) : pow(turn, -2);
     return sf_path_at(r->path, time_ns, R_cw, t_cw);
 }
 
 static int open_path(live_run *r, const char *name) {
     const char *sigma = args_value(r->a, "pose-sigma");
     char rest;
-    r->sigma_degrees = 0.5, r->sigma_units = 0.01;
     if (sigma &&
         (sscanf(sigma, "%lf,%lf%c", &r->sigma_degrees, &r->sigma_units, &rest) != 2 ||
          !(r->sigma_degrees > 0 && r->sigma_units > 0 && isfinite(r->sigma_degrees + r->sigma_units))))
@@ -292,6 +294,9 @@ static int note_frame(live_run *r) {
     sf_camera_center(&f.camera, s->center);
     sf_rotation_to_quat(R_wc, s->quat);
     compare(&f, s);
+    double origin[3]; /* the path is the world's */
+    sf_scene_get_origin(sf_live_scene(r->live), origin);
+    for (int k = 0; k < 3; k++) s->center[k] += origin[k];
     return 0;
 }
 
@@ -300,7 +305,7 @@ static int note_frame(live_run *r) {
 static int save_model(live_run *r) {
     sf_model *model = NULL;
     sf_status status = sf_live_snapshot(r->live, &model);
-    if (!status) status = sf_model_save(model, r->output);
+    if (!status) status = app_save_model(r->a, model, r->output);
     sf_model_destroy(&model);
     if (!status) return 0;
     progress_break(&r->line);
@@ -375,7 +380,7 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
         printf("held out, at the poses as tracked: PSNR %.2f dB (with exposure corrected: %.2f dB)\n",
                p->held_out_psnr, p->held_out_psnr_corrected);
     if (medians(r, SF_POSE_NONE, &degrees, &distance))
-        printf("poses against the frames' own, medians: %.3f degrees, %.4f off\n", degrees, distance);
+        printf("poses against the frames' own, medians: %.3f degrees, %.4g off\n", degrees, distance);
 }
 
 /* The model first, whatever comes after. */
@@ -397,7 +402,8 @@ static int finish(live_run *r) {
     if (!error) print_result(r, &p);
     int written = write_trajectory(r);
     if (!error) error = written;
-    if (!error && cameras && sf_live_save_cameras(r->live, cameras)) error = app_fail(r->a, r->ctx);
+    if (!error && cameras && sf_live_save_cameras(r->live, cameras, args_value(r->a, "world") != NULL))
+        error = app_fail(r->a, r->ctx);
     if (log) {
         written = app_write_json(r->a, r->ctx, log, log_json(r, &p));
         if (!error) error = written;
@@ -476,7 +482,7 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options, world_options, common_options, NULL};
 
 const command command_live = {
     .name = "live",

@@ -76,12 +76,15 @@ static void add_frame(json_t *figures, const sf_live_frame *f) {
 static void show_figures(page *p, sf_live *live, json_t *figures, const sf_live_frame *f) {
     sf_live_progress progress;
     sf_live_get_progress(live, &progress);
+    double origin[3];
+    sf_scene_get_origin(sf_live_scene(live), origin);
+    app_json_origin(figures, origin);
     if (f->number) add_frame(figures, f);
     json_object_set_new(figures, "buttons", json_true());
     if (progress.exposure_locked >= 0)
         json_object_set_new(figures, "exposure_locked", json_boolean(progress.exposure_locked));
     json_object_set_new(figures, "memory_mb", json_real(app_peak_memory()));
-    char *text = json_dumps(figures, JSON_COMPACT | JSON_REAL_PRECISION(7));
+    char *text = json_dumps(figures, JSON_COMPACT | JSON_REAL_PRECISION(10));
     if (text) (void)sf_preview_set_status(p->preview, text);
     free(text);
 }

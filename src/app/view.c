@@ -73,7 +73,9 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
                       (json_int_t)sf_model_count(s->model), "background", app_json_numbers(background, 3),
                       "pose", app_json_pose(count && !s->scene ? &known[0] : &first), "views", views);
         if (s->scene) describe(s->scene, status);
-        app_json_origin(status, s->model);
+        double origin[3];
+        sf_model_get_origin(s->model, origin);
+        app_json_origin(status, origin);
         char *text = status ? json_dumps(status, JSON_COMPACT | JSON_REAL_PRECISION(8)) : NULL;
         json_decref(status);
         if (!text)

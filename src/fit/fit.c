@@ -32,10 +32,10 @@ enum {
 };
 
 /* The unit of the model that is trained: about the size of the scene, so that a fit does not depend on the
- * world's unit. A given extent leaves the world's. */
+ * world's unit. */
 static int unit_of(const sf_fitter *f) {
     int unit = 0;
-    if (!(f->options.extent > 0)) (void)frexp(f->extent, &unit);
+    (void)frexp(f->extent, &unit);
     return unit;
 }
 

@@ -20,10 +20,13 @@ static size_t without_validation(const sf_fitter *f, uint32_t *ids, size_t count
     return kept;
 }
 
-/* When views are added or removed, earlier losses are no longer comparable. */
+/* When views are added or removed, earlier losses are no longer comparable, nor are the pictures of new views
+ * with others'. */
 static void note_view_count(sf_fitter *f, size_t count) {
-    if (f->sampler.views_before && count != f->sampler.views_before)
+    if (f->sampler.views_before && count != f->sampler.views_before) {
         sf_recovery_forget(&f->recovery, f->step);
+        f->misplaced.judged = 1;
+    }
     f->sampler.views_before = count;
 }
 

@@ -5,10 +5,7 @@
 
 #include "../base/linear.h"
 #include "../base/statistics.h"
-
-/* Coordinates are moved where they are more than FAR_AWAY times as large as the scene. A float keeps 2^-24 of
- * a coordinate: 2^-16 of the scene's size is left, a tenth of a pixel in a picture of 6,000. */
-#define FAR_AWAY 256.0
+#include "../scene/scene.h"
 
 /* Points that medians are taken of, evenly chosen. */
 enum { POINTS = 4096 };
@@ -69,16 +66,12 @@ static void subtract(sf_project *p) {
 }
 
 sf_status sf_project_move_origin(sf_project *p) {
-    double median[3], size = 0, away = 0;
+    double median[3], size = 0;
     double *values = sf_alloc(p->ctx, p->count > POINTS ? p->count : POINTS, sizeof *values);
     if (!values) return SF_ERR_MEMORY;
     int known = measure(p, values, median, &size);
     sf_free(p->ctx, values);
-    for (int k = 0; known && k < 3; k++) away = fmax(away, fabs(median[k]));
-    /* cameras in one place differ by rounding, and do not tell the size without points */
-    if (!known || !isfinite(away) || !(size > 1e-12 * away) || !(away > FAR_AWAY * size)) return SF_OK;
-    double unit = exp2(ceil(log2(size))); /* a round origin: short, and exactly subtracted */
-    for (int k = 0; k < 3; k++) p->origin[k] = unit * round(median[k] / unit);
+    if (!known || !sf_choose_origin(median, size, p->origin)) return SF_OK;
     subtract(p);
     sf_log(p->ctx, SF_LOG_INFO,
            "%s: coordinates are far from 0: they are taken relative to the origin %.17g %.17g %.17g", p->path,

@@ -1,12 +1,15 @@
 /* deformation.c - map deformation: Gaussians follow the corrected poses of keyframes. */
 #include "deformation.h"
 
+#include <math.h>
+
 #include "../base/linear.h"
 #include "../base/pool.h"
 #include "../base/select.h"
 #include "../fit/online.h"
 
-/* A correction as lanes read it: the camera sees x at R x + t, and x moves by A x + b. */
+/* A correction as lanes read it, in the model's unit: the camera sees x at R x + t, and x moves by A x + b.
+ */
 typedef struct motion {
     float R[9], t[3], A[9], b[3];
     float fx, fy, cx, cy, width, height;
@@ -15,13 +18,14 @@ typedef struct motion {
 typedef struct job {
     sf_context *ctx;
     sf_model *model;
+    const sf_correction *corrections;
     motion *cameras;
     size_t count;
 } job;
 
 enum { BLOCKS = 64 }; /* blocks a task */
 
-static motion camera_motion(const sf_correction *c) {
+static motion camera_motion(const sf_correction *c, int unit) {
     const sf_camera *from = &c->camera;
     motion s = {.fx = (float)from->fx, .fy = (float)from->fy, .cx = (float)from->cx, .cy = (float)from->cy};
     s.width = (float)from->width, s.height = (float)from->height;
@@ -34,8 +38,8 @@ static motion camera_motion(const sf_correction *c) {
             s.R[3 * i + k] = (float)from->R_cw[3 * i + k];
             s.A[3 * i + k] = (float)(sf_dot3(column, of_from) - (i == k));
         }
-        s.t[i] = (float)from->t_cw[i];
-        s.b[i] = (float)sf_dot3(column, off);
+        s.t[i] = (float)ldexp(from->t_cw[i], -unit);
+        s.b[i] = (float)ldexp(sf_dot3(column, off), -unit);
     }
     return s;
 }
@@ -75,15 +79,17 @@ static void deform_task(void *pointer, size_t task, int thread) {
 }
 
 static sf_status prepare(sf_context *ctx, job *j, const sf_correction *corrections, size_t count) {
-    *j = (job){.ctx = ctx, .count = count, .cameras = sf_alloc(ctx, count, sizeof *j->cameras)};
-    if (count && !j->cameras) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < count; i++) j->cameras[i] = camera_motion(&corrections[i]);
-    return SF_OK;
+    *j = (job){.ctx = ctx,
+               .corrections = corrections,
+               .count = count,
+               .cameras = sf_alloc(ctx, count, sizeof *j->cameras)};
+    return count && !j->cameras ? SF_ERR_MEMORY : SF_OK;
 }
 
 static void deform(sf_model *model, void *pointer) {
     job *j = pointer;
     j->model = model;
+    for (size_t i = 0; i < j->count; i++) j->cameras[i] = camera_motion(&j->corrections[i], model->unit);
     sf_pool_run(j->ctx->pool, (sf_blocks(model->count) + BLOCKS - 1) / BLOCKS, deform_task, j);
     sf_model_note_change(model);
 }

@@ -323,7 +323,7 @@ sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_
 
 sf_scene *sf_live_scene(sf_live *live) { return live->scene; }
 
-sf_status sf_live_save_cameras(sf_live *live, const char *path) {
-    return live->fitter ? sf_fitter_save_cameras(live->fitter, path, 0)
-                        : sf_scene_save_cameras(live->scene, path, 0);
+sf_status sf_live_save_cameras(sf_live *live, const char *path, int world) {
+    return live->fitter ? sf_fitter_save_cameras(live->fitter, path, world)
+                        : sf_scene_save_cameras(live->scene, path, world);
 }

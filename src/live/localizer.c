@@ -34,6 +34,10 @@ enum {
 #define BOARD_RMS 1.5 /* px */
 /* A pose from outside that is known so well (rad) is held. */
 #define FIXED 0.004
+/* Standard deviation of the frames' own poses: rad, parts of the distance. */
+#define OWN 1e-4
+/* The same of poses from a caller who does not tell it. */
+#define OUTSIDE 0.01
 /* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet, nor of what is
  * wrong of many pictures alike: a recording's poses were off by a degree for a second. */
 #define BOARD_DOUBT 16.0
@@ -91,29 +95,53 @@ static sf_status fix_by_board(sf_live *live, sf_fix *fix) {
     return SF_OK;
 }
 
+/* Of a pose with a standard deviation in rad and parts of the distance. While the distance is not known,
+ * nothing is there that the position could be weighed against. */
+static void tell_accuracy(sf_fix *fix, double distance) {
+    double far = distance > 0 ? distance : 1, *information = fix->prior.information;
+    if (!(fix->deviation > 0)) return;
+    for (int k = 0; k < 36; k++) information[k] = 0;
+    for (int k = 0; k < 6; k++) information[7 * k] = pow(fix->deviation * (k < 3 ? far : 1), -2);
+}
+
 static void fix_by_frame(const sf_live *live, sf_fix *fix) {
     const sf_picture *p = live->input.picture;
     if (!live->options.own_poses || !p->has_truth) return;
     memcpy(fix->prior.pose.R, p->truth.R_cw, sizeof p->truth.R_cw);
     memcpy(fix->prior.pose.t, p->truth.t_cw, sizeof p->truth.t_cw);
-    for (int k = 0; k < 6; k++) fix->prior.information[7 * k] = 1e8;
+    fix->deviation = OWN;
     fix->from = SF_POSE_OUTSIDE;
+}
+
+static sf_status fix_by_caller(sf_live *live, sf_fix *fix) {
+    sf_track_prior *prior = &fix->prior;
+    int known = 0;
+    if (!live->options.pose) return SF_OK;
+    sf_status status = live->options.pose(live->options.pose_user, live->input.picture->time_ns,
+                                          prior->pose.R, prior->pose.t, prior->information);
+    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
+    for (int k = 0; k < 36; k++) known |= prior->information[k] != 0;
+    if (!known) fix->deviation = OUTSIDE;
+    if (is_finite(&prior->pose)) fix->from = SF_POSE_OUTSIDE;
+    return SF_OK;
+}
+
+/* A pose relative to another origin. */
+static void shift(double R[9], double t[3], const double origin[3]) {
+    for (int k = 0; k < 3; k++) t[k] += sf_dot3(R + 3 * k, origin);
 }
 
 static sf_status find_fix(sf_live *live, sf_fix *fix) {
     *fix = (sf_fix){0};
     fix_by_frame(live, fix);
-    if (!fix->from && live->options.pose) {
-        sf_track_prior *prior = &fix->prior;
-        sf_status status = live->options.pose(live->options.pose_user, live->input.picture->time_ns,
-                                              prior->pose.R, prior->pose.t, prior->information);
-        if (!status && is_finite(&prior->pose)) fix->from = SF_POSE_OUTSIDE;
-        if (status && status != SF_ERR_EMPTY) return status;
-    }
+    sf_status status = fix->from ? SF_OK : fix_by_caller(live, fix);
+    if (status) return status;
+    if (fix->from) shift(fix->prior.pose.R, fix->prior.pose.t, live->scene->origin);
+    tell_accuracy(fix, live->localizer.distance);
     live->input.frame.corners = NULL, live->input.frame.corner_count = 0;
     if (live->localizer.detector) {
         sf_fix board = {0};
-        sf_status status = fix_by_board(live, &board);
+        status = fix_by_board(live, &board);
         if (status) return status;
         if (board.from && !fix->from) *fix = board;
     }
@@ -240,6 +268,26 @@ static void guess_distance(sf_localizer *l, const sf_camera *camera) {
     if (n == SF_FIRST_CAMERAS && !(span > 0)) l->first_count = 0, l->distance = 0;
 }
 
+/* Poses from outside may lie far from 0 (UTM, ECEF). As soon as the distance is known, before there is a
+ * keyframe, an origin near them is chosen, and what is known of poses moves there. */
+static void choose_origin(sf_live *live) {
+    sf_localizer *l = &live->localizer;
+    sf_camera *frame = &live->input.frame.camera, *truth = &live->input.frame.truth;
+    double at[3], origin[3];
+    if (l->has_origin || !(l->distance > 0)) return;
+    l->has_origin = 1;
+    sf_camera_center(frame, at);
+    if (l->fix.from != SF_POSE_OUTSIDE || !sf_choose_origin(at, l->distance, origin)) return;
+    sf_rigid *const poses[] = {&l->pose, &l->pose_before, &l->fix.prior.pose};
+    for (size_t i = 0; i < sizeof poses / sizeof *poses; i++) shift(poses[i]->R, poses[i]->t, origin);
+    shift(frame->R_cw, frame->t_cw, origin);
+    shift(truth->R_cw, truth->t_cw, origin);
+    memcpy(live->scene->origin, origin, sizeof origin);
+    sf_log(live->ctx, SF_LOG_INFO,
+           "poses from outside are far from 0: they are taken relative to the origin %.17g %.17g %.17g",
+           origin[0], origin[1], origin[2]);
+}
+
 static void note_pose(sf_live *live, const sf_rigid *pose, sf_pose_from from) {
     sf_camera *c = &live->input.frame.camera;
     int again = live->localizer.state == SF_LIVE_LOST || live->localizer.misses > 2;
@@ -253,6 +301,8 @@ static void note_pose(sf_live *live, const sf_rigid *pose, sf_pose_from from) {
     memcpy(c->t_cw, pose->t, sizeof pose->t);
     live->input.frame.from = from;
     if (!live->fitter) guess_distance(&live->localizer, c);
+    if (!live->fitter) tell_accuracy(&live->localizer.fix, live->localizer.distance);
+    choose_origin(live);
     live->localizer.tracked++;
     sf_tick(&live->localizer.poses_found, sf_clock());
     if (live->fitter) live->localizer.state = SF_LIVE_TRACKING;
@@ -334,6 +384,7 @@ sf_status sf_live_localize(sf_live *live) {
                                         .has_truth = p->has_truth && !live->options.own_poses,
                                         .truth = p->truth,
                                         .rgb = {p->rgb[0], p->rgb[1], p->rgb[2]}};
+    shift(live->input.frame.truth.R_cw, live->input.frame.truth.t_cw, live->scene->origin);
     sf_status status = find_fix(live, &live->localizer.fix);
     if (!status)
         status = sf_tracker_take(live->localizer.tracker, &p->camera, p->rgb, (size_t)p->camera.width);
@@ -351,7 +402,9 @@ void sf_live_forget_pose(sf_live *live) {
     live->localizer.poses = live->localizer.misses = live->localizer.doubts = 0;
     live->localizer.usual_agreement = live->quality.usual_detail = live->quality.usual_sharpness = 0;
     live->localizer.distance = 0;
+    live->localizer.has_origin = 0;
     live->localizer.first_count = 0;
+    memset(live->scene->origin, 0, sizeof live->scene->origin);
 }
 
 void sf_live_correct_pose(sf_live *live, const sf_rigid *from, const sf_rigid *to) {

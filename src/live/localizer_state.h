@@ -14,6 +14,7 @@ enum { SF_FIRST_CAMERAS = 24 };
 typedef struct sf_fix {
     sf_pose_from from; /* SF_POSE_NONE: none */
     sf_track_prior prior;
+    double deviation; /* standard deviation, rad and parts of the distance; 0: `prior` tells it */
 } sf_fix;
 
 typedef struct sf_localizer {
@@ -36,6 +37,7 @@ typedef struct sf_localizer {
     int doubts;             /* good poses still needed until the camera counts as found again */
     double usual_agreement; /* moving average over the tracked frames; 0: none yet */
     double distance;        /* to what the camera sees, world units; 0: not known */
+    int has_origin;         /* the scene's was chosen, or 0 is near enough */
     sf_camera first_cameras[SF_FIRST_CAMERAS]; /* of poses from outside, until the distance is known */
     size_t first_count;
 

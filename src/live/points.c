@@ -81,7 +81,7 @@ static sf_status gather(sf_context *ctx, const sf_workspace *ws, crowd *c) {
     return SF_OK;
 }
 
-/* Whether there are Gaussians enough about a point that falls on a pixel at depth z. */
+/* Whether there are Gaussians enough about a point that falls on a pixel at depth z, in the model's unit. */
 static int is_crowded(const crowd *c, size_t px, size_t py, float z) {
     size_t column = px / CELL, row = py / CELL;
     int n = 0;
@@ -125,7 +125,8 @@ static int lacks(const sight *s, size_t x, size_t y, float depth) {
 /* Whether it lacks what was found at a point. */
 static int is_missing(const sight *s, const float *xyz) {
     double u, v, z, p[3] = {(double)xyz[0], (double)xyz[1], (double)xyz[2]};
-    return sf_camera_sees(&s->camera, p, &u, &v, &z) && lacks(s, (size_t)u, (size_t)v, (float)z);
+    if (!sf_camera_sees(&s->camera, p, &u, &v, &z)) return 0;
+    return lacks(s, (size_t)u, (size_t)v, (float)ldexp(z, -s->crowd.ws->unit));
 }
 
 /* A point's colour as it would be without the exposure of the picture that it is from. */

@@ -235,7 +235,7 @@ static int learn_depth(const sf_landmarks *l, sf_landmark *m, const sf_landmark_
     const double r[2] = {at->u - here[0], at->v - here[1]};
     double ee = e[0] * e[0] + e[1] * e[1], along = ee > 0 ? (e[0] * r[0] + e[1] * r[1]) / ee : 0;
     if (!(hypot(r[0] - along * e[0], r[1] - along * e[1]) < NEAR_MISS)) return 0;
-    double noise = SEEN_SIGMA * SEEN_SIGMA / fmax(ee, 1e-12), part = m->variance / (m->variance + noise);
+    double told = m->variance * ee, part = told / (told + SEEN_SIGMA * SEEN_SIGMA);
     m->inverse = fmin(fmax(m->inverse + part * along, 0.2 * m->inverse), 5 * m->inverse);
     m->variance = fmax((1 - part) * m->variance, pow(LEARNED * m->inverse, 2));
     sf_landmark_place(l, m, m->inverse, m->at);

@@ -12,7 +12,7 @@
 enum { FIELDS = 8 };
 
 static const char *const fields[FIELDS] = {"time", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};
-static const double MOST_TIME = 9e9, MOST_PLACE = 1e6, LEAST_LENGTH = 0.9, MOST_LENGTH = 1.1;
+static const double MOST_TIME = 9e9, MOST_PLACE = 1e12, LEAST_LENGTH = 0.9, MOST_LENGTH = 1.1;
 static const char gaps[] = " \t,\r\n";
 
 static sf_status wrong(char fault[SF_POSE_FAULT], int field, const char *text, size_t length,

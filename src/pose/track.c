@@ -139,7 +139,7 @@ static float grey_of(const sf_workspace *ws, size_t at) {
     return sf_grey(ws->rgb[0][at], ws->rgb[1][at], ws->rgb[2][at]);
 }
 
-/* 0: nothing is there. */
+/* In the model's unit; 0: nothing is there. */
 static float depth_of(const sf_workspace *ws, size_t at) {
     float T = ws->transmittance[at];
     return T < SOLID ? ws->depth[at] / (1 - T) : 0;
@@ -172,11 +172,13 @@ static void points_task(void *tracker, size_t y, int thread) {
     const sf_camera *c = &t->at->camera;
     size_t width = (size_t)c->width;
     point *to = t->points + y * width;
+    float unit = ldexpf(1, t->ws.unit);
     t->found[y] = 0;
     if (y == 0 || y + 1 == (size_t)c->height) return;
     for (size_t x = 1; x + 1 < width; x++) {
         float z = depth_of(&t->ws, y * t->ws.stride + x);
-        if (is_surface(&t->ws, y * t->ws.stride + x, z)) to[t->found[y]++] = point_at(&t->ws, c, x, y, z);
+        if (is_surface(&t->ws, y * t->ws.stride + x, z))
+            to[t->found[y]++] = point_at(&t->ws, c, x, y, unit * z);
     }
 }
 

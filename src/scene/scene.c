@@ -251,6 +251,14 @@ void sf_scene_get_origin(const sf_scene *scene, double origin[3]) {
     memcpy(origin, scene->origin, sizeof scene->origin);
 }
 
+sf_status sf_scene_set_origin(sf_scene *scene, const double origin[3]) {
+    for (int k = 0; k < 3; k++)
+        if (!isfinite(origin[k]))
+            return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "origin: %c: %g is not finite", "xyz"[k], origin[k]);
+    memcpy(scene->origin, origin, sizeof scene->origin);
+    return SF_OK;
+}
+
 sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
     pthread_mutex_lock(&scene->lock);
     size_t count = scene->view_count;

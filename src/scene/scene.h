@@ -47,6 +47,10 @@ struct sf_scene {
     size_t first_skipped_point; /* in the order of adding */
 };
 
+/* Chooses an origin near the middle `at` of a scene of that size, where it lies so far from 0 that floats
+ * there are coarse; returns whether it does. A round one: short, and exactly subtracted. */
+int sf_choose_origin(const double at[3], double size, double origin[3]);
+
 /* A view with uninitialised pixels, one reference; the loader fills them in. `weight` only if with_weight. */
 sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
                          int with_weight, sf_view **view);

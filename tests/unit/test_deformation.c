@@ -160,6 +160,8 @@ static void all_of_a_fit_goes_along(void **state) {
     assert_ok(ctx, sf_fitter_create(ctx, scene, model, &options, &f));
     assert_ok(ctx, sf_save_restore_point(f));
     get_means(f->model, mean);
+    int unit = f->model->unit;
+    assert_int_not_equal(unit, 0); /* so that units are tested */
     assert_ok(ctx, sf_measure_importance(f, 0, &w));
     f->options.merge = 1;
     assert_ok(ctx, sf_merges_begin(f, &w));
@@ -170,9 +172,12 @@ static void all_of_a_fit_goes_along(void **state) {
     sf_merges_undo_all(f);
     get_means(f->model, deformed);
     for (int i = 0; i < COUNT; i++) {
+        float from[3], to[3];
         double p[3], q[3];
-        seen_at(&c, 0, mean + 3 * i, p);
-        seen_at(&c, 1, deformed + 3 * i, q);
+        for (int k = 0; k < 3; k++) from[k] = ldexpf(mean[3 * i + k], unit);
+        for (int k = 0; k < 3; k++) to[k] = ldexpf(deformed[3 * i + k], unit);
+        seen_at(&c, 0, from, p);
+        seen_at(&c, 1, to, q);
         for (int k = 0; k < 3; k++) assert_true(fabs(p[k] - q[k]) < 2e-6);
     }
     assert_ok(ctx, sf_go_to_restore_point(f));

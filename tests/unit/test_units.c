@@ -132,6 +132,31 @@ static void test_misplaced_view(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* While views arrive, the newest ones do not fit yet: none is left out. */
+static void test_views_that_arrive(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene = scaled_scene(ctx, 0, 4, 100);
+    sf_view_info view = test_view_info(scene, 1);
+    static uint8_t gray[3 * WIDTH * HEIGHT];
+    sf_pixels pixels = {.rgb = gray, .stride = 3 * WIDTH};
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = 300, options.validate = 0;
+    options.init = SF_INIT_POINTS;
+    sf_fitter *f;
+    assert_ok(ctx, sf_fitter_create(ctx, scene, NULL, &options, &f));
+    for (int step = 0; step < 60; step++) {
+        assert_ok(ctx, sf_fitter_step(f));
+        if (step == 30)
+            assert_ok(ctx, sf_scene_add_view(scene, NULL, &view.camera, &pixels, view.split, NULL));
+    }
+    assert_ok(ctx, sf_fitter_run(f, NULL, NULL));
+    assert_int_equal(f->misplaced.count, 0);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 /* The near plane is a part of the depths in the picture, whatever the unit; what lies outside the picture or
  * behind the camera does not count. */
 static void test_near_plane(void **state) {
@@ -181,8 +206,8 @@ static void test_origin(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_any_unit),       cmocka_unit_test(test_one_far_camera),
-        cmocka_unit_test(test_misplaced_view), cmocka_unit_test(test_near_plane),
-        cmocka_unit_test(test_origin),
+        cmocka_unit_test(test_misplaced_view), cmocka_unit_test(test_views_that_arrive),
+        cmocka_unit_test(test_near_plane),     cmocka_unit_test(test_origin),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
