@@ -41,6 +41,8 @@ typedef int (*sf_sfm_progress)(void *user, sf_sfm_stage stage, size_t done, size
 typedef struct sf_sfm_options {
     int side;            /* px: photos are reduced until no side is longer, 64..28000 */
     int features;        /* of a photo at most, 100..1000000 */
+    int all_pairs;       /* of so many photos at most each is matched with each, 0..1000000; of more, with
+                            those that are most like it and with its neighbours by name */
     double error;        /* px: the greatest distance of an inlier from where its point is seen, above 0 */
     double focal;        /* px of the photos, about; 0: found */
     const sf_lens *lens; /* the lens of all photos, kept as it is; NULL: found */
@@ -48,11 +50,11 @@ typedef struct sf_sfm_options {
     void *user;               /* for progress */
 } sf_sfm_options;
 
-/* Sides of 1,600 px, 2,048 features, 4 px, the lens found. */
+/* Sides of 1,600 px, 2,048 features, all pairs of 200 photos, 4 px, the lens found. */
 SF_API sf_sfm_options sf_sfm_options_default(void);
 
-/* Finds the cameras of the photos in a folder (.jpg, .jpeg, .png): features, matches of all pairs, the
- * geometry of pairs, and a map that grows photo by photo. Photos of one size share a lens. The same bytes for
+/* Finds the cameras of the photos in a folder (.jpg, .jpeg, .png): features, matches of pairs, their
+ * geometry, and a map that grows photo by photo. Photos of one size share a lens. The same bytes for
  * any number of threads. options NULL: the defaults. SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no
  * pair that can begin a map (sf_last_error says why); SF_ERR_ARGUMENT: an option out of its range;
  * SF_ERR_CANCELLED; SF_ERR_MEMORY. On failure *reconstruction is NULL. */

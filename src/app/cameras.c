@@ -16,6 +16,8 @@ static const arg_option own_options[] = {
     {"output", 'o', "PROJECT", "the folder to write: sparse/0, and images, a link to the photos"},
     {"features", 0, "N", "features of a photo at most (2048)"},
     {"side", 0, "PX", "photos are reduced until no side is longer before features are looked for (1600)"},
+    {"all-pairs", 0, "N",
+     "of so many photos at most each is matched with each; of more, with those most like it (200)"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
     {"progress", 0, "auto|plain|json|none", "auto, plain, json (no lines) or none (auto)"},
     {0},
@@ -112,6 +114,7 @@ static int read_options(const job *j, sf_sfm_options *options) {
     *options = sf_sfm_options_default();
     int error = args_int(j->a, "side", 64, 28000, &options->side);
     if (!error) error = args_int(j->a, "features", 100, 1000000, &options->features);
+    if (!error) error = args_int(j->a, "all-pairs", 0, 1000000, &options->all_pairs);
     if (!error) error = args_numbers(j->a, "focal", 1, &options->focal);
     options->progress = tell;
     options->user = (void *)(uintptr_t)j;

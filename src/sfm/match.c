@@ -21,6 +21,7 @@ typedef struct workspace {
     uint8_t *columns;              /* a block of b, as the kernel takes it */
     uint8_t *rows;                 /* the last rows of a, filled up */
     uint32_t *keys[4];             /* best and second of rows, of columns */
+    sf_match *kept;
 } workspace;
 
 /* ---- the block's keys to what is known ------------------------------------------------------------------
@@ -150,13 +151,14 @@ static sf_status open_workspace(sf_context *ctx, workspace *w) {
         w->keys[k] = sf_alloc(ctx, SF_MATCH_BLOCK, sizeof *w->keys[k]);
         failed |= !w->keys[k];
     }
-    failed |= !w->of_a || !w->of_b || !w->length_a || !w->length_b || !w->columns || !w->rows;
+    w->kept = sf_alloc(ctx, at_most(n, m), sizeof *w->kept);
+    failed |= !w->of_a || !w->of_b || !w->length_a || !w->length_b || !w->columns || !w->rows || !w->kept;
     return failed ? SF_ERR_MEMORY : SF_OK;
 }
 
 static void close_workspace(sf_context *ctx, workspace *w) {
-    void *blocks[] = {w->of_a, w->of_b,    w->length_a, w->length_b, w->columns,
-                      w->rows, w->keys[0], w->keys[1],  w->keys[2],  w->keys[3]};
+    void *blocks[] = {w->of_a,    w->of_b,    w->length_a, w->length_b, w->columns, w->rows,
+                      w->keys[0], w->keys[1], w->keys[2],  w->keys[3],  w->kept};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ctx, blocks[i]);
 }
 
@@ -170,10 +172,11 @@ sf_status sf_match_pair(sf_context *ctx, const sf_features *a, const sf_features
         measure(a, w.length_a, w.of_a);
         measure(b, w.length_b, w.of_b);
         match_blocks(ctx->kernels, &w);
-        matches->items = sf_alloc(ctx, at_most(a->count, b->count), sizeof *matches->items);
+        size_t count = keep_matches(&w, options, w.kept);
+        matches->items = count ? sf_alloc(ctx, count, sizeof *matches->items) : NULL;
         if (matches->items)
-            matches->count = keep_matches(&w, options, matches->items);
-        else
+            memcpy(matches->items, w.kept, count * sizeof *w.kept), matches->count = count;
+        else if (count)
             status = SF_ERR_MEMORY;
     }
     close_workspace(ctx, &w);

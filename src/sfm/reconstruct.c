@@ -4,7 +4,7 @@
 
 #include "../base/clock.h"
 #include "mapper.h"
-#include "match.h"
+#include "pairs.h"
 #include "reconstruction.h"
 #include "verify.h"
 
@@ -12,7 +12,7 @@
 #define GUESS 1.2
 
 sf_sfm_options sf_sfm_options_default(void) {
-    return (sf_sfm_options){.side = 1600, .features = 2048, .error = 4};
+    return (sf_sfm_options){.side = 1600, .features = 2048, .all_pairs = 200, .error = 4};
 }
 
 /* What the stages need beside the reconstruction. */
@@ -20,7 +20,8 @@ typedef struct run {
     sf_context *ctx;
     const sf_sfm_options *options;
     sf_reconstruction *r;
-    sf_photo_pair *pairs;      /* [pair_count], all of them */
+    sf_features *features;     /* [photos]: those of the list */
+    sf_photo_pair *pairs;      /* [pair_count] */
     sf_matches *matches;       /* [pair_count], of features */
     sf_matched_pair *verified; /* [pair_count]; without matches where there is no geometry */
     size_t pair_count;
@@ -32,6 +33,8 @@ static sf_status check_options(sf_context *ctx, const sf_sfm_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "side: %d is not in 64..%d", o->side, SF_FEATURES_SIDE);
     if (o->features < 100 || o->features > 1000000)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "features: %d is not in 100..1000000", o->features);
+    if (o->all_pairs < 0 || o->all_pairs > 1000000)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "all_pairs: %d is not in 0..1000000", o->all_pairs);
     if (!(o->error > 0 && o->error < 1e4))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "error: %g px is not above 0", o->error);
     if (!(o->focal >= 0 && o->focal < 1e6))
@@ -111,28 +114,44 @@ static sf_status make_pictures(sf_reconstruction *r) {
     return SF_OK;
 }
 
-/* Every photo with every other. */
-static sf_status list_pairs(run *work) {
-    size_t n = work->r->list.count, at = 0;
-    work->pair_count = n * (n - 1) / 2;
-    work->pairs = sf_alloc(work->ctx, work->pair_count + 1, sizeof *work->pairs);
-    work->matches = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->matches);
-    work->verified = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->verified);
-    if (!work->pairs || !work->matches || !work->verified) return SF_ERR_MEMORY;
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i + 1; j < n; j++) work->pairs[at++] = (sf_photo_pair){i, j};
-    return SF_OK;
+/* Nothing to tell, but a moment to cancel in. */
+static int photos_compared(void *user, size_t photos) {
+    (void)photos;
+    return tell(user, SF_SFM_MATCHES, 0, 0);
 }
 
-static sf_status match_pairs(run *work) {
-    sf_match_options options = sf_match_options_default();
-    sf_features *features = sf_alloc(work->ctx, work->r->list.count + 1, sizeof *features);
-    if (!features) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < work->r->list.count; i++) features[i] = work->r->list.photos[i].features;
+static sf_status choose_pairs(run *work) {
+    sf_pair_options options = sf_pair_options_default();
+    size_t n = work->r->list.count;
+    options.all = (size_t)work->options->all_pairs;
+    options.done = photos_compared, options.user = work;
+    work->features = sf_alloc(work->ctx, n + 1, sizeof *work->features);
+    if (!work->features) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < n; i++) work->features[i] = work->r->list.photos[i].features;
     sf_status status =
-        sf_match_all(work->ctx, features, work->pairs, work->pair_count, &options, work->matches);
-    sf_free(work->ctx, features);
-    return status;
+        sf_pairs_choose(work->ctx, work->features, n, &options, &work->pairs, &work->pair_count);
+    if (status) return status;
+    work->matches = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->matches);
+    work->verified = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->verified);
+    return work->matches && work->verified ? SF_OK : SF_ERR_MEMORY;
+}
+
+/* So many pairs at a time, of which those with too few matches are left without any. */
+static sf_status match_pairs(run *work) {
+    enum { CHUNK = 256 };
+    sf_match_options options = sf_match_options_default();
+    size_t least = sf_verify_options_default().least_count;
+    for (size_t first = 0; first < work->pair_count; first += CHUNK) {
+        size_t left = work->pair_count - first, count = left < CHUNK ? left : CHUNK;
+        sf_matches *matches = work->matches + first;
+        sf_status status =
+            sf_match_all(work->ctx, work->features, work->pairs + first, count, &options, matches);
+        if (status) return status;
+        for (size_t i = 0; i < count; i++)
+            if (matches[i].count < least) sf_matches_free(work->ctx, &matches[i]);
+        if (tell(work, SF_SFM_MATCHES, first + count, work->pair_count)) return SF_ERR_CANCELLED;
+    }
+    return SF_OK;
 }
 
 static sf_status verify_pairs(run *work, size_t *verified) {
@@ -170,6 +189,7 @@ static sf_status map_photos(run *work) {
 static void free_run(run *work, size_t pairs) {
     for (size_t i = 0; work->matches && i < pairs; i++) sf_matches_free(work->ctx, &work->matches[i]);
     sf_free(work->ctx, work->matches);
+    sf_free(work->ctx, work->features);
     sf_free(work->ctx, work->pairs);
     sf_free(work->ctx, work->verified);
 }
@@ -196,11 +216,10 @@ static sf_status run_stages(run *work, const char *folder) {
     end_stage(work, SF_SFM_FEATURES);
     if (!status) status = named(r->ctx, folder, group_cameras(work));
     if (!status) status = make_pictures(r);
-    if (!status) status = list_pairs(work);
+    if (!status) status = choose_pairs(work);
     size_t pairs = work->pair_count, verified = 0;
     if (!status) status = match_pairs(work);
     end_stage(work, SF_SFM_MATCHES);
-    if (!status && tell(work, SF_SFM_MATCHES, pairs, pairs)) status = SF_ERR_CANCELLED;
     if (!status) status = verify_pairs(work, &verified);
     end_stage(work, SF_SFM_GEOMETRY);
     if (!status && tell(work, SF_SFM_GEOMETRY, verified, pairs)) status = SF_ERR_CANCELLED;

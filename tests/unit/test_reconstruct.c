@@ -115,10 +115,12 @@ static void assert_same(const sf_reconstruction *a, const sf_reconstruction *b, 
     }
 }
 
-/* The same bytes for 1 and 3 threads. */
+/* The same bytes for 1 and 3 threads; pairs are those of photos that are alike. */
 static void test_threads(void **state) {
     (void)state;
     enum { FEW = 8 };
+    sf_sfm_options sfm = sf_sfm_options_default();
+    sfm.all_pairs = 0;
     sf_reconstruction *r[2];
     sf_context *ctx = test_context(), *others[2];
     sf_scene *scene = test_load_scene(ctx, STUDIO, NULL);
@@ -128,7 +130,7 @@ static void test_threads(void **state) {
         sf_context_options options = {0};
         options.threads = i ? 3 : 1;
         assert_int_equal(sf_context_create(&others[i], &options), SF_OK);
-        assert_ok(others[i], sf_sfm_run(others[i], folder, NULL, &r[i]));
+        assert_ok(others[i], sf_sfm_run(others[i], folder, &sfm, &r[i]));
     }
     assert_same(r[0], r[1], FEW);
     for (int i = 0; i < 2; i++) {
@@ -174,6 +176,9 @@ static void test_refusals(void **state) {
     options = sf_sfm_options_default();
     options.features = 10;
     assert_refused(ctx, folder, &options, SF_ERR_ARGUMENT, "features: 10 is not in 100..1000000");
+    options = sf_sfm_options_default();
+    options.all_pairs = -1;
+    assert_refused(ctx, folder, &options, SF_ERR_ARGUMENT, "all_pairs: -1 is not in 0..1000000");
     options = sf_sfm_options_default();
     options.error = 0;
     assert_refused(ctx, folder, &options, SF_ERR_ARGUMENT, "error: 0 px");
