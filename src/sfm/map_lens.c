@@ -70,7 +70,7 @@ static sf_status median_distance(const sf_map *map, double *median) {
     return SF_OK;
 }
 
-/* With at most `radial` parameters, the others 0. */
+/* With at most `radial` parameters, the others 0; far enough for the residuals to tell. */
 static sf_status adjust_with(sf_map *map, int radial) {
     map->options.radial = radial;
     for (size_t i = 0; i < map->camera_count; i++) {
@@ -79,7 +79,7 @@ static sf_status adjust_with(sf_map *map, int radial) {
         if (radial < 2) c->lens.k2 = 0;
         if (radial < 1) c->lens.k1 = 0;
     }
-    return sf_map_adjust(map, 30, 1e-5);
+    return sf_map_adjust(map, 10, 1e-3);
 }
 
 sf_status sf_map_choose_lens(sf_map *map) {
@@ -91,7 +91,10 @@ sf_status sf_map_choose_lens(sf_map *map) {
     for (int radial = 0; radial < full.radial && !status; radial++) {
         status = adjust_with(map, radial);
         if (!status) status = median_distance(map, &without);
-        if (!status && without <= (1 + GAIN) * with) break;
+        if (!status && without <= (1 + GAIN) * with) {
+            status = sf_map_adjust(map, 30, 1e-5);
+            break;
+        }
         restore(map, &full);
     }
     free_saved(map, &full);

@@ -162,11 +162,10 @@ static sf_status finish(mapper *m) {
     sf_map *map = m->map;
     for (int round = 0; round < FINAL_ROUNDS; round++) {
         size_t dropped;
-        sf_status status = sf_map_adjust(map, 20, round ? 1e-5 : 1e-4);
+        sf_status status = sf_map_adjust(map, 20, pow(10, -3 - round)); /* outliers first */
         if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
         if (status) return status;
         if (round + 1 < FINAL_ROUNDS) sf_map_make_points(map, SIZE_MAX);
-        if (round && !dropped) break;
     }
     return sf_map_choose_lens(map);
 }
