@@ -32,11 +32,11 @@ static int first_camera(const args *a, sf_context *ctx, const sf_model *model, c
 }
 
 /* What the page is told: it never changes. */
-static int show_status(const args *a, sf_context *ctx, sf_preview *preview, const sf_model *model) {
+static int show_status(const args *a, sf_context *ctx, sf_preview *preview, sf_model *model) {
     sf_camera *known, first;
     size_t count;
     sf_render_options options;
-    int error = shots_known(a, ctx, NULL, &known, &count);
+    int error = shots_known(a, ctx, model, NULL, &known, &count);
     if (!error) error = app_render_options(a, &options);
     if (!error) error = first_camera(a, ctx, model, known, count, &first);
     if (!error) {
@@ -76,7 +76,7 @@ static int open_page(const args *a, sf_context *ctx, sf_preview **preview) {
     return status ? app_fail(a, ctx) : 0;
 }
 
-static int serve(const args *a, sf_context *ctx, const sf_model *model) {
+static int serve(const args *a, sf_context *ctx, sf_model *model) {
     const struct timespec moment = {.tv_nsec = 100 * 1000 * 1000};
     sf_preview *preview = NULL;
     int error = open_page(a, ctx, &preview);

@@ -89,6 +89,19 @@ static void test_cameras_json(void **state) {
         json_t *position = json_object_get(first, "position"), *said = json_object_get(first, "origin");
         assert_int_equal(json_array_size(position), 3);
         assert_int_equal(json_array_size(said), world ? 0 : 3);
+        for (int in_world = 0; in_world < 2; in_world++) {
+            sf_camera *read;
+            size_t count;
+            double stated[3] = {1, 1, 1}, at[3];
+            assert_ok(ctx, sf_cameras_load(ctx, path, &read, &count, in_world ? NULL : stated));
+            sf_camera_center(&read[0], at);
+            for (int k = 0; k < 3; k++) {
+                if (!in_world) assert_true(stated[k] == (world ? 0 : origin[k]));
+                double there = at[k] + (in_world ? 0 : stated[k]);
+                assert_true(fabs(there - center[k] - origin[k]) < 1e-8);
+            }
+            sf_cameras_free(ctx, &read);
+        }
         for (size_t k = 0; k < 3; k++) {
             double expected = center[k] + (world ? origin[k] : 0);
             assert_true(fabs(json_real_value(json_array_get(position, k)) - expected) < 1e-8);
