@@ -199,6 +199,9 @@ static void test_placed_in_a_scene(void **state) {
     memcpy(model->origin, zero, sizeof zero); /* states none, lies near 0 */
     sf_scene_place_model(scene, model);
     assert_means(model, moved, origin);
+    static const double nowhere[3] = {0, INFINITY, 0};
+    assert_status(ctx, sf_scene_set_origin(scene, nowhere), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "origin: y: inf");
     sf_model_set_origin(model, zero);
     assert_true(*sf_value(&model->params, SF_FIELD_mean, 0, 1) == 5000002);
     sf_scene_place_model(scene, model); /* states none, lies in the world */
