@@ -172,9 +172,11 @@ SF_API sf_status sf_scene_fingerprint(sf_scene *scene, uint64_t *fingerprint);
 SF_API sf_status sf_scene_save_cameras(sf_scene *scene, const char *path, int world);
 
 /* Reads a cameras.json: cameras without a picture. *cameras ([*count]) is freed by sf_cameras_free. Principal
- * points, which such files lack, are the pictures' middles. SF_ERR_IO; SF_ERR_FORMAT: names the camera and
- * the field; SF_ERR_EMPTY: the file has no camera; SF_ERR_MEMORY. */
-SF_API sf_status sf_cameras_load(sf_context *context, const char *path, sf_camera **cameras, size_t *count);
+ * points, which such files lack, are the pictures' middles. origin: what the poses are relative to in the
+ * world, as the file states it; NULL: they are in the world's coordinates. SF_ERR_IO; SF_ERR_FORMAT: names
+ * the camera and the field; SF_ERR_EMPTY: the file has no camera; SF_ERR_MEMORY. */
+SF_API sf_status sf_cameras_load(sf_context *context, const char *path, sf_camera **cameras, size_t *count,
+                                 double origin[3]);
 SF_API void sf_cameras_free(sf_context *context, sf_camera **cameras);
 
 #ifdef __cplusplus

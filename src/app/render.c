@@ -59,7 +59,7 @@ static int render_path(job *j) {
         error = pictures_add(&j->to, j->renderer, j->model, &j->along.cameras[i], &j->options, name);
     }
     if (error || j->to.streams) return error;
-    char *text = shots_path(&j->along);
+    char *text = shots_path(&j->along, j->model);
     error = text ? pictures_note(&j->to, "path.txt", text) : app_say(j->a, "path.txt", "out of memory");
     free(text);
     return error;

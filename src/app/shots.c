@@ -123,7 +123,32 @@ static int scene_cameras(const args *a, sf_context *ctx, sf_scene *scene, sf_cam
     return 0;
 }
 
-int shots_known(const args *a, sf_context *ctx, sf_scene *scene, sf_camera **cameras, size_t *count) {
+/* A camera relative to `origin` becomes one relative to `to`. */
+static void change_origin(sf_camera *c, const double origin[3], const double to[3]) {
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) c->t_cw[i] += c->R_cw[3 * i + k] * (to[k] - origin[k]);
+}
+
+/* Brings the model and cameras relative to `origin` into the same coordinates. */
+static sf_status meet(sf_context *ctx, sf_model *model, const double origin[3], sf_camera *cameras,
+                      size_t count) {
+    double own[3];
+    sf_scene *place = NULL;
+    sf_model_get_origin(model, own);
+    if (own[0] == 0 && own[1] == 0 && own[2] == 0) {
+        sf_status status = sf_scene_create(ctx, &place);
+        if (!status) status = sf_scene_set_origin(place, origin);
+        if (!status) sf_scene_place_model(place, model);
+        sf_scene_destroy(&place);
+        return status;
+    }
+    for (size_t i = 0; i < count; i++) change_origin(&cameras[i], origin, own);
+    return SF_OK;
+}
+
+int shots_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, sf_camera **cameras,
+                size_t *count) {
+    double origin[3];
     const char *named = args_value(a, "cameras");
     *cameras = NULL;
     *count = 0;
@@ -132,10 +157,14 @@ int shots_known(const args *a, sf_context *ctx, sf_scene *scene, sf_camera **cam
     if (beside) sprintf(beside, "%scameras.json", folder);
     const char *path = named ? named : beside && !access(beside, R_OK) ? beside : NULL;
     sf_camera *read = NULL;
-    int error = path && sf_cameras_load(ctx, path, &read, count) ? app_fail(a, ctx) : 0;
+    int error = path && sf_cameras_load(ctx, path, &read, count, origin) ? app_fail(a, ctx) : 0;
+    if (!error && read && meet(ctx, model, origin, read, *count)) error = app_fail(a, ctx);
     free(folder);
     free(beside);
-    if (error || !read) return error;
+    if (error || !read) {
+        sf_cameras_free(ctx, &read);
+        return error;
+    }
     *cameras = malloc(*count * sizeof **cameras);
     if (*cameras)
         memcpy(*cameras, read, *count * sizeof **cameras);
@@ -215,7 +244,8 @@ static int through_cameras(const args *a, const sf_camera *known, size_t count, 
 /* ---- As a file says ---- */
 
 static int along_path(const args *a, sf_context *ctx, sf_path *path, const sf_camera *lens, int frames,
-                      shots *s) {
+                      const double origin[3], shots *s) {
+    static const double world[3] = {0, 0, 0};
     sf_path_info info;
     sf_path_describe(path, &info);
     double seconds = (double)(info.last_ns - info.first_ns) * 1e-9,
@@ -230,13 +260,15 @@ static int along_path(const args *a, sf_context *ctx, sf_path *path, const sf_ca
         if (at > info.last_ns - info.first_ns) at = info.last_ns - info.first_ns;
         if (sf_path_at(path, info.first_ns + at, R, t)) error = app_fail(a, ctx);
         if (!error) place(lens, R, t, &s->cameras[i]);
+        if (!error) change_origin(&s->cameras[i], world, origin);
     }
     return error;
 }
 
 /* However far apart its poses are, between two of them it goes evenly. */
 static int as_file(const args *a, sf_context *ctx, const char *name, const sf_camera *lens, int frames,
-                   shots *s) {
+                   const sf_model *model, shots *s) {
+    double origin[3];
     sf_path *path = NULL;
     int whole = !strncmp(name, "file:", 5);
     size_t room = strlen(name) + 32;
@@ -245,22 +277,22 @@ static int as_file(const args *a, sf_context *ctx, const char *name, const sf_ca
     snprintf(full, room, whole ? "%s" : "file:%s?gap=3600", name);
     int error = sf_path_open(ctx, full, &path) ? app_fail(a, ctx) : 0;
     free(full);
-    if (!error) error = along_path(a, ctx, path, lens, frames, s);
+    sf_model_get_origin(model, origin);
+    if (!error) error = along_path(a, ctx, path, lens, frames, origin, s);
     sf_path_close(&path);
     return error;
 }
 
 /* ---- All ---- */
 
-static int make(const args *a, sf_context *ctx, const sf_model *model, sf_scene *scene, int frames,
-                shots *s) {
+static int make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, int frames, shots *s) {
     const char *name = args_value(a, "path");
     int orbits = !strcmp(name, "orbit"), through = !strcmp(name, "cameras");
     sf_camera lens, *known = NULL;
     size_t count = 0;
     int error = read_lens(a, scene, &lens);
-    if (!error && !orbits && !through) return as_file(a, ctx, name, &lens, frames, s);
-    if (!error) error = shots_known(a, ctx, scene, &known, &count);
+    if (!error && !orbits && !through) return as_file(a, ctx, name, &lens, frames, model, s);
+    if (!error) error = shots_known(a, ctx, model, scene, &known, &count);
     if (!error && orbits) {
         error = make_room(a, s, frames ? (size_t)frames : ORBIT_FRAMES);
         for (size_t i = 0; i < s->count; i++) s->cameras[i] = lens;
@@ -272,7 +304,7 @@ static int make(const args *a, sf_context *ctx, const sf_model *model, sf_scene 
     return error;
 }
 
-int shots_make(const args *a, sf_context *ctx, const sf_model *model, sf_scene *scene, shots *s) {
+int shots_make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, shots *s) {
     int frames = 0, rate = 30;
     *s = (shots){0};
     int error = args_int(a, "frames", 1, MOST_FRAMES, &frames);
@@ -281,12 +313,15 @@ int shots_make(const args *a, sf_context *ctx, const sf_model *model, sf_scene *
     return error ? error : make(a, ctx, model, scene, frames, s);
 }
 
-char *shots_path(const shots *s) {
+char *shots_path(const shots *s, const sf_model *model) {
+    double origin[3];
+    sf_model_get_origin(model, origin);
     char *text = malloc(APP_POSE_LINE * (s->count + 1));
     size_t n = text ? app_pose_header(text) : 0;
     for (size_t i = 0; i < s->count && text; i++) {
         key k;
         key_of(&s->cameras[i], &k);
+        for (int axis = 0; axis < 3; axis++) k.center[axis] += origin[axis];
         n += app_pose_line(text + n, (double)i / s->rate, k.center, k.quat);
     }
     return text;

@@ -17,16 +17,20 @@ extern const arg_option shot_options[];
 /* Refuses options that go with --path where that is not given. 0 or an exit code. */
 int shots_check(const args *a);
 
-/* The cameras that the options say; scene may be NULL. 0 or an exit code; shots_free in both cases. */
-int shots_make(const args *a, sf_context *ctx, const sf_model *model, sf_scene *scene, shots *s);
+/* The cameras that the options say; scene may be NULL. The model gets their origin, where it states none. 0
+ * or an exit code; shots_free in both cases. */
+int shots_make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, shots *s);
 void shots_free(shots *s);
 
-/* The lines of a path that leads along the same poses; free() it. NULL: out of memory. */
-char *shots_path(const shots *s);
+/* The lines of a path that leads along the same poses, in the world's coordinates; free() it. NULL: out of
+ * memory. */
+char *shots_path(const shots *s, const sf_model *model);
 
 /* The cameras that are known: of the scene's views that --split wants, else of the file that --cameras names,
- * else of a cameras.json beside the model; *count 0 where there are none. free() them. 0 or an exit code. */
-int shots_known(const args *a, sf_context *ctx, sf_scene *scene, sf_camera **cameras, size_t *count);
+ * else of a cameras.json beside the model; *count 0 where there are none. In the model's coordinates: one
+ * that states no origin gets the file's (sf_scene_place_model). free() them. 0 or an exit code. */
+int shots_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, sf_camera **cameras,
+                size_t *count);
 
 /* A camera at `from` that looks at `at`, with `up` upwards in the picture, of c's size and lens. */
 void shots_look(const double from[3], const double at[3], const double up[3], sf_camera *c);

@@ -58,7 +58,7 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
     sf_camera *known, first;
     size_t count;
     sf_render_options options;
-    int error = shots_known(a, ctx, s->scene, &known, &count);
+    int error = shots_known(a, ctx, s->model, s->scene, &known, &count);
     if (!error) error = app_render_options(a, &options);
     if (!error) error = first_camera(a, ctx, s, known, count, &first);
     if (!error) {

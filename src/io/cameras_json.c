@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "../base/file.h"
+#include "../base/linear.h"
 #include "json_read.h"
 
 /* Names of files need not be UTF-8, which JSON is: bytes beyond ASCII are then replaced. */
@@ -88,10 +89,13 @@ static int read_numbers(const json_t *json, size_t n, double *values) {
     return 1;
 }
 
-/* NULL, or the field that is wrong. */
-static const char *read_camera(const json_t *json, sf_camera *c) {
+/* NULL, or the field that is wrong. origin: what the camera states, else 0. */
+static const char *read_camera(const json_t *json, sf_camera *c, double origin[3]) {
     double size[2], center[3];
-    const json_t *rows = json_object_get(json, "rotation");
+    const json_t *rows = json_object_get(json, "rotation"), *stated = json_object_get(json, "origin");
+    origin[0] = origin[1] = origin[2] = 0;
+    if (stated && !read_numbers(stated, 3, origin)) return "origin";
+    if (!isfinite(origin[0] + origin[1] + origin[2])) return "origin";
     if (!read_numbers(json_object_get(json, "width"), 1, size) || !(size[0] >= 1 && size[0] <= 65535))
         return "width";
     if (!read_numbers(json_object_get(json, "height"), 1, size + 1) || !(size[1] >= 1 && size[1] <= 65535))
@@ -115,31 +119,42 @@ static const char *read_camera(const json_t *json, sf_camera *c) {
     return isfinite(c->t_cw[0] + c->t_cw[1] + c->t_cw[2]) ? "rotation" : "position";
 }
 
+/* Moves a camera that is relative to `from` to coordinates relative to `to`. */
+static void change_origin(sf_camera *c, const double from[3], const double to[3]) {
+    double way[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+    for (int k = 0; k < 3; k++) c->t_cw[k] += sf_dot3(c->R_cw + 3 * k, way);
+}
+
 static sf_status read_cameras(sf_context *ctx, const char *path, const json_t *list, sf_camera **cameras,
-                              size_t *count) {
+                              size_t *count, double origin[3]) {
+    double first[3] = {0}, own[3];
     size_t n = json_array_size(list);
     if (!n) return sf_fail(ctx, SF_ERR_EMPTY, "%s: holds no camera", path);
     sf_camera *all = sf_calloc(ctx, n, sizeof *all);
     if (!all) return SF_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
-        const char *field = read_camera(json_array_get(list, i), &all[i]);
+        const char *field = read_camera(json_array_get(list, i), &all[i], own);
+        if (origin && !i) memcpy(first, own, sizeof first);
+        if (!field) change_origin(&all[i], own, first);
         if (!field) continue;
         sf_free(ctx, all);
         return sf_fail(ctx, SF_ERR_FORMAT, "%s: camera %zu: %s: is missing or makes no sense", path, i,
                        field);
     }
+    if (origin) memcpy(origin, first, sizeof first);
     *cameras = all;
     *count = n;
     return SF_OK;
 }
 
-sf_status sf_cameras_load(sf_context *ctx, const char *path, sf_camera **cameras, size_t *count) {
+sf_status sf_cameras_load(sf_context *ctx, const char *path, sf_camera **cameras, size_t *count,
+                          double origin[3]) {
     json_t *list;
     *cameras = NULL;
     *count = 0;
     sf_status status = sf_json_read(ctx, path, CAMERAS_MOST_BYTES, &list);
     if (status) return status;
-    status = json_is_array(list) ? read_cameras(ctx, path, list, cameras, count)
+    status = json_is_array(list) ? read_cameras(ctx, path, list, cameras, count, origin)
                                  : sf_fail(ctx, SF_ERR_FORMAT, "%s: is not an array of cameras", path);
     json_decref(list);
     return status;

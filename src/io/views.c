@@ -218,7 +218,7 @@ static void report_cropped(const loading *l, const char *path, const sf_scene *s
                path, count, first->lens.kept, first->lens.seen, first->lens.model, first->name);
 }
 
-/* Cameras far from all others: views of the whole, or poses that are wrong. */
+/* Cameras far from all others: views of the whole, or poses that are wrong; and such points. */
 static void report_far(const loading *l, const char *path, sf_scene *scene) {
     enum { NAMED = 4 };
     sf_far_view far[NAMED];
@@ -231,6 +231,12 @@ static void report_far(const loading *l, const char *path, sf_scene *scene) {
                scene->point_count && !far[i].points ? ", and sees none of the points" : "");
     if (count > NAMED)
         sf_log(l->ctx, SF_LOG_WARNING, "%s: %zu more cameras are as far away", path, count - NAMED);
+    size_t points = sf_scene_count_far_points(scene);
+    if (points)
+        sf_log(l->ctx, SF_LOG_INFO,
+               "%s: %zu of %zu points are more than 100 times as far from the cameras as they usually are: "
+               "they do not count for the scene's size",
+               path, points, scene->point_count);
 }
 
 static void report(const loading *l, const char *path, sf_scene *scene) {

@@ -4,8 +4,12 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "../base/statistics.h"
+
 /* Sort key: the class, then the position on the curve. */
 enum { AXIS_BITS = 20, CLASS_AT = 60, CLASSES = 16 };
+
+enum { SAMPLES = 4096, REACH = 1024 }; /* of the curve's cube: see bound */
 
 typedef struct place {
     uint64_t code;
@@ -27,19 +31,44 @@ static uint64_t spread(uint64_t x) {
     return (x | x << 2) & 0x1249249249249249;
 }
 
-/* The bounding cube of all points. */
+/* A cube of cells; what lies outside belongs to the cells at its sides. */
 typedef struct cube {
     double least[3], side;
 } cube;
 
+/* The middle of the points along an axis, and how far from it they usually are; of up to SAMPLES of them. */
+static void measure(const float *xyz, size_t n, int axis, double *middle, double *usual) {
+    float values[SAMPLES];
+    size_t samples = n < SAMPLES ? n : SAMPLES, count = 0;
+    for (size_t i = 0; i < samples; i++) {
+        values[count] = xyz[3 * (size_t)((double)i * (double)n / (double)samples) + (size_t)axis];
+        count += isfinite(values[count]) != 0;
+    }
+    *middle = (double)sf_medianf(values, count);
+    for (size_t i = 0; i < count; i++) values[i] = fabsf(values[i] - (float)*middle);
+    *usual = (double)sf_medianf(values, count);
+}
+
+/* The bounding cube of all points, but no more than REACH times what is usual: with points very far from all
+ * others, the rest would share a cell. */
 static cube bound(const float *xyz, size_t n) {
-    double most[3] = {-INFINITY, -INFINITY, -INFINITY};
+    double most[3] = {-INFINITY, -INFINITY, -INFINITY}, middle[3], usual[3], reach = 0;
     cube c = {.least = {INFINITY, INFINITY, INFINITY}};
     for (size_t i = 0; i < 3 * n; i++) {
         c.least[i % 3] = fmin(c.least[i % 3], (double)xyz[i]);
         most[i % 3] = fmax(most[i % 3], (double)xyz[i]);
     }
-    for (int k = 0; k < 3; k++) c.side = fmax(c.side, most[k] - c.least[k]);
+    for (int k = 0; k < 3; k++) {
+        measure(xyz, n, k, &middle[k], &usual[k]);
+        reach = fmax(reach, REACH * usual[k]);
+    }
+    for (int k = 0; k < 3; k++) {
+        if (reach > 0 && isfinite(reach)) {
+            c.least[k] = fmax(c.least[k], middle[k] - reach);
+            most[k] = fmin(most[k], middle[k] + reach);
+        }
+        c.side = fmax(c.side, most[k] - c.least[k]);
+    }
     return c;
 }
 

@@ -85,6 +85,10 @@ typedef struct sf_far_view {
  * centre is at least 5 times the median distance; returns how many there are. */
 size_t sf_scene_far_views(sf_scene *scene, int split, sf_far_view *list, size_t most);
 
+/* How many points are more than 100 times as far from the training cameras' median centre as they usually
+ * are. */
+size_t sf_scene_count_far_points(sf_scene *scene);
+
 /* Whether all training cameras are in one place, up to rounding. */
 int sf_scene_in_one_place(sf_scene *scene);
 /* fingerprint.c: the hash of a view's picture and weights. */

@@ -12,6 +12,9 @@ enum { CAMERAS = 256, POINTS = 4096, VIEWS = 32, SEEN_POINTS = 1024, LEAST_SEEN 
 
 /* A camera is far from all others at FAR times the median distance from the median centre. */
 #define FAR 5.0
+/* A point is, at this many times the median distance of points from there: matches with hardly any parallax.
+ * A landscape's horizon is nearer. */
+#define FAR_POINT 100.0
 
 typedef struct camera_list {
     const sf_camera *at[CAMERAS];
@@ -160,6 +163,21 @@ size_t sf_scene_far_views(sf_scene *scene, int split, sf_far_view *list, size_t 
     size_t n = list_far(scene, split, list, most);
     pthread_mutex_unlock(&scene->lock);
     return n;
+}
+
+size_t sf_scene_count_far_points(sf_scene *scene) {
+    double median[3];
+    size_t count = 0;
+    pthread_mutex_lock(&scene->lock);
+    (void)typical_distance(scene, count_training(scene), median);
+    double reach = FAR_POINT * median_distance(scene, median);
+    for (size_t i = 0; i < scene->point_count && reach > 0; i++) {
+        const float *p = scene->points + 3 * i;
+        double at[3] = {(double)p[0], (double)p[1], (double)p[2]};
+        count += distance(at, median) > reach;
+    }
+    pthread_mutex_unlock(&scene->lock);
+    return count;
 }
 
 int sf_scene_in_one_place(sf_scene *scene) {

@@ -116,7 +116,7 @@ static void check_again(sf_context *ctx, const sf_camera *camera) {
     sf_status status = sf_scene_add_view(scene, NULL, camera, &pixels, SF_SPLIT_TRAIN, NULL);
     if (!status) {
         FUZZ_CHECK(!sf_scene_save_cameras(scene, path, 0), "cameras: %s", sf_last_error(ctx));
-        FUZZ_CHECK(!sf_cameras_load(ctx, path, &again, &count), "again: %s", sf_last_error(ctx));
+        FUZZ_CHECK(!sf_cameras_load(ctx, path, &again, &count, NULL), "again: %s", sf_last_error(ctx));
         FUZZ_CHECK(count == 1 && again->fx == camera->fx && again->width == camera->width,
                    "again: other cameras");
         sf_cameras_free(ctx, &again);
@@ -130,7 +130,7 @@ int fuzz_cameras(const uint8_t *data, size_t size) {
     const char *path = fuzz_file("cameras.json", data, size);
     sf_camera *cameras;
     size_t count;
-    int well = fuzz_went_well(ctx, sf_cameras_load(ctx, path, &cameras, &count), path);
+    int well = fuzz_went_well(ctx, sf_cameras_load(ctx, path, &cameras, &count, NULL), path);
     FUZZ_CHECK(well ? count > 0 : !cameras && !count, "cameras: %zu", count);
     for (size_t i = 0; i < count; i++) {
         double center[3];

@@ -197,7 +197,7 @@ static sf_status load_masks(world *w) {
 static sf_status load_cameras(world *w) {
     sf_camera *cameras;
     size_t count;
-    sf_status status = sf_cameras_load(w->ctx, test_path("known.json"), &cameras, &count);
+    sf_status status = sf_cameras_load(w->ctx, test_path("known.json"), &cameras, &count, NULL);
     if (status) assert_true(!cameras && !count);
     allocations_note(w, cameras, count * sizeof *cameras);
     sf_cameras_free(w->ctx, &cameras);

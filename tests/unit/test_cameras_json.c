@@ -159,7 +159,7 @@ static void test_read_again(void **state) {
     add_view(ctx, scene, "a.jpg", SF_SPLIT_TRAIN);
     add_view(ctx, scene, "b.jpg", SF_SPLIT_TEST);
     assert_ok(ctx, sf_scene_save_cameras(scene, test_path("again.json"), 0));
-    assert_ok(ctx, sf_cameras_load(ctx, test_path("again.json"), &cameras, &count));
+    assert_ok(ctx, sf_cameras_load(ctx, test_path("again.json"), &cameras, &count, NULL));
     assert_int_equal(count, 2);
     const sf_camera *c = &cameras[1];
     assert_true(c->width == 4 && c->height == 2 && c->cx == 2 && c->cy == 1);
@@ -200,7 +200,7 @@ static void test_files_that_are_wrong(void **state) {
         sf_camera *cameras;
         size_t count;
         test_write(path, cases[i].text, strlen(cases[i].text));
-        assert_status(ctx, sf_cameras_load(ctx, path, &cameras, &count), cases[i].status);
+        assert_status(ctx, sf_cameras_load(ctx, path, &cameras, &count, NULL), cases[i].status);
         assert_error_names(ctx, cases[i].named);
         assert_null(cameras);
     }

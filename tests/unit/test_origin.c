@@ -89,6 +89,19 @@ static void test_cameras_json(void **state) {
         json_t *position = json_object_get(first, "position"), *said = json_object_get(first, "origin");
         assert_int_equal(json_array_size(position), 3);
         assert_int_equal(json_array_size(said), world ? 0 : 3);
+        for (int in_world = 0; in_world < 2; in_world++) {
+            sf_camera *read;
+            size_t count;
+            double stated[3] = {1, 1, 1}, at[3];
+            assert_ok(ctx, sf_cameras_load(ctx, path, &read, &count, in_world ? NULL : stated));
+            sf_camera_center(&read[0], at);
+            for (int k = 0; k < 3; k++) {
+                if (!in_world) assert_true(stated[k] == (world ? 0 : origin[k]));
+                double there = at[k] + (in_world ? 0 : stated[k]);
+                assert_true(fabs(there - center[k] - origin[k]) < 1e-8);
+            }
+            sf_cameras_free(ctx, &read);
+        }
         for (size_t k = 0; k < 3; k++) {
             double expected = center[k] + (world ? origin[k] : 0);
             assert_true(fabs(json_real_value(json_array_get(position, k)) - expected) < 1e-8);
@@ -186,6 +199,9 @@ static void test_placed_in_a_scene(void **state) {
     memcpy(model->origin, zero, sizeof zero); /* states none, lies near 0 */
     sf_scene_place_model(scene, model);
     assert_means(model, moved, origin);
+    static const double nowhere[3] = {0, INFINITY, 0};
+    assert_status(ctx, sf_scene_set_origin(scene, nowhere), SF_ERR_ARGUMENT);
+    assert_error_names(ctx, "origin: y: inf");
     sf_model_set_origin(model, zero);
     assert_true(*sf_value(&model->params, SF_FIELD_mean, 0, 1) == 5000002);
     sf_scene_place_model(scene, model); /* states none, lies in the world */

@@ -267,8 +267,8 @@ static void test_path_of_a_file(void **state) {
     test_write(work("path.txt"), first.data, first.size);
     clear_out();
     run_quietly(ARGS("render", "axes.ply", SCENE, "--path", "path.txt", "--fps", "4", "--out", "out", "-q"));
+    assert_int_equal(lines_of("out/path.txt"), 10);
     content again = content_of("out/path.txt");
-    assert_int_equal(again.size, first.size);
     double a, b;
     char *p = strchr(first.data, '\n'), *q = strchr(again.data, '\n');
     for (int i = 0; i < 9 * 8; i++) {
@@ -279,6 +279,51 @@ static void test_path_of_a_file(void **state) {
     }
     free(again.data);
     free(first.data);
+}
+
+/* A model that states an origin is seen from the places of the world, of a path as of a cameras.json, which
+ * may state another one. */
+static void test_far_from_0(void **state) {
+    (void)state;
+#define CAMERA(at)                                                                                           \
+    "[{\"width\": 64, \"height\": 48, \"fx\": 48, \"fy\": 48, \"rotation\": [[1, 0, 0], [0, 1, 0], [0, 0, "  \
+    "1]], " at "}]"
+    static const char *const paths[2] = {"0 0 0 -8 0 0 0 1\n1 0 0 -8 0 0 0 1\n",
+                                         "0 500000 5000000 120 0 0 0 1\n1 500000 5000000 120 0 0 0 1\n"};
+    static const char *const cameras[2] = {
+        CAMERA("\"position\": [0, 0, -8]"),
+        CAMERA("\"position\": [-8, 0, 20], \"origin\": [500008, 5000000, 100]")};
+    static const double utm[3] = {500000, 5000000, 128};
+    content seen[2][2];
+    save_shape("shape.ply", in_ball);
+    for (int far = 0; far < 2; far++) {
+        test_write(work("path.txt"), paths[far], strlen(paths[far]));
+        test_write(work("cameras.txt"), cameras[far], strlen(cameras[far]));
+        for (int orbit = 0; orbit < 2; orbit++) {
+            clear_out();
+            run_quietly(ARGS("render", "shape.ply", "--path", orbit ? "orbit" : "path.txt", "--frames", "1",
+                             "--size", "64x48", "--out", "out", "-q", orbit ? "--cameras" : "--fps",
+                             orbit ? "cameras.txt" : "1"));
+            seen[far][orbit] = content_of("out/frame_00000.png");
+        }
+        sf_context *ctx = test_context();
+        sf_model *model;
+        sf_scene *scene;
+        assert_ok(ctx, sf_model_load(ctx, work("shape.ply"), &model));
+        assert_ok(ctx, sf_scene_create(ctx, &scene));
+        assert_ok(ctx, sf_scene_set_origin(scene, utm));
+        sf_scene_place_model(scene, model);
+        assert_ok(ctx, sf_model_save(model, work("shape.ply")));
+        sf_scene_destroy(&scene);
+        sf_model_destroy(&model);
+        sf_context_destroy(&ctx);
+    }
+    for (int orbit = 0; orbit < 2; orbit++) {
+        assert_int_equal(seen[1][orbit].size, seen[0][orbit].size);
+        assert_memory_equal(seen[1][orbit].data, seen[0][orbit].data, seen[0][orbit].size);
+        for (int far = 0; far < 2; far++) free(seen[far][orbit].data);
+    }
+    assert_true(seen[0][0].size != seen[0][1].size);
 }
 
 /* A stream is of the same pictures: bytes of one frame by its size, odd sides rounded up. */
@@ -485,6 +530,7 @@ int main(void) {
         cmocka_unit_test(test_orbit),
         cmocka_unit_test(test_room_and_object),
         cmocka_unit_test(test_path_of_a_file),
+        cmocka_unit_test(test_far_from_0),
         cmocka_unit_test(test_film),
         cmocka_unit_test(test_renders_are_refused),
         cmocka_unit_test(test_page),

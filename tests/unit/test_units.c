@@ -6,6 +6,7 @@
 
 #include "fit/fitter.h"
 #include "render/near_plane.h"
+#include "scene/curve.h"
 #include "scene/scene.h"
 
 enum { WIDTH = 64, HEIGHT = 48, STEPS = 30, POINTS = 300 };
@@ -98,6 +99,43 @@ static void test_one_far_camera(void **state) {
         sf_scene_info info = test_scene_info(scene);
         assert_true(info.extent > 0.7 * size && info.extent < 1.4 * size);
         for (int k = 0; k < 3; k++) assert_true(fabs(info.center[k]) < 10);
+        sf_scene_destroy(&scene);
+    }
+    sf_context_destroy(&ctx);
+}
+
+/* Points far away are counted, and leave the scene's size and the order of the others as they are. */
+static void test_far_points(void **state) {
+    (void)state;
+    static const float distances[] = {1e3f, 1e9f, 1e30f};
+    enum { FAR = POINTS / 10 };
+    static float far[3 * FAR], given[3 * (POINTS + FAR)], xyz[3 * (POINTS + FAR)];
+    sf_context *ctx = test_context();
+    sf_scene *scene = scaled_scene(ctx, 0, -1, 0);
+    double size = test_scene_info(scene).extent;
+    assert_int_equal(sf_scene_count_far_points(scene), 0);
+    sf_scene_destroy(&scene);
+    for (size_t d = 0; d < sizeof distances / sizeof *distances; d++) {
+        for (int i = 0; i < 3 * FAR; i++) far[i] = (i % 2 ? 1 : -1) * distances[d];
+        scene = scaled_scene(ctx, 0, -1, 0);
+        assert_ok(ctx, sf_scene_add_points(scene, FAR, far, NULL));
+        assert_int_equal(sf_scene_count_far_points(scene), FAR);
+        double now = test_scene_info(scene).extent;
+        assert_true(now > 0.9 * size && now < 1.1 * size);
+        size_t n = sf_scene_get_points(scene, 0, POINTS + FAR, given, NULL);
+        for (size_t i = 0; i < n; i++) memcpy(xyz + 3 * i, given + 3 * (i * 137 % n), 3 * sizeof *xyz);
+        uint32_t *order;
+        double way = 0;
+        assert_ok(ctx, sf_curve_order(ctx, xyz, n, NULL, &order));
+        for (size_t i = 1; i < n; i++) {
+            double step = 0;
+            for (int k = 0; k < 3; k++)
+                step += pow(
+                    (double)xyz[3 * order[i] + (uint32_t)k] - (double)xyz[3 * order[i - 1] + (uint32_t)k], 2);
+            if (step < 100) way += sqrt(step);
+        }
+        assert_true(way < 0.4 * POINTS); /* a grid of 0.2, 0.33, 0.25; along its rows 0.3 */
+        sf_free(ctx, order);
         sf_scene_destroy(&scene);
     }
     sf_context_destroy(&ctx);
@@ -205,9 +243,13 @@ static void test_origin(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_any_unit),       cmocka_unit_test(test_one_far_camera),
-        cmocka_unit_test(test_misplaced_view), cmocka_unit_test(test_views_that_arrive),
-        cmocka_unit_test(test_near_plane),     cmocka_unit_test(test_origin),
+        cmocka_unit_test(test_any_unit),
+        cmocka_unit_test(test_one_far_camera),
+        cmocka_unit_test(test_far_points),
+        cmocka_unit_test(test_misplaced_view),
+        cmocka_unit_test(test_views_that_arrive),
+        cmocka_unit_test(test_near_plane),
+        cmocka_unit_test(test_origin),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
