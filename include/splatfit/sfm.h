@@ -95,6 +95,48 @@ SF_API sf_status sf_reconstruction_get_photo(const sf_reconstruction *reconstruc
  * SF_ERR_IO, SF_ERR_MEMORY. */
 SF_API sf_status sf_reconstruction_save_colmap(const sf_reconstruction *reconstruction, const char *folder);
 
+/* Frames of a video, taken as photos. */
+
+/* Whether a file is a video: by its ending (.mp4, .mov, .mkv, .webm, .avi and others), or its first bytes. */
+SF_API int sf_film_is(const char *path);
+
+/* The two readings of a video. */
+typedef enum sf_film_stage {
+    SF_FILM_LOOK, /* all frames, to judge them */
+    SF_FILM_TAKE  /* those that are taken */
+} sf_film_stage;
+
+/* Told as frames are read: so many of about all; all 0: not known. What it returns, if not 0, cancels. */
+typedef int (*sf_film_progress)(void *user, sf_film_stage stage, size_t done, size_t all);
+
+/* How frames are taken. Start from sf_film_options_default(). */
+typedef struct sf_film_options {
+    int frames;                /* at most, 2..5000; 0: 100 to 300, by how far the picture moves */
+    int side;                  /* px: frames are reduced until no side is longer, 64..28000 */
+    int quality;               /* of the JPEGs, 1..100 */
+    sf_film_progress progress; /* NULL: none */
+    void *user;                /* for progress */
+} sf_film_options;
+
+/* frames 0, sides of 1,600 px, quality 95. */
+SF_API sf_film_options sf_film_options_default(void);
+
+/* What was taken of a video. */
+typedef struct sf_film_info {
+    size_t frames, taken;  /* in the video; as photos */
+    int32_t width, height; /* px, of the photos */
+    double path;           /* how far the picture moved, in its longer side */
+} sf_film_info;
+
+/* Writes sharp frames of a video, evenly spaced along the way of its picture, as frame_000000.jpg and so on
+ * (the number of the frame in the video) into `folder`, which must not exist; it is there only when all
+ * frames are. ffmpeg, as a program, reads the video, turns its frames as it says, and reduces them. options
+ * NULL: the defaults. info may be NULL. SF_ERR_IO: no such file, no ffmpeg, or the folder cannot be written;
+ * SF_ERR_FORMAT: no video, or a damaged one; SF_ERR_EMPTY: too few frames, or a picture that does not move;
+ * SF_ERR_ARGUMENT: an option out of its range; SF_ERR_CANCELLED; SF_ERR_MEMORY. */
+SF_API sf_status sf_film_take_frames(sf_context *context, const char *video, const char *folder,
+                                     const sf_film_options *options, sf_film_info *info);
+
 #ifdef __cplusplus
 }
 #endif

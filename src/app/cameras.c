@@ -1,4 +1,4 @@
-/* cameras.c - splatfit cameras: cameras from photos alone, as a COLMAP project. */
+/* cameras.c - splatfit cameras: cameras from photos or a video alone, as a COLMAP project. */
 #define _XOPEN_SOURCE 700 /* realpath */
 #include <errno.h>
 #include <limits.h>
@@ -8,14 +8,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "app.h"
-
-#include <splatfit/sfm.h>
+#include "film.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "PROJECT", "the folder to write: sparse/0, and images, a link to the photos"},
+    {"frames", 0, "N", "of a video, frames to take at most (100 to 300, by how far its picture moves)"},
     {"features", 0, "N", "features of a photo at most (2048)"},
-    {"side", 0, "PX", "photos are reduced until no side is longer before features are looked for (1600)"},
+    {"side", 0, "PX",
+     "photos are reduced until no side is longer before features are looked for; so are frames of a video "
+     "(1600)"},
     {"all-pairs", 0, "N",
      "of so many photos at most each is matched with each; of more, with those most like it (200)"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
@@ -101,12 +102,26 @@ static void print_result(const job *j) {
 
 /* Finds and writes the cameras. */
 static int find(job *j, const sf_sfm_options *options) {
-    int error = progress_start(&j->line, j->a, j->out);
-    if (error) return error;
+    int error = 0;
     if (sf_sfm_run(j->ctx, j->photos, options, &j->result)) error = app_fail(j->a, j->ctx);
     progress_break(&j->line);
     if (!error) error = save(j);
     if (!error) print_result(j);
+    return error;
+}
+
+/* The same of a video, whose frames are the project's photos. */
+static int find_of_video(job *j, int frames, const sf_sfm_options *options) {
+    film_options film = {.frames = frames, .side = options->side, .line = &j->line, .out = j->out};
+    const char *video = j->photos;
+    char *images = malloc(strlen(j->project) + 16);
+    if (!images) return app_say(j->a, video, "out of memory");
+    sprintf(images, "%s/images", j->project);
+    int error = film_take(j->a, j->ctx, video, j->project, &film);
+    j->photos = images;
+    if (!error) error = find(j, options);
+    j->photos = video;
+    free(images);
     return error;
 }
 
@@ -121,28 +136,33 @@ static int read_options(const job *j, sf_sfm_options *options) {
     return error;
 }
 
-int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
-    int own = sf_sfm_find_photos(path) == SF_PHOTOS_IMAGES;
+/* Where the photos of `path` are, and their project. 0 or an exit code. */
+static int name_folders(job *j, const char *path, int is_video, char **photos, char **project) {
+    int own = !is_video && sf_sfm_find_photos(path) == SF_PHOTOS_IMAGES;
     size_t length = strlen(path);
     while (length > 1 && path[length - 1] == '/') length--;
+    *photos = malloc(length + 16);
+    *project = is_video ? film_project(path) : malloc(length + 16);
+    if (!*photos || !*project) return app_say(j->a, path, "out of memory");
+    sprintf(*photos, "%.*s%s", (int)length, path, own ? "/images" : "");
+    if (!is_video) sprintf(*project, "%.*s%s", (int)length, path, own ? "" : ".project");
+    j->photos = *photos, j->project = *project;
+    return 0;
+}
+
+int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
     job j = {.a = a, .ctx = ctx, .out = out};
-    char *photos = malloc(length + 16);
-    *project = malloc(length + 16);
-    if (!photos || !*project) {
-        free(photos);
-        return app_say(a, path, "out of memory");
-    }
-    sprintf(photos, "%.*s%s", (int)length, path, own ? "/images" : "");
-    sprintf(*project, "%.*s%s", (int)length, path, own ? "" : ".project");
-    j.photos = photos, j.project = *project;
     struct stat st;
-    char known[PATH_MAX];
-    snprintf(known, sizeof known, "%s/sparse/0/images.bin", *project);
-    int found = !stat(known, &st), error = 0;
-    if (!found) {
+    char known[PATH_MAX], *photos = NULL;
+    int is_video = sf_film_is(path);
+    int error = name_folders(&j, path, is_video, &photos, project);
+    snprintf(known, sizeof known, "%s/sparse/0/images.bin", *project ? *project : "");
+    int found = !error && !stat(known, &st);
+    if (!error && !found) error = progress_start(&j.line, a, out);
+    if (!error && !found) {
         sf_sfm_options options = sf_sfm_options_default();
         options.progress = tell, options.user = &j;
-        error = find(&j, &options);
+        error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
     }
     if (found && !args_value(a, "quiet"))
         fprintf(stderr, "cameras of %s, found before: %s\n", path, *project);
@@ -154,13 +174,18 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
 static int run(const args *a) {
     job j = {.a = a, .photos = a->positional[0], .project = args_value(a, "output"), .out = stdout};
     sf_sfm_options options;
+    int frames = 0;
     if (!j.project) {
         app_say(a, "an argument is missing", "-o PROJECT");
         return EXIT_USAGE;
     }
     int error = read_options(&j, &options);
+    if (!error) error = args_int(a, "frames", 2, 5000, &frames);
     if (!error) error = app_context(a, &j.ctx);
-    if (!error) error = find(&j, &options);
+    if (!error) error = progress_start(&j.line, a, j.out);
+    if (!error && frames && !sf_film_is(j.photos))
+        error = app_say(a, "--frames", "is for videos: of photos, all are taken");
+    if (!error) error = sf_film_is(j.photos) ? find_of_video(&j, frames, &options) : find(&j, &options);
     sf_reconstruction_destroy(&j.result);
     sf_context_destroy(&j.ctx);
     return error;
@@ -170,9 +195,10 @@ static const arg_option *const tables[] = {own_options, common_options, NULL};
 
 const command command_cameras = {
     .name = "cameras",
-    .synopsis = "PHOTOS -o PROJECT [OPTIONS]",
+    .synopsis = "PHOTOS|VIDEO -o PROJECT [OPTIONS]",
     .summary = "Finds the cameras of photos of one place, by structure from motion, and writes them with "
-               "sparse points as a COLMAP project, which fit reads.",
+               "sparse points as a COLMAP project, which fit reads. Of a video, sharp and evenly spaced "
+               "frames become the project's photos; ffmpeg reads it.",
     .tables = tables,
     .least = 1,
     .most = 1,

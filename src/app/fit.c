@@ -312,7 +312,8 @@ static int load_scene(fit_run *r) {
     int64_t memory = args_value(r->a, "memory") ? r->options.memory : 0;
     const char *path = r->a->positional[0];
     char *found = NULL;
-    int error = sf_sfm_find_photos(path) ? app_find_cameras(r->a, r->ctx, path, r->out, &found) : 0;
+    int none = !sf_sfm_find_photos(path) && !sf_film_is(path);
+    int error = !none ? app_find_cameras(r->a, r->ctx, path, r->out, &found) : 0;
     if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
     free(found);
     return error;
@@ -413,7 +414,8 @@ const command command_fit = {
     .name = "fit",
     .synopsis = "PROJECT -o splat.ply [OPTIONS]",
     .summary = "Fits a model to a project. PROJECT is a COLMAP folder, a transforms.json or its folder, a "
-               "folder of photos, whose cameras are found first, or the embedded scene sim:studio. SIGINT "
+               "folder of photos or a video, whose cameras are found first, or the embedded scene "
+               "sim:studio. SIGINT "
                "and SIGTERM write the model so far, and the checkpoint that "
                "--checkpoint names.",
     .tables = tables,

@@ -15,8 +15,8 @@
 #include <unistd.h>
 
 static const char *const pictures[] = {".jpg", ".jpeg", ".png", NULL};
-static const char *const videos[] = {".mp4", ".mov", ".m4v", ".mkv", ".webm",
-                                     ".avi", ".mts", ".3gp", ".y4m", NULL};
+static const char *const videos[] = {".mp4",  ".mov", ".m4v", ".mkv",  ".webm", ".avi", ".mts",
+                                     ".m2ts", ".3gp", ".mpg", ".mpeg", ".wmv",  ".y4m", NULL};
 
 static int ends_with_one_of(const char *name, const char *const *endings) {
     const char *dot = strrchr(name, '.');
@@ -135,14 +135,13 @@ static sf_status tell_project_above(sf_context *ctx, const char *folder, char *a
 
 static sf_status tell_video(sf_context *ctx, sf_status status, const char *what, const char *video) {
     const char *slash = strrchr(video, '/'), *name = slash ? slash + 1 : video, *dot = strrchr(name, '.');
-    int length = dot > name ? (int)(dot - name) : (int)strlen(name);
-    char *film = quote(ctx, video, (int)strlen(video), ""), *P = quote(ctx, name, length, ".project");
+    int length = dot > name ? (int)(dot - video) : (int)strlen(video);
+    char *film = quote(ctx, video, (int)strlen(video), ""), *P = quote(ctx, video, length, ".project");
     if (film && P)
         status = sf_fail(ctx, status,
-                         "%s: no project: a video, whose cameras are not known. Take its sharpest frames: "
-                         "%sffmpeg -i %s -f yuv4mpegpipe - | splatfit capture pipe:- -o %s --every 10 "
-                         "--sharpest; then \"splatfit info %.*s.project\" says how COLMAP finds the cameras",
-                         what, install("ffmpeg"), film, P, length, name);
+                         "%s: no project: a video, but no cameras. This finds them: %ssplatfit cameras %s -o "
+                         "%s",
+                         what, install("ffmpeg"), film, P);
     else
         status = SF_ERR_MEMORY;
     sf_free(ctx, film);
@@ -157,9 +156,9 @@ static sf_status tell_videos(sf_context *ctx, const char *folder, const char *na
     return status;
 }
 
-/* By its first bytes: MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI;
+/* MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI;
  * YUV4MPEG2. */
-static int is_video(const char *path) {
+static int begins_as_video(const char *path) {
     static const char *const stills[] = {"heic", "heix", "heif", "mif1", "msf1", "avif", NULL};
     uint8_t start[12];
     if (sf_read_start(path, start, sizeof start) < sizeof start) return 0;
@@ -167,6 +166,10 @@ static int is_video(const char *path) {
         if (!memcmp(start + 8, stills[i], 4)) return 0;
     return !memcmp(start + 4, "ftyp", 4) || !memcmp(start, "\x1a\x45\xdf\xa3", 4) ||
            (!memcmp(start, "RIFF", 4) && !memcmp(start + 8, "AVI ", 4)) || !memcmp(start, "YUV4MPEG2", 9);
+}
+
+int sf_is_video(const char *path) {
+    return sf_is_file(path) && (ends_with_one_of(path, videos) || begins_as_video(path));
 }
 
 sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
@@ -191,7 +194,7 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
 }
 
 sf_status sf_no_project_file(sf_context *ctx, const char *path) {
-    if (ends_with_one_of(path, videos) || is_video(path)) return tell_video(ctx, SF_ERR_FORMAT, path, path);
+    if (sf_is_video(path)) return tell_video(ctx, SF_ERR_FORMAT, path, path);
     if (ends_with_one_of(path, pictures))
         return sf_fail(ctx, SF_ERR_FORMAT,
                        "%s: is one picture; a project is a folder of pictures with their cameras (COLMAP, "

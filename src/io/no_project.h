@@ -5,10 +5,13 @@
 #include <splatfit/context.h>
 
 /* Fails for a folder without a project. The message says what the folder holds and which command to run next:
- * COLMAP's for a folder of photos, ffmpeg's for a folder of videos. SF_ERR_IO. */
+ * COLMAP's for its database, splatfit's for photos and videos. SF_ERR_IO. */
 sf_status sf_no_project_in(sf_context *ctx, const char *folder);
 
 /* The same for a file that is no project. SF_ERR_FORMAT. */
 sf_status sf_no_project_file(sf_context *ctx, const char *path);
+
+/* Whether a file is a video, by its ending or its first bytes. */
+int sf_is_video(const char *path);
 
 #endif

@@ -95,6 +95,7 @@ need_ci() {
     need shellcheck program shellcheck
     need python3 program python3
     need mandoc program mandoc
+    need ffmpeg program ffmpeg
     need lintian program lintian
     need debootstrap program debootstrap
     need debian-archive-keyring test -e /usr/share/keyrings/debian-archive-keyring.gpg

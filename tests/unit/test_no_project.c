@@ -45,8 +45,8 @@ static void test_videos(void **state) {
     (void)state;
     mkdir(test_path("films"), 0777);
     make_file("films/walk.MP4");
-    const char *parts[] = {"walk.MP4: no project: a video", "ffmpeg -i '", "capture pipe:- -o 'walk.project'",
-                           NULL};
+    const char *parts[] = {"walk.MP4: no project: a video", "splatfit cameras '", "walk.MP4' -o '",
+                           "films/walk.project'", NULL};
     assert_says(SF_ERR_FORMAT, "films/walk.MP4", parts);
     assert_says(SF_ERR_IO, "films", parts + 1);
 }
@@ -87,7 +87,7 @@ static void test_quotes_in_names(void **state) {
                 (const char *[]){"splatfit cameras '", "bob'\\''s' -o '", "bob'\\''s.project'", NULL});
     make_file("bob's first.walk.mp4");
     assert_says(SF_ERR_FORMAT, "bob's first.walk.mp4",
-                (const char *[]){"bob'\\''s first.walk.mp4' -f", "-o 'bob'\\''s first.walk.project'", NULL});
+                (const char *[]){"bob'\\''s first.walk.mp4' -o '", "bob'\\''s first.walk.project'", NULL});
 }
 
 /* What is not installed is installed first. */
@@ -95,7 +95,7 @@ static void test_missing_programs(void **state) {
     (void)state;
     char *before = strdup(getenv("PATH"));
     assert_int_equal(setenv("PATH", test_path("films"), 1), 0);
-    assert_says(SF_ERR_FORMAT, "films/walk.MP4", (const char *[]){"apt install ffmpeg && ffmpeg", NULL});
+    assert_says(SF_ERR_FORMAT, "films/walk.MP4", (const char *[]){"apt install ffmpeg && splatfit", NULL});
     mkdir(test_path("known"), 0777);
     make_file("known/database.db");
     assert_says(SF_ERR_IO, "known", (const char *[]){"apt install colmap && mkdir", NULL});
