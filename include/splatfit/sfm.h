@@ -46,6 +46,9 @@ typedef struct sf_sfm_options {
     double error;        /* px: the greatest distance of an inlier from where its point is seen, above 0 */
     double focal;        /* px of the photos, about; 0: found */
     const sf_lens *lens; /* the lens of all photos, kept as it is; NULL: found */
+    int32_t lens_width, lens_height; /* px: of the photos that it is for; 0: photos of one size */
+    const char *masks; /* the folder of the photos' masks; NULL: masks in the photos' folder or beside it */
+    int no_masks;      /* use none */
     sf_sfm_progress progress; /* NULL: none */
     void *user;               /* for progress */
 } sf_sfm_options;
@@ -54,9 +57,12 @@ typedef struct sf_sfm_options {
 SF_API sf_sfm_options sf_sfm_options_default(void);
 
 /* Finds the cameras of the photos in a folder (.jpg, .jpeg, .png): features, matches of pairs, their
- * geometry, and a map that grows photo by photo. Photos of one size share a lens. The same bytes for
- * any number of threads. options NULL: the defaults. SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no
- * pair that can begin a map (sf_last_error says why); SF_ERR_ARGUMENT: an option out of its range;
+ * geometry, and a map that grows photo by photo. Photos of one make, model, focal length and size share a
+ * lens, as far as their EXIF tells (in a build with libexif), upright or on their side. The focal length that
+ * it tells is where the search begins, and the pictures can overrule it. Nothing is found where masks are
+ * black and photos transparent. The same bytes for any number of threads. options NULL: the defaults.
+ * SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no pair that can begin a map (sf_last_error says why);
+ * SF_ERR_ARGUMENT: an option out of its range, a photo that has not the lens's size;
  * SF_ERR_CANCELLED; SF_ERR_MEMORY. On failure *reconstruction is NULL. */
 SF_API sf_status sf_sfm_run(sf_context *context, const char *folder, const sf_sfm_options *options,
                             sf_reconstruction **reconstruction);
@@ -69,7 +75,8 @@ typedef struct sf_reconstruction_info {
     size_t photos, placed;       /* in the folder; with a pose */
     size_t points, observations; /* sparse points, and where photos see them */
     double error;                /* px: root mean square distance between points and where photos see them */
-    double seconds[SF_SFM_STAGES];     /* that each stage took */
+    double seconds[SF_SFM_STAGES]; /* that each stage took */
+    const char *masks; /* the folder of the masks that were used; NULL: none; as long as the reconstruction */
     size_t other_places, other_photos; /* maps of places that nothing connects with this one; their photos */
 } sf_reconstruction_info;
 
@@ -83,8 +90,10 @@ typedef struct sf_reconstruction_photo {
     const char *why;               /* why it has none; "": it has one */
     size_t features, observations; /* found in it; of them, those that are seen points */
     int32_t width, height;         /* px; 0: it cannot be read */
-    sf_lens lens;                  /* as found, or as given */
-    double R_cw[9], t_cw[3];       /* as of sf_camera, in an arbitrary frame and unit */
+    size_t camera;           /* that took it: photos with the same one share focal length and distortion */
+    double focal_told;       /* px: the focal length that the photo's EXIF tells; 0: none */
+    sf_lens lens;            /* as found, or as given */
+    double R_cw[9], t_cw[3]; /* as of sf_camera, in an arbitrary frame and unit */
 } sf_reconstruction_photo;
 
 /* Photo 0 .. photos-1, by name. SF_ERR_ARGUMENT: there is none of that index. */

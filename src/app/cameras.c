@@ -19,7 +19,11 @@ static const arg_option own_options[] = {
      "(1600)"},
     {"all-pairs", 0, "N",
      "of so many photos at most each is matched with each; of more, with those most like it (200)"},
-    {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
+    {"focal", 0, "PX", "the focal length of the photos, about; default: told by EXIF, or found"},
+    {"lens", 0, "FILE",
+     "the calibration of all photos, kept as it is (of splatfit calibrate, OpenCV, COLMAP)"},
+    {"masks", 0, "DIR", "folder of masks, in which black is ignored; default: masks in PHOTOS or beside it"},
+    {"no-masks", 0, NULL, "ignore all masks"},
     {"progress", 0, "auto|plain|json|none", "auto, plain, json (no lines) or none (auto)"},
     {0},
 };
@@ -48,24 +52,27 @@ static int make_folder(const job *j, const char *path) {
     return app_say(j->a, path, strerror(errno));
 }
 
-/* PROJECT/images: a link to the photos, unless that is there. */
-static int link_photos(const job *j, char *path) {
-    char photos[PATH_MAX], there[PATH_MAX];
-    sprintf(path, "%s/images", j->project);
-    if (!strcmp(path, j->photos)) return 0;
-    if (!realpath(j->photos, photos)) return app_say(j->a, j->photos, strerror(errno));
+/* PROJECT/NAME: a link to a folder, unless that is there. */
+static int link_folder(const job *j, const char *folder, const char *name, char *path) {
+    char target[PATH_MAX], there[PATH_MAX];
+    sprintf(path, "%s/%s", j->project, name);
+    if (!strcmp(path, folder)) return 0;
+    if (!realpath(folder, target)) return app_say(j->a, folder, strerror(errno));
     if (realpath(path, there))
-        return strcmp(photos, there)
+        return strcmp(target, there)
                    ? app_say(j->a, path, "is there, and is not the photos' folder: remove it")
                    : 0;
-    return symlink(photos, path) ? app_say(j->a, path, strerror(errno)) : 0;
+    return symlink(target, path) ? app_say(j->a, path, strerror(errno)) : 0;
 }
 
 static int save(const job *j) {
     char *path = malloc(strlen(j->project) + 16);
     if (!path) return app_say(j->a, j->project, "out of memory");
     int error = make_folder(j, j->project);
-    if (!error) error = link_photos(j, path);
+    sf_reconstruction_info info;
+    sf_reconstruction_get_info(j->result, &info);
+    if (!error) error = link_folder(j, j->photos, "images", path);
+    if (!error && info.masks) error = link_folder(j, info.masks, "masks", path);
     sprintf(path, "%s/sparse", j->project);
     if (!error) error = make_folder(j, path);
     sprintf(path, "%s/sparse/0", j->project);
@@ -73,6 +80,24 @@ static int save(const job *j) {
     if (!error && sf_reconstruction_save_colmap(j->result, path)) error = app_fail(j->a, j->ctx);
     free(path);
     return error;
+}
+
+/* Each camera's lens, at its first photo that is placed. */
+static void print_lenses(const job *j) {
+    enum { MOST = 8 };
+    sf_reconstruction_photo photo, before;
+    size_t cameras = 0;
+    for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++) {
+        int is_new = photo.placed;
+        for (size_t k = 0; is_new && k < i && !sf_reconstruction_get_photo(j->result, k, &before); k++)
+            is_new = !before.placed || before.camera != photo.camera;
+        if (!is_new || cameras++ >= MOST) continue;
+        fprintf(j->out, "%s%sfocal length %.1f px, k1 %.4f, k2 %.4f", cameras > 1 ? photo.name : "",
+                cameras > 1 ? ": " : "", photo.lens.fx, photo.lens.k1, photo.lens.k2);
+        if (photo.focal_told > 0) fprintf(j->out, " (EXIF: %.1f px)", photo.focal_told);
+        fputc('\n', j->out);
+    }
+    if (cameras > MOST) fprintf(j->out, "%zu cameras in all\n", cameras);
 }
 
 static void print_result(const job *j) {
@@ -87,12 +112,7 @@ static void print_result(const job *j) {
     if (info.other_places)
         fprintf(j->out, "%zu other places, with %zu photos, that nothing connects with this one\n",
                 info.other_places, info.other_photos);
-    for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++) {
-        if (!photo.placed) continue;
-        fprintf(j->out, "focal length %.1f px, k1 %.4f, k2 %.4f\n", photo.lens.fx, photo.lens.k1,
-                photo.lens.k2);
-        break;
-    }
+    print_lenses(j);
     fprintf(j->out,
             "%zu of %zu photos placed, %zu points, %zu observations, reprojection error %.2f px, %.1f s "
             "(features %.1f, matches %.1f, pairs %.1f, mapping %.1f)\n",
@@ -125,15 +145,44 @@ static int find_of_video(job *j, int frames, const sf_sfm_options *options) {
     return error;
 }
 
+/* The lens and the masks, which the command line may name. */
+static int read_inputs(const job *j, sf_sfm_options *options) {
+    static sf_calibration known;
+    const char *lens = args_value(j->a, "lens");
+    options->masks = args_value(j->a, "masks");
+    options->no_masks = args_value(j->a, "no-masks") != NULL;
+    if (!lens) return 0;
+    if (sf_calibration_load(j->ctx, lens, &known)) return app_fail(j->a, j->ctx);
+    options->lens = &known.lens;
+    options->lens_width = known.width, options->lens_height = known.height;
+    return 0;
+}
+
 static int read_options(const job *j, sf_sfm_options *options) {
     *options = sf_sfm_options_default();
     int error = args_int(j->a, "side", 64, 28000, &options->side);
     if (!error) error = args_int(j->a, "features", 100, 1000000, &options->features);
     if (!error) error = args_int(j->a, "all-pairs", 0, 1000000, &options->all_pairs);
     if (!error) error = args_numbers(j->a, "focal", 1, &options->focal);
+    if (!error) error = read_inputs(j, options);
     options->progress = tell;
     options->user = (void *)(uintptr_t)j;
     return error;
+}
+
+/* Cameras that were found before must have the lens that is wanted now. */
+static int check_lens(const job *j) {
+    sf_sfm_options options = sf_sfm_options_default();
+    sf_calibration before;
+    char path[PATH_MAX];
+    int error = read_inputs(j, &options);
+    if (error || !options.lens) return error;
+    snprintf(path, sizeof path, "%s/sparse/0/cameras.bin", j->project);
+    if (!sf_calibration_load(j->ctx, path, &before) &&
+        !memcmp(&before.lens, options.lens, sizeof before.lens))
+        return 0;
+    return app_say(j->a, j->project,
+                   "its cameras were found with another lens: remove it, or name no --lens");
 }
 
 /* Where the photos of `path` are, and their project. 0 or an exit code. */
@@ -162,9 +211,11 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
     if (!error && !found) {
         sf_sfm_options options = sf_sfm_options_default();
         options.progress = tell, options.user = &j;
-        error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
+        error = read_inputs(&j, &options);
+        if (!error) error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
     }
-    if (found && !args_value(a, "quiet"))
+    if (found) error = check_lens(&j);
+    if (found && !error && !args_value(a, "quiet"))
         fprintf(stderr, "cameras of %s, found before: %s\n", path, *project);
     sf_reconstruction_destroy(&j.result);
     free(photos);
@@ -179,9 +230,9 @@ static int run(const args *a) {
         app_say(a, "an argument is missing", "-o PROJECT");
         return EXIT_USAGE;
     }
-    int error = read_options(&j, &options);
+    int error = app_context(a, &j.ctx);
+    if (!error) error = read_options(&j, &options);
     if (!error) error = args_int(a, "frames", 2, 5000, &frames);
-    if (!error) error = app_context(a, &j.ctx);
     if (!error) error = progress_start(&j.line, a, j.out);
     if (!error && frames && !sf_film_is(j.photos))
         error = app_say(a, "--frames", "is for videos: of photos, all are taken");

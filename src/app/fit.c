@@ -18,6 +18,8 @@ static const arg_option own_options[] = {
     {"preset", 0, "draft|standard|high",
      "the defaults of all hyperparameters: draft (seconds), standard (a minute) or high (minutes) "
      "(standard)"},
+    {"lens", 0, "FILE",
+     "of photos without cameras: their calibration, kept as it is (of splatfit calibrate, OpenCV, COLMAP)"},
     {"log", 0, "FILE", "write every hyperparameter, the curve and the result as JSON"},
     {"compare", 0, "FILE", "write a held-out picture and its render side by side, as PNG"},
     {"checkpoint", 0, "FILE", "write a checkpoint to FILE from time to time and at the end, for --resume"},
@@ -312,8 +314,12 @@ static int load_scene(fit_run *r) {
     int64_t memory = args_value(r->a, "memory") ? r->options.memory : 0;
     const char *path = r->a->positional[0];
     char *found = NULL;
-    int none = !sf_sfm_find_photos(path) && !sf_film_is(path);
-    int error = !none ? app_find_cameras(r->a, r->ctx, path, r->out, &found) : 0;
+    int known = !sf_sfm_find_photos(path) && !sf_film_is(path), error = 0;
+    if (!known)
+        error = app_find_cameras(r->a, r->ctx, path, r->out, &found);
+    else if (args_value(r->a, "lens"))
+        error =
+            app_say(r->a, path, "is a project with lenses of its own: --lens is for photos without cameras");
     if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
     free(found);
     return error;

@@ -13,6 +13,10 @@ static const licence linked[] = {
     {"libspng", "BSD-2-Clause", "PNG pictures", "https://github.com/randy408/libspng/blob/master/LICENSE"},
     {"zlib", "Zlib", "compression", "https://zlib.net/zlib_license.html"},
     {"jansson", "MIT", "JSON", "https://github.com/akheron/jansson/blob/master/LICENSE"},
+#ifdef SF_HAVE_LIBEXIF
+    {"libexif", "LGPL-2.1-or-later", "the focal length that photos tell",
+     "https://github.com/libexif/libexif/blob/master/COPYING"},
+#endif
 #ifdef SF_HAVE_LIBWEBP
     {"libwebp", "BSD-3-Clause", "pictures of SOG models",
      "https://chromium.googlesource.com/webm/libwebp/+/refs/heads/main/COPYING"},

@@ -19,6 +19,7 @@ static const part parts[] = {
     {"zlib", "compression", "zlib1g-dev"},
     {"apriltag", "boards", "libapriltag-dev"},
     {"libcamera", "libcamera: sources", "libcamera-dev"},
+    {"libexif", "the focal length that photos tell", "libexif-dev"},
     {"libwebp", ".sog", "libwebp-dev"},
     {"libzip", "projects in a .zip", "libzip-dev"},
     {"libzstd", ".spz of version 4", "libzstd-dev"},

@@ -30,7 +30,7 @@ static const struct {
              {0, ".jpeg"},      {0, ".JPG"},      {1, ".PNG"},      {0, "_mask.png"}, {0, "_mask.jpg"},
              {0, "_mask.jpeg"}, {0, "_mask.PNG"}, {0, "_mask.JPG"}, {1, ".mask.png"}, {0, ".mask.png"}};
 
-static sf_status look_for(sf_context *ctx, const char *folder, const char *name, char **mask) {
+sf_status sf_mask_look_for(sf_context *ctx, const char *folder, const char *name, char **mask) {
     for (size_t i = 0; i < sizeof forms / sizeof *forms; i++) {
         char *path = candidate(ctx, folder, name, forms[i].whole ? 0 : ending_of(name), forms[i].ending);
         if (!path) return SF_ERR_MEMORY;
@@ -45,8 +45,8 @@ static sf_status look_for(sf_context *ctx, const char *folder, const char *name,
 
 static sf_status find_for(sf_context *ctx, const char *folder, sf_entry *e, size_t *found) {
     const char *slash = strchr(e->name, '/');
-    sf_status status = look_for(ctx, folder, e->name, &e->mask);
-    if (!status && !e->mask && slash) status = look_for(ctx, folder, slash + 1, &e->mask);
+    sf_status status = sf_mask_look_for(ctx, folder, e->name, &e->mask);
+    if (!status && !e->mask && slash) status = sf_mask_look_for(ctx, folder, slash + 1, &e->mask);
     *found += e->mask != NULL;
     return status;
 }

@@ -16,6 +16,10 @@
  * not there, or holds no picture's mask. */
 sf_status sf_masks_find(sf_project *project, const sf_load_options *options);
 
+/* The mask of the picture `name` in a folder, by the same names: *mask is sf_free'd by the caller, and left
+ * alone where there is none. SF_ERR_MEMORY. */
+sf_status sf_mask_look_for(sf_context *ctx, const char *folder, const char *name, char **mask);
+
 /* Lowers a picture's weights to the mask's. A mask of another size is scaled (each pixel takes the nearest
  * one's) where its sides are in the same ratio to within a pixel. On failure the picture's fault is set. */
 sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *picture);

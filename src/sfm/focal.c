@@ -29,16 +29,20 @@ double sf_focal_misfit(const double F[9], double focal) {
     return 1 - sqrt(second / first);
 }
 
-/* The truncated misfits of all pairs, and what the guess asks for: as much as one pair in 20, a factor of 2
- * away. */
-static double cost_of(const sf_focal_pair *pairs, size_t count, double guess, double focal) {
-    double cost = 0, weights = 0, off = log(focal / guess) / log(2);
+double sf_focal_cost(const sf_focal_pair *pairs, size_t count, double focal) {
+    double cost = 0, weights = 0;
     for (size_t i = 0; i < count; i++) {
         double misfit = sf_focal_misfit(pairs[i].F, focal) / TRUNCATE;
         cost += pairs[i].weight * (1 - exp(-misfit));
         weights += pairs[i].weight;
     }
-    return (weights > 0 ? cost / weights : 0) + 0.05 * off * off / (1 + off * off);
+    return weights > 0 ? cost / weights : 0;
+}
+
+/* With what the guess asks for: as much as one pair in 20, a factor of 2 away. */
+static double cost_of(const sf_focal_pair *pairs, size_t count, double guess, double focal) {
+    double off = log(focal / guess) / log(2);
+    return sf_focal_cost(pairs, count, focal) + 0.05 * off * off / (1 + off * off);
 }
 
 double sf_focal_vote(const sf_focal_pair *pairs, size_t count, double least, double most, double guess,

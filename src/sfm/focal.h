@@ -15,6 +15,9 @@ typedef struct sf_focal_pair {
  * coordinates: 1 - s2 / s1 of the singular values, 0..1. */
 double sf_focal_misfit(const double F[9], double focal);
 
+/* The mean over the pairs, by their weights, of misfits that are cut off: 0..1, and 0 without pairs. */
+double sf_focal_cost(const sf_focal_pair *pairs, size_t count, double focal);
+
 /* The focal length from least..most for which most of the pairs are nearly essential matrices, in units of
  * the scale of F's coordinates. guess: what it is likely to be; it decides what the pairs leave open, as
  * those do whose cameras look at one place from one distance. contrast (may be NULL): 0: the pairs say

@@ -17,6 +17,9 @@ typedef struct sf_map_camera {
     int is_fixed;          /* the lens is known, and stays */
     double focal_prior;    /* px: what is known of fx (0: nothing), */
     double focal_sigma;    /* and how well, as a part of it */
+    int is_doubtful;       /* the prior is what files say: pictures may overrule it, which makes it 0 */
+    double focal_voted;    /* px: what pairs of pictures say of fx where the prior is doubtful (0: nothing) */
+    double focal_told;     /* px: what files say of fx (0: nothing) */
 } sf_map_camera;
 
 typedef struct sf_map_picture {
@@ -26,8 +29,9 @@ typedef struct sf_map_picture {
     uint32_t *track_of; /* [count]; UINT32_MAX: of none */
     int is_left_out;    /* by the caller: it is not looked at */
     int is_placed;
-    sf_rigid pose;   /* world to camera */
-    size_t tried_at; /* points that it saw when it could last not be placed */
+    int is_elsewhere; /* it is in a smaller map, of another place */
+    sf_rigid pose;    /* world to camera */
+    size_t tried_at;  /* points that it saw when it could last not be placed */
 } sf_map_picture;
 
 typedef struct sf_map_options {

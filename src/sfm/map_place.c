@@ -123,10 +123,11 @@ static void search(const sf_map *map, size_t picture, sightings *s, sf_ransac_re
     sf_ransac(&problem, &options, s->scratch, NULL, found);
 }
 
-/* A camera that no placed picture has: its focal length is looked for as well. */
+/* A camera that no placed picture has, and that nobody vouches for: its focal length is looked for as well.
+ */
 static int is_new_camera(const sf_map *map, size_t picture) {
     const sf_map_camera *camera = &map->cameras[map->pictures[picture].camera];
-    if (camera->is_fixed || camera->focal_prior > 0) return 0;
+    if (camera->is_fixed || (camera->focal_prior > 0 && !camera->is_doubtful)) return 0;
     for (size_t i = 0; i < map->picture_count; i++)
         if (map->pictures[i].is_placed && map->pictures[i].camera == map->pictures[picture].camera) return 0;
     return 1;
@@ -146,6 +147,23 @@ static void search_focal(const sf_map *map, size_t picture, sightings *s, sf_ran
         if (here.count && here.cost < found->cost) *found = here, best = s->lens;
     }
     s->lens = best;
+}
+
+/* With what files tell, unless another focal length explains the points clearly better. Returns whether that
+ * is so. */
+static int search_doubtful(const sf_map *map, size_t picture, sightings *s, sf_ransac_result *found) {
+    const double most = 0.7, clearly = 0.8;
+    const sf_lens told = s->lens;
+    sf_ransac_result other;
+    search(map, picture, s, found);
+    if ((double)found->count >= most * (double)s->all.count) return 0;
+    search_focal(map, picture, s, &other);
+    if (other.count && (!found->count || other.cost < clearly * found->cost)) {
+        *found = other;
+        return 1;
+    }
+    s->lens = told;
+    return 0;
 }
 
 /* The last refinement, over the inliers, with the focal length of a new camera. Returns how many there are.
@@ -173,7 +191,9 @@ sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed) {
     *is_placed = 0;
     p->tried_at = s.all.count;
     if (ready && s.all.count >= map->options.least_seen) {
-        if (with_focal)
+        if (with_focal && map->cameras[p->camera].focal_prior > 0)
+            with_focal = search_doubtful(map, picture, &s, &found);
+        else if (with_focal)
             search_focal(map, picture, &s, &found);
         else
             search(map, picture, &s, &found);
@@ -185,7 +205,7 @@ sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed) {
         if (*is_placed) {
             p->is_placed = 1, p->pose = T;
             map->placed_count++;
-            if (with_focal) map->cameras[p->camera].lens = s.lens;
+            if (with_focal) map->cameras[p->camera].lens = s.lens, map->cameras[p->camera].focal_prior = 0;
         }
     }
     sf_free(map->ctx, s.points);

@@ -180,6 +180,29 @@ static sf_status run_once(sf_context *ctx, mapper *m, const sf_map_options *opti
     return status;
 }
 
+/* Takes from cameras the focal length that only files tell, where the map is far from it: what pairs of
+ * pictures say of it is the better begin. Returns whether there are any. */
+static int overrule(const sf_map *map, sf_map_camera *cameras) {
+    int count = 0;
+    for (size_t i = 0; i < map->camera_count; i++) {
+        sf_map_camera *c = &cameras[i];
+        if (!c->is_doubtful || !(c->focal_prior > 0) || !(c->focal_voted > 0)) continue;
+        if (fabs(log(map->cameras[i].lens.fx / c->focal_prior)) < 2 * c->focal_sigma) continue;
+        c->focal_prior = 0, c->lens.fx = c->lens.fy = c->focal_voted;
+        count++;
+    }
+    return count;
+}
+
+/* A map, and once more where it overrules what files tell. */
+static sf_status run_twice(sf_context *ctx, mapper *m, const sf_map_options *options,
+                           sf_map_camera *cameras) {
+    sf_status status = run_once(ctx, m, options);
+    if (status || !overrule(m->map, cameras)) return status;
+    sf_map_destroy(&m->map);
+    return run_once(ctx, m, options);
+}
+
 /* 3. Several places: a map of each, until none that is left can be larger than the largest */
 
 /* Leaves out what a map has placed. Returns how many pictures are left. */
@@ -199,6 +222,9 @@ static void keep_larger(sf_map **best, sf_map *map) {
     if (!smaller) return;
     if (smaller != map)
         (*best)->other_maps = smaller->other_maps, (*best)->other_pictures = smaller->other_pictures;
+    for (size_t i = 0; i < smaller->picture_count; i++)
+        (*best)->pictures[i].is_elsewhere |=
+            smaller->pictures[i].is_placed || smaller->pictures[i].is_elsewhere;
     (*best)->other_maps++;
     (*best)->other_pictures += smaller->placed_count;
     sf_map_destroy(&smaller);
@@ -208,14 +234,18 @@ sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map
                         sf_mapper_progress progress, void *user, sf_map **map) {
     sf_map_input rest = *input;
     sf_map_picture *pictures = sf_alloc(ctx, input->picture_count + 1, sizeof *pictures);
-    sf_status status = pictures ? SF_OK : SF_ERR_MEMORY;
+    sf_map_camera *cameras = sf_alloc(ctx, input->camera_count + 1, sizeof *cameras);
+    sf_status status = pictures && cameras ? SF_OK : SF_ERR_MEMORY;
     size_t left = input->picture_count;
     *map = NULL;
-    if (!status) memcpy(pictures, input->pictures, input->picture_count * sizeof *pictures);
-    rest.pictures = pictures;
+    if (!status) {
+        memcpy(pictures, input->pictures, input->picture_count * sizeof *pictures);
+        memcpy(cameras, input->cameras, input->camera_count * sizeof *cameras);
+    }
+    rest.pictures = pictures, rest.cameras = cameras;
     while (!status && left > 1 && (!*map || left > (*map)->placed_count)) {
         mapper m = {.input = &rest, .progress = progress, .user = user};
-        status = run_once(ctx, &m, options);
+        status = run_twice(ctx, &m, options, cameras);
         if (status) break;
         left = leave_out(m.map, pictures);
         keep_larger(map, m.map);
@@ -225,5 +255,6 @@ sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map
     for (size_t i = 0; *map && i < input->picture_count; i++)
         (*map)->pictures[i].is_left_out = input->pictures[i].is_left_out;
     sf_free(ctx, pictures);
+    sf_free(ctx, cameras);
     return status;
 }

@@ -14,6 +14,8 @@
 #include "../io/paths.h"
 #include "../io/picture.h"
 
+#include "photo_masks.h"
+
 #include <splatfit/sfm.h>
 
 static int is_photo(const char *name) {
@@ -81,6 +83,7 @@ void sf_photos_free(sf_context *ctx, sf_photo_list *list) {
         sf_free(ctx, list->photos[i].name);
     }
     sf_free(ctx, list->photos);
+    sf_free(ctx, list->masks);
     *list = (sf_photo_list){0};
 }
 
@@ -131,7 +134,12 @@ static sf_status find_in(const find_job *job, sf_photo_file *photo, const sf_pic
     if (!pixels) return SF_ERR_MEMORY;
     reduce(picture, factor, pixels, grey.width, grey.height);
     grey.pixels = pixels;
-    sf_status status = sf_features_find(job->ctx, &grey, job->options, &photo->features);
+    uint8_t *mask = NULL;
+    if (picture->weight) mask = sf_photo_mask_reduce(job->ctx, picture, factor, grey.width, grey.height);
+    grey.mask = mask;
+    sf_status status = SF_ERR_MEMORY;
+    if (mask || !picture->weight) status = sf_features_find(job->ctx, &grey, job->options, &photo->features);
+    sf_free(job->ctx, mask);
     sf_free(job->ctx, pixels);
     if (status) return status;
     photo->colors = sf_alloc(job->ctx, photo->features.count + 1, sizeof *photo->colors);
@@ -152,6 +160,8 @@ static void find_task(void *job_pointer, size_t task, int thread) {
     char *path = sf_path_join(job->ctx, job->folder, photo->name);
     sf_status status = path ? sf_picture_load(job->ctx, path, &picture) : SF_ERR_MEMORY;
     sf_free(job->ctx, path);
+    if (!status && (status = sf_photo_mask_apply(job->ctx, job->list->masks, photo->name, &picture)))
+        sf_picture_free(job->ctx, &picture);
     if (!status) {
         photo->width = picture.width, photo->height = picture.height;
         status = find_in(job, photo, &picture);

@@ -19,6 +19,7 @@ typedef struct sf_photo_file {
 typedef struct sf_photo_list {
     sf_photo_file *photos; /* by name */
     size_t count;
+    char *masks; /* the folder of their masks; NULL: all pixels count */
 } sf_photo_list;
 
 /* Lists the .jpg, .jpeg and .png files of a folder, by name. SF_ERR_IO; SF_ERR_EMPTY: it has none;

@@ -4,12 +4,12 @@
 
 #include "../base/clock.h"
 #include "mapper.h"
+#include "mask_folder.h"
 #include "pairs.h"
+#include "photo_cameras.h"
+#include "reasons.h"
 #include "reconstruction.h"
 #include "verify.h"
-
-/* A focal length that nothing tells, in the longer side of the photo. */
-#define GUESS 1.2
 
 sf_sfm_options sf_sfm_options_default(void) {
     return (sf_sfm_options){.side = 1600, .features = 2048, .all_pairs = 200, .error = 4};
@@ -39,6 +39,9 @@ static sf_status check_options(sf_context *ctx, const sf_sfm_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "error: %g px is not above 0", o->error);
     if (!(o->focal >= 0 && o->focal < 1e6))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "focal: %g px is not 0 or more", o->focal);
+    if (o->lens && !(o->lens->fx > 0 && o->lens->fy > 0))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "lens: fx, fy: %g, %g px are not above 0", o->lens->fx,
+                       o->lens->fy);
     return SF_OK;
 }
 
@@ -61,42 +64,6 @@ static int photo_placed(void *user, size_t placed, size_t photos) {
     return tell(user, SF_SFM_MAPPING, placed, photos);
 }
 
-/* The lens to begin with of photos of one size. */
-static sf_map_camera first_camera(const run *work, const sf_photo_file *photo) {
-    const sf_sfm_options *o = work->options;
-    double longer = photo->width > photo->height ? photo->width : photo->height;
-    double focal = o->focal > 0 ? o->focal : GUESS * longer;
-    sf_map_camera camera = {
-        .width = photo->width,
-        .height = photo->height,
-        .lens = {.fx = focal, .fy = focal, .cx = photo->width / 2.0, .cy = photo->height / 2.0},
-        .focal_prior = o->focal,
-        .focal_sigma = 0.05};
-    if (o->lens) camera.lens = *o->lens, camera.is_fixed = 1;
-    return camera;
-}
-
-/* Photos of one size share a camera. */
-static sf_status group_cameras(run *work) {
-    sf_reconstruction *r = work->r;
-    r->cameras = sf_alloc(r->ctx, r->list.count + 1, sizeof *r->cameras);
-    r->camera_of = sf_calloc(r->ctx, r->list.count + 1, sizeof *r->camera_of);
-    if (!r->cameras || !r->camera_of) return SF_ERR_MEMORY;
-    for (size_t i = 0; i < r->list.count; i++) {
-        const sf_photo_file *photo = &r->list.photos[i];
-        uint32_t c = 0;
-        if (*photo->fault) continue;
-        while (c < r->camera_count &&
-               (r->cameras[c].width != photo->width || r->cameras[c].height != photo->height))
-            c++;
-        if (c == r->camera_count) r->cameras[r->camera_count++] = first_camera(work, photo);
-        r->camera_of[i] = c;
-    }
-    if (r->camera_count) return SF_OK;
-    return sf_fail(r->ctx, SF_ERR_EMPTY, "no photo can be read (first: %s: %s)", r->list.photos[0].name,
-                   r->list.photos[0].fault);
-}
-
 static sf_status make_pictures(sf_reconstruction *r) {
     r->pictures = sf_calloc(r->ctx, r->list.count + 1, sizeof *r->pictures);
     if (!r->pictures) return SF_ERR_MEMORY;
@@ -105,7 +72,7 @@ static sf_status make_pictures(sf_reconstruction *r) {
         double *keypoints = sf_alloc(r->ctx, f->count + 1, 2 * sizeof *keypoints);
         if (!keypoints) return SF_ERR_MEMORY;
         for (size_t k = 0; k < f->count; k++)
-            keypoints[2 * k] = (double)f->points[k].x, keypoints[2 * k + 1] = (double)f->points[k].y;
+            sf_photo_turn(r, i, (double)f->points[k].x, (double)f->points[k].y, keypoints + 2 * k);
         r->pictures[i] = (sf_map_picture){.keypoints = keypoints,
                                           .count = f->count,
                                           .camera = r->camera_of[i],
@@ -183,7 +150,9 @@ static sf_status map_photos(run *work) {
                           .pair_count = work->pair_count};
     sf_map_options options = sf_map_options_default();
     options.error_px = work->options->error;
-    return sf_mapper_run(r->ctx, &input, &options, photo_placed, work, &r->map);
+    sf_status status = sf_mapper_run(r->ctx, &input, &options, photo_placed, work, &r->map);
+    return status == SF_ERR_EMPTY && sf_photos_why_none(r, work->verified, work->pair_count) ? SF_ERR_EMPTY
+                                                                                             : status;
 }
 
 static void free_run(run *work, size_t pairs) {
@@ -210,11 +179,13 @@ static sf_status run_stages(run *work, const char *folder) {
     if (!status && r->list.count < 2)
         status = sf_fail(r->ctx, SF_ERR_EMPTY,
                          "%s: one photo alone shows no depth: add more of the same place", folder);
+    if (!status && !work->options->no_masks)
+        status = sf_photo_masks_find(r->ctx, folder, work->options->masks, &r->list);
     if (!status)
         status = sf_photos_find_features(r->ctx, folder, work->options->side, &features, features_done, work,
                                          &r->list);
     end_stage(work, SF_SFM_FEATURES);
-    if (!status) status = named(r->ctx, folder, group_cameras(work));
+    if (!status) status = named(r->ctx, folder, sf_photo_cameras(r, folder, work->options));
     if (!status) status = make_pictures(r);
     if (!status) status = choose_pairs(work);
     size_t pairs = work->pair_count, verified = 0;
@@ -256,6 +227,7 @@ void sf_reconstruction_destroy(sf_reconstruction **reconstruction) {
     sf_free(r->ctx, r->pictures);
     sf_free(r->ctx, r->cameras);
     sf_free(r->ctx, r->camera_of);
+    sf_free(r->ctx, r->is_turned);
     sf_photos_free(r->ctx, &r->list);
     sf_free(r->ctx, r);
     *reconstruction = NULL;

@@ -6,7 +6,8 @@
 #include "../base/linear.h"
 #include "../io/paths.h"
 #include "../pose/lens.h"
-#include "reconstruction.h"
+#include "photo_cameras.h"
+#include "reasons.h"
 
 #include <splatfit/camera.h>
 
@@ -37,6 +38,7 @@ static size_t used(const sf_map *map, size_t track, double *squares) {
 void sf_reconstruction_get_info(const sf_reconstruction *r, sf_reconstruction_info *info) {
     double squares = 0;
     *info = (sf_reconstruction_info){.photos = r->list.count,
+                                     .masks = r->list.masks,
                                      .placed = r->map->placed_count,
                                      .other_places = r->map->other_maps,
                                      .other_photos = r->map->other_pictures};
@@ -61,36 +63,27 @@ static size_t observations_of(const sf_map *map, size_t picture) {
     return count;
 }
 
-/* Why a photo was not placed. */
-static const char *why_not(const sf_reconstruction *r, size_t index) {
-    const sf_photo_file *photo = &r->list.photos[index];
-    size_t tracks = 0;
-    if (*photo->fault) return photo->fault;
-    if (photo->features.count < r->map->options.least_seen)
-        return "too few features: blurred, or without texture";
-    for (size_t k = 0; k < photo->features.count; k++)
-        tracks += r->map->pictures[index].track_of[k] != UINT32_MAX;
-    if (tracks < r->map->options.least_seen) return "too few matches with other photos: no overlap";
-    return "its matches do not agree with the other photos on where it was";
-}
-
 sf_status sf_reconstruction_get_photo(const sf_reconstruction *r, size_t index,
                                       sf_reconstruction_photo *photo) {
     if (index >= r->list.count)
         return sf_fail(r->ctx, SF_ERR_ARGUMENT, "index: there is no photo %zu", index);
     const sf_map_picture *picture = &r->map->pictures[index];
     const sf_photo_file *file = &r->list.photos[index];
-    *photo = (sf_reconstruction_photo){.name = file->name,
-                                       .placed = picture->is_placed,
-                                       .why = picture->is_placed ? "" : why_not(r, index),
-                                       .features = file->features.count,
-                                       .width = file->width,
-                                       .height = file->height,
-                                       .lens = r->map->cameras[picture->camera].lens};
+    *photo = (sf_reconstruction_photo){
+        .name = file->name,
+        .placed = picture->is_placed,
+        .why = picture->is_placed ? "" : sf_photo_why_not(r, index),
+        .features = file->features.count,
+        .width = file->width,
+        .height = file->height,
+        .camera = picture->camera,
+        .focal_told = r->map->cameras[picture->camera].focal_told,
+        .lens = sf_photo_lens(&r->map->cameras[picture->camera], r->is_turned[index])};
     if (!picture->is_placed) return SF_OK;
     photo->observations = observations_of(r->map, index);
-    memcpy(photo->R_cw, picture->pose.R, sizeof photo->R_cw);
-    memcpy(photo->t_cw, picture->pose.t, sizeof photo->t_cw);
+    sf_rigid pose = sf_photo_pose(r, index, &picture->pose);
+    memcpy(photo->R_cw, pose.R, sizeof photo->R_cw);
+    memcpy(photo->t_cw, pose.t, sizeof photo->t_cw);
     return SF_OK;
 }
 
@@ -108,23 +101,39 @@ static void put_double(sf_writer *w, double value) {
     put_uint(w, bits, 8);
 }
 
-/* RADIAL where that is all there is, else OPENCV. */
-static void put_camera(sf_writer *w, uint32_t id, const sf_map_camera *camera) {
-    const sf_lens *l = &camera->lens;
-    int radial = l->fx == l->fy && l->p1 == 0 && l->p2 == 0;
+/* RADIAL where that is all there is, else OPENCV, or FULL_OPENCV with k3. */
+static void put_camera(sf_writer *w, uint32_t id, const sf_map_camera *camera, uint32_t is_turned) {
+    const sf_lens lens = sf_photo_lens(camera, is_turned != 0), *l = &lens;
     const double of_radial[] = {l->fx, l->cx, l->cy, l->k1, l->k2},
-                 of_opencv[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2};
+                 of_opencv[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, 0, 0, 0};
+    int radial = l->fx == l->fy && l->p1 == 0 && l->p2 == 0 && l->k3 == 0, full = l->k3 != 0;
     const double *values = radial ? of_radial : of_opencv;
     put_uint(w, id, 4);
-    put_uint(w, radial ? 3 : 4, 4);
-    put_uint(w, (uint64_t)camera->width, 8);
-    put_uint(w, (uint64_t)camera->height, 8);
-    for (size_t i = 0; i < (radial ? 5 : 8); i++) put_double(w, values[i]);
+    put_uint(w, radial ? 3 : full ? 6 : 4, 4);
+    put_uint(w, (uint64_t)(is_turned ? camera->height : camera->width), 8);
+    put_uint(w, (uint64_t)(is_turned ? camera->width : camera->height), 8);
+    for (size_t i = 0; i < (radial ? 5 : full ? 12 : 8); i++) put_double(w, values[i]);
+}
+
+/* Whether a camera has photos upright, or on their side. */
+static int has_photos(const sf_reconstruction *r, uint32_t camera, uint32_t is_turned) {
+    for (size_t i = 0; i < r->list.count; i++)
+        if (!*r->list.photos[i].fault && r->camera_of[i] == camera && r->is_turned[i] == is_turned) return 1;
+    return 0;
+}
+
+/* Those on their side come after all others. COLMAP counts from 1. */
+static uint32_t id_of(const sf_reconstruction *r, uint32_t camera, uint32_t is_turned) {
+    return camera + 1 + (is_turned ? (uint32_t)r->camera_count : 0);
 }
 
 static void put_cameras(sf_writer *w, const sf_reconstruction *r) {
-    put_uint(w, r->camera_count, 8);
-    for (uint32_t c = 0; c < r->camera_count; c++) put_camera(w, c + 1, &r->map->cameras[c]);
+    uint32_t count = 0, both = 2 * (uint32_t)r->camera_count;
+    for (uint32_t c = 0; c < both; c++) count += (uint32_t)has_photos(r, c / 2, c % 2);
+    put_uint(w, count, 8);
+    for (uint32_t c = 0; c < both; c++)
+        if (has_photos(r, c / 2, c % 2))
+            put_camera(w, id_of(r, c / 2, c % 2), &r->map->cameras[c / 2], c % 2);
 }
 
 /* A feature's point, as an id; UINT64_MAX: it has none. */
@@ -142,18 +151,20 @@ static void put_images(sf_writer *w, const sf_reconstruction *r) {
     put_uint(w, r->map->placed_count, 8);
     for (size_t i = 0; i < r->list.count; i++) {
         const sf_map_picture *p = &r->map->pictures[i];
+        const sf_features *f = &r->list.photos[i].features;
         double q[4];
         if (!p->is_placed) continue;
-        sf_rotation_to_quat(p->pose.R, q);
+        const sf_rigid pose = sf_photo_pose(r, i, &p->pose);
+        sf_rotation_to_quat(pose.R, q);
         put_uint(w, i + 1, 4);
         for (int k = 0; k < 4; k++) put_double(w, q[k]);
-        for (int k = 0; k < 3; k++) put_double(w, p->pose.t[k]);
-        put_uint(w, p->camera + 1u, 4);
+        for (int k = 0; k < 3; k++) put_double(w, pose.t[k]);
+        put_uint(w, id_of(r, p->camera, r->is_turned[i]), 4);
         sf_writer_put(w, r->list.photos[i].name, strlen(r->list.photos[i].name) + 1);
         put_uint(w, p->count, 8);
         for (size_t k = 0; k < p->count; k++) {
-            put_double(w, p->keypoints[2 * k]);
-            put_double(w, p->keypoints[2 * k + 1]);
+            put_double(w, (double)f->points[k].x);
+            put_double(w, (double)f->points[k].y);
             put_uint(w, point_of(r->map, i, k), 8);
         }
     }

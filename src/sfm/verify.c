@@ -10,9 +10,10 @@
 /* Doubles of scratch a match: rays of both pictures, the search's, flags. */
 enum { RAYS = 4, FLAGS = 1, SCRATCH = RAYS + SF_TWO_VIEW_SCRATCH + FLAGS };
 
-/* The search for a focal length: from and to, in parts of the guess. */
-#define FOCAL_LEAST 0.25
-#define FOCAL_MOST  5
+/* The search for a focal length: from and to, in longer sides of the picture; what is likely. */
+#define FOCAL_LEAST 0.3
+#define FOCAL_MOST  6
+#define FOCAL_GUESS 1.2
 
 typedef struct verifier {
     sf_context *ctx;
@@ -30,7 +31,9 @@ sf_verify_options sf_verify_options_default(void) {
     return (sf_verify_options){.error_px = 4, .least_count = 15, .seed = 1};
 }
 
-static int is_known(const sf_map_camera *camera) { return camera->is_fixed || camera->focal_prior > 0; }
+static int is_known(const sf_map_camera *camera) {
+    return camera->is_fixed || (camera->focal_prior > 0 && !camera->is_doubtful);
+}
 
 /* Whether both lenses of a pair were known before. */
 static int are_known(const verifier *v, const sf_matched_pair *p) {
@@ -94,18 +97,68 @@ static void verify_task(void *pointer, size_t task, int thread) {
         keep_inliers(p, inliers);
 }
 
-/* The focal length of a camera of which nothing is known. */
-static void vote(const verifier *v, size_t camera, sf_focal_pair *pairs) {
+/* Whether two pictures of a camera give a fundamental matrix, which votes for its focal length. */
+static int is_voter(const verifier *v, size_t camera, const sf_matched_pair *p) {
+    return p->geometry.kind == SF_PAIR_GENERAL && p->count && v->pictures[p->first].camera == camera &&
+           v->pictures[p->second].camera == camera;
+}
+
+/* Matches that essential matrices of this focal length explain, in some of the camera's pairs. Half the
+ * threshold: the whole one also takes what a wrong focal length has bent. */
+static size_t count_explained(const verifier *v, size_t camera, size_t voters, double focal) {
+    enum { PAIRS = 40 };
+    sf_two_view_options o = sf_two_view_options_default();
+    double *a = v->scratch, *b = a + 2 * v->most, *rest = b + 2 * v->most;
+    uint8_t *inliers = (uint8_t *)(rest + SF_TWO_VIEW_SCRATCH * v->most);
+    size_t seen = 0, explained = 0;
     sf_map_camera *c = &v->cameras[camera];
-    size_t count = 0;
+    const sf_lens kept = c->lens;
+    c->lens.fx = c->lens.fy = focal;
+    o.known = 1, o.threshold = v->o->error_px / 2 / focal, o.seed = v->o->seed;
     for (size_t i = 0; i < v->pair_count; i++) {
         const sf_matched_pair *p = &v->pairs[i];
-        if (p->geometry.kind != SF_PAIR_GENERAL || !p->count) continue;
-        if (v->pictures[p->first].camera != camera || v->pictures[p->second].camera != camera) continue;
-        memcpy(pairs[count].F, p->geometry.F, sizeof p->geometry.F);
-        pairs[count++].weight = (double)p->count;
+        sf_two_view found;
+        if (!is_voter(v, camera, p) || seen++ % (voters / PAIRS + 1)) continue;
+        make_rays(v, p, 0, 0, a);
+        make_rays(v, p, 1, 0, b);
+        sf_two_view_find(&o, a, b, p->count, rest, inliers, &found);
+        explained += found.count;
     }
-    double factor = sf_focal_vote(pairs, count, FOCAL_LEAST, FOCAL_MOST, 1, NULL);
+    c->lens = kept;
+    return explained;
+}
+
+/* Whether pictures speak against the focal length that their files tell, as where they were cropped: they
+ * clearly vote for another one, by which the matches are explained as well. What is seen from nearly one
+ * side, or is nearly flat, votes for anything: but too short a focal length loses matches. */
+static int is_overruled(const verifier *v, size_t camera, const sf_focal_pair *pairs, size_t count,
+                        double factor) {
+    const double near = 0.1, clearly = 0.05, as_well = 0.99, told = v->cameras[camera].lens.fx;
+    if (fabs(log(factor)) < near ||
+        sf_focal_cost(pairs, count, 1) < sf_focal_cost(pairs, count, factor) + clearly)
+        return 0;
+    return (double)count_explained(v, camera, count, factor * told) >=
+           as_well * (double)count_explained(v, camera, count, told);
+}
+
+/* The focal length of a camera of which nothing is known, or only what its files tell. */
+static void vote(const verifier *v, size_t camera, sf_focal_pair *pairs) {
+    const double near = 0.05;
+    sf_map_camera *c = &v->cameras[camera];
+    double side = (c->width > c->height ? c->width : c->height) / c->lens.fx;
+    size_t count = 0;
+    for (size_t i = 0; i < v->pair_count; i++) {
+        if (!is_voter(v, camera, &v->pairs[i])) continue;
+        memcpy(pairs[count].F, v->pairs[i].geometry.F, sizeof pairs[count].F);
+        pairs[count++].weight = (double)v->pairs[i].count;
+    }
+    double factor =
+        sf_focal_vote(pairs, count, FOCAL_LEAST * side, FOCAL_MOST * side, FOCAL_GUESS * side, NULL);
+    c->focal_voted = factor * c->lens.fx;
+    if (c->is_doubtful && is_overruled(v, camera, pairs, count, factor))
+        c->is_doubtful = 0, c->focal_prior = 0;
+    else if (c->is_doubtful && fabs(log(factor)) > near)
+        factor = 1;
     c->lens.fx *= factor, c->lens.fy *= factor;
 }
 

@@ -40,6 +40,7 @@ describe() {
     libzip) echo 'libzip-dev: projects in a .zip' ;;
     libzstd) echo 'libzstd-dev: .spz of version 4' ;;
     libwebp) echo 'libwebp-dev: .sog' ;;
+    libexif) echo 'libexif-dev: the focal length that photos tell' ;;
     civetweb) echo 'libcivetweb-dev: the page in the browser' ;;
     esac
 }
@@ -53,7 +54,7 @@ for module in $OPTIONAL; do
         missing="$missing $module"
     fi
 done
-if [ -n "$OPTIONAL" ]; then
+if [ "$STATIC" != 1 ]; then
     if has_civetweb; then civetweb=-lcivetweb; else missing="$missing civetweb"; fi
 fi
 

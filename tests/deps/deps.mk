@@ -5,8 +5,9 @@ INSTALLS     := deps demo test test-allocations test-golden test-scenes stabilit
 INSTALL_DEPS := $(filter $(INSTALLS),$(MAKECMDGOALS))
 DEPS_NOW      = $(DEPS_BUILD) $(if $(INSTALL_DEPS),$(DEPS_TEST)) $(if $(filter 1,$(STATIC)),source)
 
-# Modules of pkg-config that are left out where they are missing; config.sh says what each is for. Debian has no static ones.
-OPTIONAL := $(if $(filter 1,$(STATIC)),,apriltag libcamera libwebp libzip libzstd)
+# Modules of pkg-config that are left out where they are missing; config.sh says what each is for. Of the others Debian has no static ones.
+OPTIONAL := libexif $(if $(filter 1,$(STATIC)),,apriltag libcamera libwebp libzip libzstd)
+WANTED_NOW := $(if $(DEPS_OPTIONAL),$(if $(filter 1,$(STATIC)),static,$(DEPS_OPTIONAL)))
 
 # config.sh writes config.mk, which is read below: FOUND (of OPTIONAL), CIVETWEB, LIBS_CFLAGS, LIBS_FOUND, TEST_LIBS,
 # PARTS (modules with their versions). `make -n` only looks.
@@ -14,7 +15,7 @@ NOT_CONFIGURED := clean help doc uninstall ci fuzz mutants test-vm coverage test
 ifneq ($(filter-out $(NOT_CONFIGURED),$(or $(MAKECMDGOALS),all)),)
 CONFIGURED := $(shell CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' PKG_CONFIG='$(PKG_CONFIG)' \
     LINK='$(TARGET_CFLAGS) $(CFLAGS) $(TARGET_LDFLAGS) $(LDFLAGS)' LOOK=$(if $(INSTALL_DEPS),$(findstring n,$(firstword -$(MAKEFLAGS))),1) \
-    DEPS='$(DEPS_NOW)' DEPS_OPTIONAL='$(if $(OPTIONAL),$(DEPS_OPTIONAL))' PREPARE='$(PREPARE)' OPTIONAL='$(OPTIONAL)' STATIC='$(STATIC)' \
+    DEPS='$(DEPS_NOW)' DEPS_OPTIONAL='$(WANTED_NOW)' PREPARE='$(PREPARE)' OPTIONAL='$(OPTIONAL)' STATIC='$(STATIC)' \
     tests/deps/config.sh $(O)/config.mk >&2 && echo yes)
 ifneq ($(CONFIGURED),yes)
 $(error stopped)

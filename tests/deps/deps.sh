@@ -1,5 +1,5 @@
 #!/bin/sh
-# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, ci, vm, browser, amd64,
+# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, static, ci, vm, browser, amd64,
 # arm64, armhf.
 #
 # As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
@@ -66,8 +66,13 @@ need_test() {
         '#include <stdint.h>' '#include <cmocka.h>'
 }
 
-# Without them the program lacks what they are for.
+# Without them the program lacks what they are for. The first is all that a static program takes of them.
+need_static() {
+    want libexif-dev pkg-config --exists libexif
+}
+
 need_optional() {
+    need_static
     want g++ program "${CXX%% *}"
     want libcamera-dev pkg-config --exists libcamera
     want libapriltag-dev pkg-config --exists apriltag
@@ -126,10 +131,11 @@ for name in "$@"; do
     arm64) need_cross aarch64-linux-gnu aarch64 ;;
     armhf) need_cross arm-linux-gnueabihf arm ;;
     optional) need_optional ;;
+    static) need_static ;;
     ci) need_ci ;;
     vm) need_vm ;;
     browser) need_browser ;;
-    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, ci, vm, browser, amd64, arm64, armhf" >&2 && exit 2 ;;
+    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, static, ci, vm, browser, amd64, arm64, armhf" >&2 && exit 2 ;;
     esac
 done
 

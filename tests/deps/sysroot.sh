@@ -9,7 +9,7 @@ set -eu
 arch=$1
 dir=$2
 packages="libc6-dev libgcc-s1 libturbojpeg0-dev libspng-dev libjansson-dev zlib1g-dev libcmocka-dev libapriltag-dev"
-packages="$packages libcamera-dev libwebp-dev libzip-dev libzstd-dev libcivetweb-dev"
+packages="$packages libcamera-dev libwebp-dev libzip-dev libzstd-dev libcivetweb-dev libexif-dev"
 
 # One at a time: make may ask for it more than once.
 mkdir -p "$(dirname "$dir")"

@@ -1,4 +1,4 @@
-/* frames.c - targets picture, frames, pipe, source, y4m, jpeg_cut: pictures, and streams of them. */
+/* frames.c - targets picture, exif, frames, pipe, source, y4m, jpeg_cut: pictures, and streams of them. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,6 +8,7 @@
 #include "capture/y4m.h"
 #include "fuzz.h"
 #include "io/picture.h"
+#include "sfm/exif.h"
 
 /* A picture's planes, once more as they are decoded, and its weights: of as many pixels as the file may
  * hold. */
@@ -24,6 +25,21 @@ int fuzz_picture(const uint8_t *data, size_t size) {
     sf_picture_free(ctx, &picture);
     fuzz_end();
     return well;
+}
+
+/* What a photo tells of its camera; libexif's memory is not counted. */
+int fuzz_exif(const uint8_t *data, size_t size) {
+    sf_context *ctx = fuzz_begin(size, 1 << 18, 8);
+    sf_exif exif;
+    (void)ctx;
+    sf_exif_read(fuzz_file("exif", data, size), &exif);
+    FUZZ_CHECK(memchr(exif.make, 0, sizeof exif.make) && memchr(exif.model, 0, sizeof exif.model),
+               "exif: a text without an end");
+    double focal = sf_exif_focal(&exif, 400, 300);
+    FUZZ_CHECK(focal == 0 || (focal > 80 && focal < 16000), "exif: %g px", focal);
+    FUZZ_CHECK(sf_exif_is_same(&exif, &exif), "exif: not the camera that it is");
+    fuzz_end();
+    return focal > 0;
 }
 
 /* A frame as floats, where it is small enough for the harness. */

@@ -24,6 +24,7 @@
     F(cameras, NULL)                                                                                         \
     F(checkpoint, fuzz_repair_sections)                                                                      \
     F(colmap, NULL)                                                                                          \
+    F(exif, NULL)                                                                                            \
     F(frames, NULL)                                                                                          \
     F(gltf, NULL)                                                                                            \
     F(jpeg_cut, NULL)                                                                                        \

@@ -113,6 +113,19 @@ static void make_pixels(float rgb[3 * WIDTH * HEIGHT], int turn) {
     for (int i = 0; i < 3 * WIDTH * HEIGHT; i++) rgb[i] = 0.5f + 0.5f * sinf(0.37f * (float)(i + 11 * turn));
 }
 
+/* A JPEG's first segments: "A camera", 6.5 mm, 28 mm on film, 400 x 300 px. */
+static void put_exif(void) {
+#ifdef SF_HAVE_LIBEXIF
+    static const char exif[] = "\xff\xd8\xff\xe1\0\x80"
+                               "Exif\0\0II*\0\x08\0\0\0"
+                               "\2\0\x0f\1\2\0\x09\0\0\0\x5e\0\0\0\x69\x87\4\0\1\0\0\0\x26\0\0\0\0\0\0\0"
+                               "\4\0\x0a\x92\5\0\1\0\0\0\x68\0\0\0\2\xa0\4\0\1\0\0\0\x90\1\0\0"
+                               "\3\xa0\3\0\1\0\0\0\x2c\1\0\0\5\xa4\3\0\1\0\0\0\x1c\0\0\0\0\0\0\0"
+                               "\0\0A camera\0\0\x41\0\0\0\x0a\0\0\0\0\0\0\0\0\0\0\0\xff\xd9";
+    put("exif", "told", exif, sizeof exif - 1, "", 0);
+#endif
+}
+
 static void put_pictures(sf_context *ctx) {
     static const char y4m[] =
         "YUV4MPEG2 W2 H2 F30:1 Ip A1:1 C420jpeg XCOLORRANGE=FULL\nFRAME\n123456FRAME\nabcdef";
@@ -351,6 +364,7 @@ void fuzz_write_seeds(const char *to) {
     mkdir(folder, 0777);
     sf_context *ctx = fuzz_begin(0, (size_t)1 << 30, 0);
     put_models(ctx);
+    put_exif();
     put_pictures(ctx);
     put_checkpoints(ctx);
     put_colmap();

@@ -122,7 +122,7 @@ end_package "$library" libs "$needed" "fits 3D Gaussian scenes to pictures on CP
 begin_package libsplatfit-dev
 move libsplatfit-dev usr/include "$lib/pkgconfig" "$lib/libsplatfit.a" "$lib/libsplatfit.so"
 others="libturbojpeg0-dev, libspng-dev, libjansson-dev, zlib1g-dev"
-for module in apriltag libcamera libwebp libzstd; do
+for module in apriltag libcamera libexif libwebp libzstd; do
     grep -q "^Requires.private:.* $module" "$stage/libsplatfit-dev/$lib/pkgconfig/splatfit.pc" && others="$others, ${module/#lib/lib}-dev"
 done
 others=${others/ apriltag-dev/ libapriltag-dev}
