@@ -19,6 +19,7 @@ static const arg_option own_options[] = {
      "(1600)"},
     {"all-pairs", 0, "N",
      "of so many photos at most each is matched with each; of more, with those most like it (200)"},
+    {"memory", 0, "BYTES", "most memory of the whole process (900M, 2G); default: 4/5 of what is free"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: found"},
     {"progress", 0, "auto|plain|json|none", "auto, plain, json (no lines) or none (auto)"},
     {0},
@@ -125,6 +126,18 @@ static int find_of_video(job *j, int frames, const sf_sfm_options *options) {
     return error;
 }
 
+/* --memory, in the words of a fit. */
+static int read_memory(const job *j, sf_sfm_options *options) {
+    sf_fit_options fit = sf_fit_options_default();
+    const char *text = args_value(j->a, "memory");
+    if (text && sf_fit_options_set(j->ctx, &fit, "memory", text)) {
+        app_fail(j->a, j->ctx);
+        return EXIT_USAGE;
+    }
+    options->memory = text ? fit.memory : 0;
+    return 0;
+}
+
 static int read_options(const job *j, sf_sfm_options *options) {
     *options = sf_sfm_options_default();
     int error = args_int(j->a, "side", 64, 28000, &options->side);
@@ -162,7 +175,8 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
     if (!error && !found) {
         sf_sfm_options options = sf_sfm_options_default();
         options.progress = tell, options.user = &j;
-        error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
+        error = read_memory(&j, &options);
+        if (!error) error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
     }
     if (found && !args_value(a, "quiet"))
         fprintf(stderr, "cameras of %s, found before: %s\n", path, *project);
@@ -182,6 +196,7 @@ static int run(const args *a) {
     int error = read_options(&j, &options);
     if (!error) error = args_int(a, "frames", 2, 5000, &frames);
     if (!error) error = app_context(a, &j.ctx);
+    if (!error) error = read_memory(&j, &options);
     if (!error) error = progress_start(&j.line, a, j.out);
     if (!error && frames && !sf_film_is(j.photos))
         error = app_say(a, "--frames", "is for videos: of photos, all are taken");
