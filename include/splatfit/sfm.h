@@ -43,6 +43,7 @@ typedef struct sf_sfm_options {
     int features;        /* of a photo at most, 100..1000000 */
     int all_pairs;       /* of so many photos at most each is matched with each, 0..1000000; of more, with
                             those that are most like it and with its neighbours by name */
+    int64_t memory;      /* bytes for the whole process: refuse photos that take more; 0: 4/5 of what is free */
     double error;        /* px: the greatest distance of an inlier from where its point is seen, above 0 */
     double focal;        /* px of the photos, about; 0: found */
     const sf_lens *lens; /* the lens of all photos, kept as it is; NULL: found */
@@ -63,7 +64,8 @@ SF_API sf_sfm_options sf_sfm_options_default(void);
  * black and photos transparent. The same bytes for any number of threads. options NULL: the defaults.
  * SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no pair that can begin a map (sf_last_error says why);
  * SF_ERR_ARGUMENT: an option out of its range, a photo that has not the lens's size;
- * SF_ERR_CANCELLED; SF_ERR_MEMORY. On failure *reconstruction is NULL. */
+ * SF_ERR_CANCELLED; SF_ERR_MEMORY, also where options->memory is too little. On failure *reconstruction is
+ * NULL. */
 SF_API sf_status sf_sfm_run(sf_context *context, const char *folder, const sf_sfm_options *options,
                             sf_reconstruction **reconstruction);
 

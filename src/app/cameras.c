@@ -19,6 +19,7 @@ static const arg_option own_options[] = {
      "(1600)"},
     {"all-pairs", 0, "N",
      "of so many photos at most each is matched with each; of more, with those most like it (200)"},
+    {"memory", 0, "BYTES", "most memory of the whole process (900M, 2G); default: 4/5 of what is free"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: told by EXIF, or found"},
     {"lens", 0, "FILE",
      "the calibration of all photos, kept as it is (of splatfit calibrate, OpenCV, COLMAP)"},
@@ -158,6 +159,18 @@ static int read_inputs(const job *j, sf_sfm_options *options) {
     return 0;
 }
 
+/* --memory, in the words of a fit. */
+static int read_memory(const job *j, sf_sfm_options *options) {
+    sf_fit_options fit = sf_fit_options_default();
+    const char *text = args_value(j->a, "memory");
+    if (text && sf_fit_options_set(j->ctx, &fit, "memory", text)) {
+        app_fail(j->a, j->ctx);
+        return EXIT_USAGE;
+    }
+    options->memory = text ? fit.memory : 0;
+    return 0;
+}
+
 static int read_options(const job *j, sf_sfm_options *options) {
     *options = sf_sfm_options_default();
     int error = args_int(j->a, "side", 64, 28000, &options->side);
@@ -212,6 +225,7 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
         sf_sfm_options options = sf_sfm_options_default();
         options.progress = tell, options.user = &j;
         error = read_inputs(&j, &options);
+        if (!error) error = read_memory(&j, &options);
         if (!error) error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
     }
     if (found) error = check_lens(&j);
@@ -233,6 +247,7 @@ static int run(const args *a) {
     int error = app_context(a, &j.ctx);
     if (!error) error = read_options(&j, &options);
     if (!error) error = args_int(a, "frames", 2, 5000, &frames);
+    if (!error) error = read_memory(&j, &options);
     if (!error) error = progress_start(&j.line, a, j.out);
     if (!error && frames && !sf_film_is(j.photos))
         error = app_say(a, "--frames", "is for videos: of photos, all are taken");

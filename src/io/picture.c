@@ -41,8 +41,9 @@ static sf_status set_size(sf_picture *p, uint32_t width, uint32_t height) {
         (uint64_t)width * height > SF_PICTURE_MAX_PIXELS)
         return fault(p, SF_ERR_UNSUPPORTED, "size: %lu x %lu is more than %d a side or %d pixels",
                      (unsigned long)width, (unsigned long)height, SF_PICTURE_MAX_SIDE, SF_PICTURE_MAX_PIXELS);
-    p->width = (int)width;
-    p->height = (int)height;
+    p->width = p->file_width = (int)width;
+    p->height = p->file_height = (int)height;
+    p->divided = 1;
     return SF_OK;
 }
 
@@ -176,10 +177,20 @@ static sf_status jpeg_header(tjhandle jpeg, const uint8_t *data, size_t size, sf
                  size);
 }
 
-static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data, size_t size,
+/* Decoding divides sides by powers of 2. */
+static void reduce_to(sf_picture *p, int side) {
+    int longer = p->width > p->height ? p->width : p->height, factor = (longer - 1) / side + 1;
+    while (p->divided < 8 && factor % (2 * p->divided) == 0) p->divided *= 2;
+    tjscalingfactor scale = {1, p->divided};
+    p->width = TJSCALED(p->file_width, scale), p->height = TJSCALED(p->file_height, scale);
+}
+
+/* side: 0: in full size. */
+static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data, size_t size, int side,
                              sf_picture *p) {
     sf_status status = jpeg_header(jpeg, data, size, p);
     if (status) return status;
+    if (side) reduce_to(p, side);
     uint8_t *pixels = sf_alloc(ctx, pixel_count(p), 3);
     if (!pixels) return fault(p, SF_ERR_MEMORY, "out of memory");
     /* A file that was cut off decodes with a warning, its rest grey: a warning is a failure here. */
@@ -192,11 +203,11 @@ static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data
     return status;
 }
 
-static sf_status load_jpeg(sf_context *ctx, const uint8_t *data, size_t size, sf_picture *p) {
+static sf_status load_jpeg(sf_context *ctx, const uint8_t *data, size_t size, int side, sf_picture *p) {
     tjhandle jpeg = tjInitDecompress();
     if (!jpeg) return fault(p, SF_ERR_MEMORY, "out of memory");
     p->orientation = jpeg_orientation(data, size);
-    sf_status status = jpeg_pixels(ctx, jpeg, data, size, p);
+    sf_status status = jpeg_pixels(ctx, jpeg, data, size, side, p);
     tjDestroy(jpeg);
     return status;
 }
@@ -287,8 +298,8 @@ static sf_status unknown_kind(sf_picture *p, const uint8_t *data, size_t size) {
     return fault(p, SF_ERR_FORMAT, size ? "is neither a JPEG nor a PNG picture" : "is empty");
 }
 
-static sf_status load(sf_context *ctx, const uint8_t *data, size_t size, sf_picture *p) {
-    if (is_jpeg(data, size)) return load_jpeg(ctx, data, size, p);
+static sf_status load(sf_context *ctx, const uint8_t *data, size_t size, int side, sf_picture *p) {
+    if (is_jpeg(data, size)) return load_jpeg(ctx, data, size, side, p);
     if (is_png(data, size)) return load_png(ctx, data, size, p);
     return unknown_kind(p, data, size);
 }
@@ -305,17 +316,25 @@ void sf_picture_free(sf_context *ctx, sf_picture *picture) {
     picture->rgb = picture->weight = NULL;
 }
 
-sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture) {
+static sf_status load_file(sf_context *ctx, const char *path, int side, sf_picture *picture) {
     *picture = (sf_picture){.orientation = 1};
     uint8_t *data;
     size_t size;
     sf_status status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
     if (status) return unreadable(picture, path, status);
-    status = load(ctx, data, size, picture);
+    status = load(ctx, data, size, side, picture);
     sf_free(ctx, data);
     if (!status) return SF_OK;
     sf_picture_free(ctx, picture);
     return sf_fail(ctx, status, "%s: %s", path, picture->fault);
+}
+
+sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture) {
+    return load_file(ctx, path, 0, picture);
+}
+
+sf_status sf_picture_load_reduced(sf_context *ctx, const char *path, int side, sf_picture *picture) {
+    return load_file(ctx, path, side, picture);
 }
 
 /* SF_ERR_FORMAT also where the header goes on beyond `size`. */

@@ -8,8 +8,10 @@
 enum { SF_PICTURE_MAX_SIDE = 65535, SF_PICTURE_MAX_PIXELS = 1 << 28, SF_PICTURE_FAULT_BYTES = 192 };
 
 typedef struct sf_picture {
-    int width, height;
-    uint8_t *rgb;    /* [3][height][width], sRGB values */
+    int width, height;           /* px; of what was decoded */
+    int file_width, file_height; /* px; of the file */
+    int divided;                 /* sides are those of the file divided by 1, 2, 4 or 8, rounded up */
+    uint8_t *rgb;                /* [3][height][width], sRGB values */
     uint8_t *weight; /* [height][width], from an alpha channel; NULL if there is none or all is opaque */
     int orientation; /* EXIF 1..8 as the file says, 1 if it does not; never applied */
     char fault[SF_PICTURE_FAULT_BYTES]; /* where loading failed: why, without the path (threads share
@@ -25,6 +27,11 @@ enum { SF_PNG_PIXELS = 1 << 24, SF_PNG_PIXELS_A_BYTE = 1032, SF_JPEG_PIXELS_A_BY
  * limits. On failure only `fault` is set. Free with sf_picture_free. */
 sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture);
 void sf_picture_free(sf_context *ctx, sf_picture *picture);
+
+/* The same for who will divide its sides by the least whole number that makes none longer than `side`: of a
+ * JPEG, where that number is even, a part of 2, 4 or 8 is done while decoding, which takes less memory and
+ * time. */
+sf_status sf_picture_load_reduced(sf_context *ctx, const char *path, int side, sf_picture *picture);
 
 /* Whether so many bytes of JPEG can hold a picture of that size: a block of 64 pixels takes a bit at least,
  * and a file of many passes over the picture is longer. What cannot is not worth its pixels' memory. */

@@ -117,9 +117,11 @@ static void reduce(const sf_picture *from, int factor, uint8_t *to, int width, i
         }
 }
 
-static void color_at(const sf_picture *picture, const sf_keypoint *point, uint8_t rgb[3]) {
+/* Of a point in the picture reduced by `factor`. */
+static void color_at(const sf_picture *picture, const sf_keypoint *point, int factor, uint8_t rgb[3]) {
     size_t width = (size_t)picture->width, height = (size_t)picture->height;
-    size_t x = point->x > 0 ? (size_t)point->x : 0, y = point->y > 0 ? (size_t)point->y : 0;
+    size_t x = point->x > 0 ? (size_t)(point->x * (float)factor) : 0;
+    size_t y = point->y > 0 ? (size_t)(point->y * (float)factor) : 0;
     if (x >= width) x = width - 1;
     if (y >= height) y = height - 1;
     for (size_t c = 0; c < 3; c++) rgb[c] = picture->rgb[(c * height + y) * width + x];
@@ -127,7 +129,8 @@ static void color_at(const sf_picture *picture, const sf_keypoint *point, uint8_
 
 static sf_status find_in(const find_job *job, sf_photo_file *photo, const sf_picture *picture) {
     int longer = picture->width > picture->height ? picture->width : picture->height;
-    int factor = photo->factor = (longer + job->side - 1) / job->side;
+    int factor = (longer + job->side - 1) / job->side;
+    photo->factor = factor * picture->divided;
     sf_photo grey = {.width = picture->width / factor, .height = picture->height / factor};
     grey.stride = (size_t)grey.width;
     uint8_t *pixels = sf_alloc(job->ctx, grey.stride, (size_t)grey.height);
@@ -145,8 +148,9 @@ static sf_status find_in(const find_job *job, sf_photo_file *photo, const sf_pic
     photo->colors = sf_alloc(job->ctx, photo->features.count + 1, sizeof *photo->colors);
     for (size_t i = 0; photo->colors && i < photo->features.count; i++) {
         sf_keypoint *point = &photo->features.points[i];
-        point->x *= (float)factor, point->y *= (float)factor, point->scale *= (float)factor;
-        color_at(picture, point, photo->colors[i]);
+        float all = (float)photo->factor;
+        color_at(picture, point, factor, photo->colors[i]);
+        point->x *= all, point->y *= all, point->scale *= all;
     }
     return photo->colors ? SF_OK : SF_ERR_MEMORY;
 }
@@ -158,12 +162,12 @@ static void find_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     if (atomic_load(&job->status) || atomic_load(&job->cancelled)) return;
     char *path = sf_path_join(job->ctx, job->folder, photo->name);
-    sf_status status = path ? sf_picture_load(job->ctx, path, &picture) : SF_ERR_MEMORY;
+    sf_status status = path ? sf_picture_load_reduced(job->ctx, path, job->side, &picture) : SF_ERR_MEMORY;
     sf_free(job->ctx, path);
     if (!status && (status = sf_photo_mask_apply(job->ctx, job->list->masks, photo->name, &picture)))
         sf_picture_free(job->ctx, &picture);
     if (!status) {
-        photo->width = picture.width, photo->height = picture.height;
+        photo->width = picture.file_width, photo->height = picture.file_height;
         status = find_in(job, photo, &picture);
         sf_picture_free(job->ctx, &picture);
     } else if (status != SF_ERR_MEMORY) {

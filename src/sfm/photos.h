@@ -25,6 +25,11 @@ typedef struct sf_photo_list {
 /* Lists the .jpg, .jpeg and .png files of a folder, by name. SF_ERR_IO; SF_ERR_EMPTY: it has none;
  * SF_ERR_MEMORY. */
 sf_status sf_photos_list(sf_context *ctx, const char *folder, sf_photo_list *list);
+/* Refuses photos that take more than `memory` bytes of the whole process (0: 4/5 of what is free) until their
+ * cameras are found, by the sizes in their headers: SF_ERR_MEMORY, with what to do. */
+sf_status sf_photos_check_memory(sf_context *ctx, const char *folder, int side,
+                                 const sf_features_options *options, uint64_t memory,
+                                 const sf_photo_list *list);
 void sf_photos_free(sf_context *ctx, sf_photo_list *list);
 
 /* Reads each photo, reduced so that no side is longer than `side`, and finds its features; on all threads,

@@ -35,6 +35,7 @@ static sf_status check_options(sf_context *ctx, const sf_sfm_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "features: %d is not in 100..1000000", o->features);
     if (o->all_pairs < 0 || o->all_pairs > 1000000)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "all_pairs: %d is not in 0..1000000", o->all_pairs);
+    if (o->memory < 0) return sf_fail(ctx, SF_ERR_ARGUMENT, "memory: %lld is below 0", (long long)o->memory);
     if (!(o->error > 0 && o->error < 1e4))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "error: %g px is not above 0", o->error);
     if (!(o->focal >= 0 && o->focal < 1e6))
@@ -181,6 +182,9 @@ static sf_status run_stages(run *work, const char *folder) {
                          "%s: one photo alone shows no depth: add more of the same place", folder);
     if (!status && !work->options->no_masks)
         status = sf_photo_masks_find(r->ctx, folder, work->options->masks, &r->list);
+    if (!status)
+        status = sf_photos_check_memory(r->ctx, folder, work->options->side, &features,
+                                        (uint64_t)work->options->memory, &r->list);
     if (!status)
         status = sf_photos_find_features(r->ctx, folder, work->options->side, &features, features_done, work,
                                          &r->list);

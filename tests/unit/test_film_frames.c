@@ -8,7 +8,7 @@
 #include "base/rng.h"
 #include "sfm/frame_choice.h"
 
-enum { WIDTH = 320, HEIGHT = 240, BLOBS = 500 };
+enum { WIDTH = 320, HEIGHT = 240, BLOBS = 900 };
 
 /* Blobs that have moved by dx, dy px. */
 static uint8_t *draw(double dx, double dy) {

@@ -29,6 +29,7 @@ static int set_up(void **state) {
     }
     write_text("photos/broken.jpg", "no picture");
     write_text("one/a.jpg", "no picture");
+    write_text("film.mp4", "no film");
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
     return 0;
@@ -80,6 +81,10 @@ static void test_bad_input(void **state) {
         {FAILED, "one: one photo alone shows no depth", {"cameras", "one", "-o", "q"}},
         {USAGE, "--side", {"cameras", "photos", "-o", "q", "--side", "63"}},
         {USAGE, "--features", {"cameras", "photos", "-o", "q", "--features", "99"}},
+        {USAGE, "memory: \"much\"", {"cameras", "photos", "-o", "q", "--memory", "much"}},
+        {FAILED, "memory: photos: 7 photos take about ", {"cameras", "photos", "-o", "q", "--memory", "10M"}},
+        {FAILED, "--frames: is for videos", {"cameras", "photos", "-o", "q", "--frames", "9"}},
+        {FAILED, "film.mp4: ffmpeg", {"cameras", "film.mp4", "-o", "q"}},
         {USAGE, "--focal", {"cameras", "photos", "-o", "q", "--focal", "wide"}},
         {FAILED, "focal: -1 px", {"cameras", "photos", "-o", "q", "--focal", "-1"}},
     };

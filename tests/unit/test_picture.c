@@ -317,6 +317,39 @@ static void test_grey_of_16_bits(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Of what is divided by 1, 6 and 16, decoding divides by 1, 2 and 8; pixels are means of those that they
+ * stand for. */
+static void test_jpeg_reduced(void **state) {
+    (void)state;
+    enum { WIDE = 401, HIGH = 300 };
+    static const int sides[] = {401, 70, 26}, divided[] = {1, 2, 8};
+    static uint8_t rgb[3 * WIDE * HIGH];
+    sf_context *ctx = test_context();
+    uint8_t *data;
+    size_t size;
+    for (int i = 0; i < WIDE * HIGH; i++)
+        rgb[3 * i] = (uint8_t)(i % WIDE / 2), rgb[3 * i + 1] = (uint8_t)(i / WIDE / 2), rgb[3 * i + 2] = 99;
+    assert_ok(ctx, sf_encode_jpeg_8(ctx, WIDE, HIGH, rgb, 98, &data, &size));
+    const char *path = picture_put(data, size);
+    sf_encoded_free(ctx, &data);
+    for (int k = 0; k < 3; k++) {
+        sf_picture p;
+        int by = divided[k];
+        assert_ok(ctx, sf_picture_load_reduced(ctx, path, sides[k], &p));
+        assert_int_equal(p.divided, by);
+        assert_true(p.file_width == WIDE && p.file_height == HIGH);
+        assert_true(p.width == (WIDE + by - 1) / by && p.height == (HIGH + by - 1) / by);
+        for (int y = 0; y + 1 < p.height; y++)
+            for (int x = 0; x + 1 < p.width; x++) {
+                const uint8_t *at = p.rgb + y * p.width + x;
+                assert_true(fabs(at[0] - (x * by + by / 2) / 2.0) < 3);
+                assert_true(fabs(at[p.width * p.height] - (y * by + by / 2) / 2.0) < 3);
+            }
+        sf_picture_free(ctx, &p);
+    }
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_png_plain),
@@ -330,6 +363,7 @@ int main(void) {
         cmocka_unit_test(test_write_png_reads_back),
         cmocka_unit_test(test_encode_reads_back),
         cmocka_unit_test(test_grey_of_16_bits),
+        cmocka_unit_test(test_jpeg_reduced),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
