@@ -122,8 +122,8 @@ typedef enum sf_moment_format {
     REAL(lr_gain, 0.04, 0, 1, "",                                                                            \
          "learning rate of the exposures' gains (of their logarithms) at the start")                         \
     REAL(lr_bias, 0.004, 0, 1, "", "learning rate of the exposures' biases at the start")                    \
-    REAL(lr_pose, 0.0015, 0, 1, "rad",                                                                       \
-         "learning rate of poses at the start: rotations, and translations in units of the views' depths")   \
+    REAL(lr_pose, 0.003, 0, 1, "rad",                                                                        \
+         "longest step of poses at the start: rotations, and translations in units of the views' depths")    \
     REAL(lr_focal, 0.003, 0, 1, "", "learning rate of focal lengths (of their logarithms) at the start")     \
     REAL(lr_exposure_final, 0.02, 1e-9, 1, "",                                                               \
          "rates of gains and biases at the end, as a fraction of those at the start")                        \
@@ -369,8 +369,9 @@ SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);
 SF_API sf_status sf_fitter_render(sf_fitter *fitter, const sf_camera *camera, const sf_image_out *out);
 
 /* The camera of view `id` as the fit has refined it. A training view has its refined pose and focal lengths.
- * A held-out view has its given pose, and the refined focal lengths of the training views whose given
- * intrinsics equal its own. Without refinement: as given. SF_ERR_ARGUMENT: no such view. */
+ * A held-out view is moved by what the corrections of the training views next to it have in common, without a
+ * look at its picture, and has the refined focal lengths of the training views whose given intrinsics equal
+ * its own. Without refinement: as given. SF_ERR_ARGUMENT: no such view. */
 SF_API sf_status sf_fitter_get_camera(const sf_fitter *fitter, uint32_t id, sf_camera *camera);
 
 /* With refine_poses: training view `id` keeps its given pose from now on. Held views fix the gauge, so that

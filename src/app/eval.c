@@ -7,6 +7,8 @@
 
 static const arg_option own_options[] = {
     {"json", 0, "FILE", "also write psnr, ssim, gaussians, bytes and views[] as JSON"},
+    {"cameras", 0, "FILE",
+     "the project's cameras as the fit refined them: the cameras.json that it wrote; default: as given"},
     {0},
 };
 
@@ -36,11 +38,57 @@ static int report(const args *a, sf_context *ctx, const evaluation *e, size_t ga
                                     "bytes", (json_int_t)bytes, "views", e->list));
 }
 
+/* A model, drawn with cameras of a file. */
+typedef struct refined_drawer {
+    app_drawer d;
+    sf_scene *scene;
+    sf_camera *cameras; /* [count], of all views of the scene in their order; NULL: as given */
+    size_t count;
+} refined_drawer;
+
+static size_t index_of(const refined_drawer *r, uint32_t id) {
+    sf_view_info view;
+    size_t i = 0;
+    while (i + 1 < r->count && (sf_scene_get_view(r->scene, i, &view) || view.id != id)) i++;
+    return i;
+}
+
+static sf_status draw_refined(void *user, const sf_view_info *view, float *rgb) {
+    const refined_drawer *r = user;
+    sf_view_info moved = *view;
+    if (r->cameras) {
+        const sf_camera *c = &r->cameras[index_of(r, view->id)];
+        memcpy(moved.camera.R_cw, c->R_cw, sizeof c->R_cw);
+        memcpy(moved.camera.t_cw, c->t_cw, sizeof c->t_cw);
+        moved.camera.fx = c->fx, moved.camera.fy = c->fy;
+    }
+    return app_draw_model((void *)(uintptr_t)&r->d, &moved, rgb);
+}
+
+/* Cameras of the same views, as far as the file tells. */
+static int load_cameras(const args *a, sf_context *ctx, sf_scene *scene, refined_drawer *r) {
+    const char *path = args_value(a, "cameras");
+    sf_scene_info info;
+    sf_view_info view;
+    r->scene = scene;
+    if (!path) return 0;
+    if (sf_cameras_load(ctx, path, &r->cameras, &r->count)) return app_fail(a, ctx);
+    sf_scene_get_info(scene, &info);
+    int same = r->count == info.views;
+    for (size_t i = 0; same && i < r->count; i++)
+        same = !sf_scene_get_view(scene, i, &view) && view.camera.width == r->cameras[i].width &&
+               view.camera.height == r->cameras[i].height;
+    return same ? 0
+                : app_say(a, path,
+                          "is not of this project: the number of its cameras, or their size, is another "
+                          "(it was written with the same --images and --downscale?)");
+}
+
 static int run(const args *a) {
     sf_context *ctx = NULL;
     sf_model *model = NULL;
     sf_scene *scene = NULL;
-    app_drawer d = {0};
+    refined_drawer r = {0};
     evaluation e = {0};
     const char *json = args_value(a, "json");
     int error = app_split_check(a);
@@ -49,16 +97,18 @@ static int run(const args *a) {
     if (!error) error = app_load_model(a, ctx, a->positional[0], &model);
     if (!error) error = app_load(a, ctx, a->positional[1], &scene);
     if (!error) sf_scene_place_model(scene, model);
-    if (!error) error = app_render_options(a, &d.options);
-    if (!error && sf_renderer_create(ctx, &d.renderer)) error = app_fail(a, ctx);
-    d.model = model;
-    if (!error && app_evaluate(ctx, scene, a, "test", app_draw_model, &d, &e)) error = app_fail(a, ctx);
+    if (!error) error = load_cameras(a, ctx, scene, &r);
+    if (!error) error = app_render_options(a, &r.d.options);
+    if (!error && sf_renderer_create(ctx, &r.d.renderer)) error = app_fail(a, ctx);
+    r.d.model = model;
+    if (!error && app_evaluate(ctx, scene, a, "test", draw_refined, &r, &e)) error = app_fail(a, ctx);
     if (!error && !e.views)
         error = app_say(a, a->positional[1],
                         "no view to evaluate: nothing is held out (see --hold-out, --split)");
     if (!error) error = report(a, ctx, &e, sf_model_count(model));
     json_decref(e.list);
-    sf_renderer_destroy(&d.renderer);
+    sf_cameras_free(ctx, &r.cameras);
+    sf_renderer_destroy(&r.d.renderer);
     sf_scene_destroy(&scene);
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);

@@ -228,8 +228,8 @@ sf_status sf_checkpoint_take_scene(sf_sections_in *in, sf_fitter *f) {
     F(exposure.v)                                                                                            \
     F(R_cw)                                                                                                  \
     F(t_cw)                                                                                                  \
-    F(pose.m)                                                                                                \
-    F(pose.v)                                                                                                \
+    F(pose.last)                                                                                             \
+    F(pose.size)                                                                                             \
     F(depth)                                                                                                 \
     F(turned_deg)                                                                                            \
     F(moved_depths)

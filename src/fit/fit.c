@@ -122,8 +122,7 @@ static void update_others(sf_fitter *f, sf_view_state *state, const step_grads *
     if (o->exposure)
         sf_exposure_update(&f->views, state, d->exposure, o,
                            f->recovery.lr_scale * pow(o->lr_exposure_final, fraction));
-    if (o->refine_poses && fraction >= o->refine_start)
-        sf_refine_pose(state, d->camera, o, decay * o->lr_pose);
+    if (o->refine_poses && fraction >= o->refine_start) sf_refine_pose(state, d->camera, decay * o->lr_pose);
     if (o->refine_intrinsics) sf_refine_focal(&f->views, state, d->camera + 6, o, decay * o->lr_focal);
 }
 

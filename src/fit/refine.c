@@ -8,8 +8,14 @@
 #include "../base/linear.h"
 #include "../base/statistics.h"
 #include "adam.h"
+#include "follow.h"
 
 static const double pi = 3.141592653589793;
+
+/* Step sizes of poses, in rates. */
+#define FIRST_SIZE 0.01
+#define GROWTH     1.5
+#define FALL       0.5
 
 /* 1. The gauge: two fixed poses */
 
@@ -56,10 +62,24 @@ static void pose_in_use(const sf_view_state *view, sf_camera *camera) {
 void sf_refine_camera(const sf_view_states *views, uint32_t id, sf_camera *camera) {
     const sf_view_state *view = sf_view_state_of(views, id);
     const sf_view_lens *lens = view ? &views->lenses[view->lens] : sf_view_lens_of(views, camera);
-    if (view) pose_in_use(view, camera);
+    if (view)
+        pose_in_use(view, camera);
+    else
+        sf_follow_neighbours(views, camera);
     if (lens) {
         camera->fx *= exp(lens->log_focal[0]);
         camera->fy *= exp(lens->log_focal[1]);
+    }
+}
+
+void sf_begin_at_neighbours(sf_view_states *views, const uint32_t *ids, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        sf_view_state *view = sf_view_state_of(views, ids[i]);
+        if (!view || view->depth > 0) continue;
+        sf_camera start = view->given;
+        sf_follow_neighbours(views, &start);
+        memcpy(view->R_cw, start.R_cw, sizeof view->R_cw);
+        memcpy(view->t_cw, start.t_cw, sizeof view->t_cw);
     }
 }
 
@@ -98,11 +118,30 @@ static void measure(sf_view_state *view) {
     view->moved_depths = view->depth > 0 ? distance_between(&now, &view->given) / view->depth : 0;
 }
 
+/* Resilient propagation (Riedmiller and Braun 1993): each value has a step size of its own, which grows while
+ * the gradient keeps its sign, and falls when it changes. The pose of a view that is right already, whose
+ * gradients are noise, comes to rest, and one that is off is as fast as `rate` allows. Adam would move both
+ * by about the rate: gradients of the first are small, but so are its moments. 0: a gradient is not finite.
+ */
+static int next_step(sf_view_state *view, const double gradient[6], double rate, double step[6]) {
+    for (int k = 0; k < 6; k++)
+        if (!isfinite(gradient[k])) return 0;
+    if (!view->pose.steps++)
+        for (int k = 0; k < 6; k++) view->pose.size[k] = FIRST_SIZE;
+    for (int k = 0; k < 6; k++) {
+        double *last = &view->pose.last[k], *size = &view->pose.size[k], kept = *last * gradient[k];
+        *size = fmin(kept > 0 ? *size * GROWTH : kept < 0 ? *size * FALL : *size, 1);
+        *last = kept < 0 ? 0 : gradient[k]; /* a change of sign counts once */
+        step[k] = kept < 0 || gradient[k] == 0 ? 0 : copysign(rate * *size, gradient[k]);
+    }
+    return 1;
+}
+
 /* The camera turns about a pivot at the depth of what it sees. A turn about its own centre moves the picture
- * like a translation, and Adam, which scales each value by itself, would let both work against each other.
+ * like a translation, and steps that scale each value by itself would let both work against each other.
  * With the pivot c on the optical axis, rho = rho' - phi x c, so dL/dphi' = dL/dphi - c x dL/drho; with rho'
  * in depths both are angles. */
-void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_options *options, double rate) {
+void sf_refine_pose(sf_view_state *view, const double *gradient, double rate) {
     if (view->held) return;
     double depth = view->depth, step[6], rho[3], phi[3];
     const double turned[6] = {depth * gradient[0],
@@ -111,8 +150,7 @@ void sf_refine_pose(sf_view_state *view, const double *gradient, const sf_fit_op
                               gradient[3] + depth * gradient[1],
                               gradient[4] - depth * gradient[0],
                               gradient[5]};
-    sf_small_moments moments = {view->pose.m, view->pose.v};
-    if (sf_adam_small(options, rate, ++view->pose.steps, 6, turned, moments, step) < 6) return;
+    if (!next_step(view, turned, rate, step)) return;
     for (int k = 0; k < 3; k++) {
         rho[k] = -depth * step[k];
         phi[k] = -step[3 + k];
@@ -146,9 +184,7 @@ static void correction(const sf_view_state *view, double out[6]) {
 }
 
 /* The part of a mean beyond chance: m - 4 e^2 / m if |m| is above twice its standard error e, else 0. */
-static double beyond_chance(double mean, double error2) {
-    return mean * mean > 4 * error2 ? mean - 4 * error2 / mean : 0;
-}
+static double beyond_chance(double mean, double error2) { return sf_shrunk_mean(mean, 4 * error2); }
 
 /* Common part of all corrections. Errors of given poses are independent; what all corrections have in common
  * is drift of the model. */

@@ -37,6 +37,8 @@ static sf_status take_up_views(sf_fitter *f, uint32_t *ids, size_t *count) {
     sf_status status = sf_assign_views(f, ids, *count);
     *count = without_validation(f, ids, *count);
     if (!status && sf_learns_views(f)) status = sf_view_states_sync(&f->views, f->scene, ids, *count);
+    if (!status && f->validation.merged)
+        sf_begin_at_neighbours(&f->views, f->validation.ids, f->validation.count);
     if (!status && f->options.refine_poses) (f->options.fix_gauge ? sf_hold_two : sf_hold_mean)(&f->views);
     return status;
 }

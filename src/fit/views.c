@@ -40,7 +40,8 @@ static sf_status find_lens(sf_view_states *views, sf_context *ctx, const sf_came
     return SF_OK;
 }
 
-static sf_status append(sf_view_states *views, sf_scene *scene, uint32_t id) {
+/* Inserts the state of a view in its place: views of validation are older than others known. */
+static sf_status insert(sf_view_states *views, sf_scene *scene, uint32_t id) {
     sf_view *view = sf_scene_retain_id(scene, id);
     if (!view) return SF_OK; /* removed since */
     sf_view_state state = {.id = id, .given = view->camera};
@@ -48,8 +49,11 @@ static sf_status append(sf_view_states *views, sf_scene *scene, uint32_t id) {
     memcpy(state.R_cw, state.given.R_cw, sizeof state.R_cw);
     memcpy(state.t_cw, state.given.t_cw, sizeof state.t_cw);
     sf_status status = find_lens(views, scene->ctx, &state.given, &state.lens);
-    if (!status) views->states[views->count++] = state;
-    return status;
+    if (status) return status;
+    size_t at = views->count++;
+    for (; at > 0 && views->states[at - 1].id > id; at--) views->states[at] = views->states[at - 1];
+    views->states[at] = state;
+    return SF_OK;
 }
 
 sf_status sf_view_states_sync(sf_view_states *views, sf_scene *scene, const uint32_t *ids, size_t count) {
@@ -64,9 +68,8 @@ sf_status sf_view_states_sync(sf_view_states *views, sf_scene *scene, const uint
         if (at < count && ids[at] == views->states[i].id) views->states[kept++] = views->states[i];
     }
     views->count = kept;
-    uint32_t last = kept ? views->states[kept - 1].id : 0;
     for (size_t i = 0; i < count && !status; i++)
-        if (ids[i] > last) status = append(views, scene, ids[i]);
+        if (!sf_view_state_of(views, ids[i])) status = insert(views, scene, ids[i]);
     return status;
 }
 

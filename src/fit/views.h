@@ -22,7 +22,10 @@ typedef struct sf_view_state {
 
     /* refine.c: the pose in use */
     double R_cw[9], t_cw[3];
-    SF_MOMENTS(6) pose;
+    struct {
+        double last[6], size[6]; /* the last gradient; the step size, in learning rates */
+        int64_t steps;
+    } pose;
     double depth; /* typical depth of the Gaussians in view, world units; 0: not measured */
     int held;     /* the pose is fixed, for the gauge */
     double turned_deg, moved_depths; /* distance from the given pose */

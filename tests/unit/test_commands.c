@@ -41,6 +41,37 @@ static void test_what_is_refined_is_said(void **state) {
     free_outcome(&o);
 }
 
+static double psnr_of_eval(const char *cameras) {
+    run_quietly(ARGS("eval", "out/m.ply", SCENE, "--json", "out/e.json", cameras ? "--cameras" : "--quiet",
+                     cameras ? cameras : NULL));
+    json_t *json = test_json(work("out/e.json"));
+    double psnr = test_number(json, "psnr");
+    json_decref(json);
+    return psnr;
+}
+
+/* cameras.json holds the poses that the model fits: with them eval gives the fit's own figure. */
+static void test_eval_takes_refined_cameras(void **state) {
+    (void)state;
+    clear_out();
+    run_quietly(ARGS("fit", SCENE, "-o", "out/m.ply", SMALL, "--steps", "60", "--refine-poses",
+                     "--refine-intrinsics", "--refine-start", "0", "--lr-pose", "0.01", "--log",
+                     "out/l.json"));
+    json_t *log = test_json(work("out/l.json"));
+    double psnr = test_number(result_of(log), "psnr");
+    json_decref(log);
+    assert_true(fabs(psnr_of_eval("out/cameras.json") - psnr) < 1e-3);
+    assert_true(fabs(psnr_of_eval(NULL) - psnr) > 1e-2);
+    assert_int_equal(rename(work("out/cameras.json"), work("refined.json")), 0);
+    assert_int_equal(rename(work("out/m.ply"), work("refined.ply")), 0);
+    clear_out();
+    assert_refused(
+        ARGS("eval", "refined.ply", "sim:studio?width=64&height=48&frames=8", "--cameras", "refined.json"),
+        FAILED, "refined.json: is not of this project", 0);
+    assert_refused(ARGS("eval", "refined.ply", SCENE, "--cameras", "out/none.json"), FAILED,
+                   "out/none.json: ", 0);
+}
+
 static void test_background_as_a_colour(void **state) {
     (void)state;
     clear_out();
@@ -297,6 +328,7 @@ int main(void) {
         cmocka_unit_test(test_live_writes_what_it_was_told_to),
         cmocka_unit_test(test_live_refuses),
         cmocka_unit_test(test_what_is_refined_is_said),
+        cmocka_unit_test(test_eval_takes_refined_cameras),
         cmocka_unit_test(test_background_as_a_colour),
         cmocka_unit_test(test_cores),
         cmocka_unit_test(test_target_ends_the_run),
