@@ -39,14 +39,14 @@ typedef int (*sf_sfm_progress)(void *user, sf_sfm_stage stage, size_t done, size
 
 /* How cameras are found. Start from sf_sfm_options_default(). */
 typedef struct sf_sfm_options {
-    int side;            /* px: photos are reduced until no side is longer, 64..28000 */
-    int features;        /* of a photo at most, 100..1000000 */
-    int all_pairs;       /* of so many photos at most each is matched with each, 0..1000000; of more, with
-                            those that are most like it and with its neighbours by name */
-    int64_t memory;      /* bytes for the whole process: refuse photos that take more; 0: 4/5 of what is free */
-    double error;        /* px: the greatest distance of an inlier from where its point is seen, above 0 */
-    double focal;        /* px of the photos, about; 0: found */
-    const sf_lens *lens; /* the lens of all photos, kept as it is; NULL: found */
+    int side;       /* px: photos are reduced until no side is longer, 64..28000 */
+    int features;   /* of a photo at most, 100..1000000 */
+    int all_pairs;  /* of so many photos at most each is matched with each, 0..1000000; of more, with
+                       those that are most like it and with its neighbours by name */
+    int64_t memory; /* bytes for the whole process: refuse photos that take more; 0: 4/5 of what is free */
+    double error;   /* px: the greatest distance of an inlier from where its point is seen, above 0 */
+    double focal;   /* px of the photos, about; 0: found */
+    const sf_lens *lens;             /* the lens of all photos, kept as it is; NULL: found */
     int32_t lens_width, lens_height; /* px: of the photos that it is for; 0: photos of one size */
     const char *masks; /* the folder of the photos' masks; NULL: masks in the photos' folder or beside it */
     int no_masks;      /* use none */
