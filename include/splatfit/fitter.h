@@ -21,9 +21,10 @@ typedef enum sf_background {
 
 /* Where the initial Gaussians come from. */
 typedef enum sf_init {
-    SF_INIT_AUTO,   /* the first of the following that yields enough Gaussians */
+    SF_INIT_AUTO,   /* the first of the following that yields enough Gaussians; beside the scene's points
+                       up to init_random / 2 random ones, in parts of the pictures without points */
     SF_INIT_POINTS, /* the scene's sparse points */
-    SF_INIT_SWEEP,  /* points from plane-sweep stereo; random where it finds too few */
+    SF_INIT_SWEEP,  /* points from plane-sweep stereo, and random ones in parts of the pictures without */
     SF_INIT_RANDOM  /* init_random Gaussians behind random pixels of the views */
 } sf_init;
 
@@ -145,7 +146,8 @@ typedef enum sf_moment_format {
     REAL(init_scale, 0.8, 0.001, 1000, "",                                                                   \
          "scale of the initial Gaussians, in mean distances to the 3 nearest points")                        \
     INT(init_random, 10000, 1, 100000000, "",                                                                \
-        "number of initial Gaussians at random positions, used where there are no points")                   \
+        "number of initial Gaussians at random positions, in parts of the pictures without points; half as " \
+        "many beside the scene's own points")                                                                \
     INT(pyramid_levels, 2, 0, 4, "", "how often the picture's size is halved at the start")                  \
     REAL(pyramid_end, 0, 0, 1, "of the run", "full resolution from here on; 0: chosen by plan_steps")        \
     REAL(pyramid_mix, 0, 0, 1, "of the run",                                                                 \

@@ -123,8 +123,7 @@ static int scene_cameras(const args *a, sf_context *ctx, sf_scene *scene, sf_cam
     return 0;
 }
 
-/* A camera relative to `origin` becomes one relative to `to`. */
-static void change_origin(sf_camera *c, const double origin[3], const double to[3]) {
+void shots_change_origin(sf_camera *c, const double origin[3], const double to[3]) {
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) c->t_cw[i] += c->R_cw[3 * i + k] * (to[k] - origin[k]);
 }
@@ -142,7 +141,7 @@ static sf_status meet(sf_context *ctx, sf_model *model, const double origin[3], 
         sf_scene_destroy(&place);
         return status;
     }
-    for (size_t i = 0; i < count; i++) change_origin(&cameras[i], origin, own);
+    for (size_t i = 0; i < count; i++) shots_change_origin(&cameras[i], origin, own);
     return SF_OK;
 }
 
@@ -260,7 +259,7 @@ static int along_path(const args *a, sf_context *ctx, sf_path *path, const sf_ca
         if (at > info.last_ns - info.first_ns) at = info.last_ns - info.first_ns;
         if (sf_path_at(path, info.first_ns + at, R, t)) error = app_fail(a, ctx);
         if (!error) place(lens, R, t, &s->cameras[i]);
-        if (!error) change_origin(&s->cameras[i], world, origin);
+        if (!error) shots_change_origin(&s->cameras[i], world, origin);
     }
     return error;
 }

@@ -32,6 +32,9 @@ char *shots_path(const shots *s, const sf_model *model);
 int shots_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, sf_camera **cameras,
                 size_t *count);
 
+/* A camera relative to `origin` becomes one relative to `to`. */
+void shots_change_origin(sf_camera *camera, const double origin[3], const double to[3]);
+
 /* A camera at `from` that looks at `at`, with `up` upwards in the picture, of c's size and lens. */
 void shots_look(const double from[3], const double at[3], const double up[3], sf_camera *c);
 

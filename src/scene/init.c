@@ -96,23 +96,29 @@ static sf_status swept_points(sf_context *ctx, const sf_view *const *views, size
     return SF_OK;
 }
 
-/* Points from plane-sweep stereo plus random ones in uncovered parts of the pictures; with SF_INIT_RANDOM
- * only random points. */
+/* Adds random points, at most `count`, in parts of the pictures that no point of the cloud covers. */
+static sf_status add_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
+                                   const sf_init_options *options, sf_rng *rng, sf_cloud *c) {
+    sf_cloud all;
+    size_t known = c->n, room = options->max_gaussians - known;
+    if (count > room) count = room;
+    sf_status status = sf_cloud_create(ctx, known + count, &all);
+    if (status) return status;
+    if (known) memcpy(all.xyz, c->xyz, 3 * known * sizeof *c->xyz);
+    if (known) memcpy(all.rgb, c->rgb, 3 * known);
+    all.n = known;
+    sf_cloud_destroy(ctx, c);
+    *c = all;
+    status = sf_random_points(ctx, views, n, count, options->extent, rng, c);
+    if (!status && c->n > known) sf_log(ctx, SF_LOG_INFO, "%zu first Gaussians at random", c->n - known);
+    return status;
+}
+
+/* Points from plane-sweep stereo plus random ones; with SF_INIT_RANDOM only random points. */
 static sf_status points_from_views(sf_context *ctx, const sf_view *const *views, size_t n,
                                    const sf_init_options *options, sf_rng *rng, sf_cloud *c) {
-    sf_cloud swept = {0};
-    sf_status status = options->from == SF_INIT_RANDOM ? SF_OK : swept_points(ctx, views, n, options, &swept);
-    size_t count = options->random_count, room = options->max_gaussians - swept.n;
-    if (count > room) count = room;
-    if (!status) status = sf_cloud_create(ctx, swept.n + count, c);
-    if (!status) {
-        if (swept.n) memcpy(c->xyz, swept.xyz, 3 * swept.n * sizeof *c->xyz);
-        if (swept.n) memcpy(c->rgb, swept.rgb, 3 * swept.n);
-        c->n = swept.n;
-        status = sf_random_points(ctx, views, n, count, options->extent, rng, c);
-    }
-    if (!status && c->n > swept.n) sf_log(ctx, SF_LOG_INFO, "%zu first Gaussians at random", c->n - swept.n);
-    sf_cloud_destroy(ctx, &swept);
+    sf_status status = options->from == SF_INIT_RANDOM ? SF_OK : swept_points(ctx, views, n, options, c);
+    if (!status) status = add_random_points(ctx, views, n, options->random_count, options, rng, c);
     return status;
 }
 
@@ -137,7 +143,10 @@ static sf_status find_points(sf_scene *scene, const sf_init_options *options, sf
     sf_status status = hold_views(scene, &held, &n);
     const sf_view *const *views = (const sf_view *const *)held;
     if (!status && options->from == SF_INIT_AUTO) status = points_of_scene(scene, views, n, options, c);
-    if (!status && !c->n) status = points_from_views(scene->ctx, views, n, options, rng, c);
+    if (!status && c->n)
+        status = add_random_points(scene->ctx, views, n, options->random_count / 2, options, rng, c);
+    else if (!status)
+        status = points_from_views(scene->ctx, views, n, options, rng, c);
     sf_scene_release_all(scene, held, n);
     return status;
 }

@@ -23,9 +23,9 @@ typedef struct sf_init_options {
 /* Makes a model from points, as options->from says: the scene's sparse ones, those that a sweep finds
  * (sweep.h), or random ones along the rays of the training views. Colour from the point, scale from the mean
  * distance to its 3 nearest neighbours, identity rotation. SF_INIT_AUTO takes the first of these that has
- * enough points, and sparse points only if they lie on the surfaces that the pictures show; random points
- * replace a sweep that finds too few. SF_ERR_EMPTY: no training view, or SF_INIT_POINTS in a scene without
- * points. */
+ * enough points, and sparse points only if they lie on the surfaces that the pictures show. Random points
+ * (random.h) replace a sweep that finds too few, and join a sweep's and, with SF_INIT_AUTO, the sparse ones.
+ * SF_ERR_EMPTY: no training view, or SF_INIT_POINTS in a scene without points. */
 sf_status sf_init_gaussians(sf_scene *scene, const sf_init_options *options, sf_rng *rng, sf_model **model);
 
 /* Gaussian i of a model becomes that of a point: a ball of standard deviation `scale`, world units,

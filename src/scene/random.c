@@ -1,4 +1,5 @@
-/* random.c - random points: behind pixels that no point covers, at depths that agree with other views. */
+/* random.c - random points behind pixels: without known points at depths that agree with other views, else
+ * behind pixels that no known point covers, farther than the known points beside the pixel. */
 #include "random.h"
 
 #include <limits.h>
@@ -6,12 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/statistics.h"
 #include "neighbours.h"
 
 enum {
     AROUND = 5,            /* pixels that sample a point's surroundings */
     SPREAD = 120,          /* their distance is the longest side / SPREAD */
     DEPTHS = 20,           /* random depths tried for a point */
+    FAR_DEPTHS = 10,       /* likewise, for a far point */
     LOOKS = 8,             /* views with which its colour is compared */
     MOST_DRAWN = 64,       /* views drawn to find these: few may see the place */
     MOST_DIFFERENCE = 120, /* of two colours, the sum over the channels, of 3 x 255 */
@@ -21,7 +24,12 @@ enum {
     NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
     AS_GOOD = NO_MATTER * 3 / 4,        /* one that says nothing of two depths */
 };
-#define ASIDE 1.25 /* factor by which a point may be nearer or farther than its neighbours */
+#define ASIDE    1.25 /* factor by which a covered surface may be farther than a point that does not hide it */
+#define FARTHEST 20   /* a far point's depth, at most, in those of the points beside its pixel */
+/* The content of a view begins at NEAR_PART times the NEAR_SHARE quantile of the depths of its covered
+ * cells. */
+#define NEAR_PART  0.8
+#define NEAR_SHARE 0.05
 /* The least part of the points that must agree: a fifth to a quarter of wrong points do, more than half of
  * right ones. */
 #define LEAST_AGREE 0.3
@@ -129,7 +137,9 @@ static void ask_witnesses(question *q, const sf_view *const *views, size_t n, sf
 typedef struct cover {
     const sf_view *const *views;
     size_t n;
-    float *depths; /* [n][CELLS][CELLS]: mean camera z of the points in a cell; 0: none is */
+    float *depths;   /* [n][CELLS][CELLS]: mean camera z of the points in a cell; 0: none is */
+    double *nearest; /* [n] a little less than the camera z of the nearest content; 0: unknown */
+    double *centers; /* [n][3] of the cameras */
 } cover;
 
 static size_t cell_of(const sf_camera *c, size_t x, size_t y) {
@@ -140,37 +150,56 @@ static float depth_at(const cover *c, size_t view, size_t x, size_t y) {
     return c->depths[view * CELLS * CELLS + cell_of(&c->views[view]->camera, x, y)];
 }
 
-/* Number of pictures in which a point would occlude the covered surface. */
+/* Whether a point is nearer to a camera than its content, in any direction: a view from nearby that looks
+ * there would be hidden. */
+static int is_beside_camera(const cover *c, size_t i, const float *xyz) {
+    double square = 0;
+    for (int k = 0; k < 3; k++) {
+        double d = (double)xyz[k] - c->centers[3 * i + (size_t)k];
+        square += d * d;
+    }
+    return square < c->nearest[i] * c->nearest[i];
+}
+
+/* Number of views in which a point would hide the covered surface, or that it is beside. */
 static size_t hides(const cover *c, const float *xyz) {
     size_t count = 0, x, y;
     for (size_t i = 0; i < c->n; i++) {
         double z = pixel_of(&c->views[i]->camera, xyz, &x, &y);
-        count += z > 0 && z * ASIDE < (double)depth_at(c, i, x, y);
+        count += (z > 0 && z * ASIDE < (double)depth_at(c, i, x, y)) || is_beside_camera(c, i, xyz);
     }
     return count;
 }
 
-/* The least difference at a few random depths of the range, among those where the point occludes the fewest
- * views. Of depths that are equally good it takes the farthest: a point in front of a wall without texture
- * fits the view it is close to, and occludes others. */
-static int best_answer(const question *q, const cover *c, sf_rng *rng, float *xyz) {
+/* The least difference at a few random depths of the range. Of depths that are equally good it takes the
+ * farthest: a point in front of a wall without texture fits the view it is close to, and occludes others. */
+static int best_answer(const question *q, sf_rng *rng, float *xyz) {
     int sums[DEPTHS], least = INT_MAX;
     double depths[DEPTHS], farthest = 0;
-    size_t hidden[DEPTHS], fewest = SIZE_MAX;
     float points[DEPTHS][3];
     for (int trial = 0; trial < DEPTHS; trial++) {
         depths[trial] = q->nearest * pow(q->farthest / q->nearest, sf_rng_uniform(rng));
         sums[trial] = answer(q, depths[trial], points[trial]);
-        hidden[trial] = c ? hides(c, points[trial]) : 0;
-        if (hidden[trial] < fewest || (hidden[trial] == fewest && sums[trial] < least))
-            fewest = hidden[trial], least = sums[trial];
+        if (sums[trial] < least) least = sums[trial];
     }
     for (int trial = 0; trial < DEPTHS; trial++) {
-        if (hidden[trial] > fewest || sums[trial] > least + AS_GOOD || depths[trial] <= farthest) continue;
+        if (sums[trial] > least + AS_GOOD || depths[trial] <= farthest) continue;
         farthest = depths[trial];
         memcpy(xyz, points[trial], sizeof points[trial]);
     }
     return least;
+}
+
+static void find_nearest(cover *c) {
+    double depths[CELLS * CELLS];
+    for (size_t i = 0; i < c->n; i++) {
+        size_t n = 0;
+        for (size_t cell = 0; cell < CELLS * CELLS; cell++) {
+            depths[n] = (double)c->depths[i * CELLS * CELLS + cell];
+            n += depths[n] > 0;
+        }
+        if (n) c->nearest[i] = NEAR_PART * sf_ranked(depths, n, (size_t)(NEAR_SHARE * (double)n));
+    }
 }
 
 /* Fills the cells from a cloud; returns the part of the pictures that is not covered. number: scratch, one
@@ -191,27 +220,35 @@ static double find_cover(cover *c, const sf_cloud *cloud, uint32_t *number) {
         else
             open++;
     }
+    find_nearest(c);
     return (double)open / (double)cells;
 }
 
-/* Sets the range of depths from the covered cells nearest to a pixel, in a growing square: surfaces without
- * points are between them, or a little aside. No change if no cell is covered. */
-static void ask_beside(question *q, const cover *c, size_t view, size_t x, size_t y) {
+/* The largest depth of the covered cells nearest to a pixel, in a growing square; 0 if no cell is covered. */
+static double depth_beside(const cover *c, size_t view, size_t x, size_t y) {
     size_t at = cell_of(&c->views[view]->camera, x, y);
     const float *depths = c->depths + view * CELLS * CELLS;
     int column = (int)(at % CELLS), row = (int)(at / CELLS);
-    double nearest = INFINITY, farthest = 0;
+    float farthest = 0;
     for (int r = 1; r < CELLS && !(farthest > 0); r++)
         for (int v = row - r; v <= row + r; v++)
-            for (int u = column - r; u <= column + r; u++) {
-                if (u < 0 || u >= CELLS || v < 0 || v >= CELLS) continue;
-                double z = (double)depths[v * CELLS + u];
-                if (!(z > 0)) continue;
-                nearest = fmin(nearest, z);
-                farthest = fmax(farthest, z);
-            }
-    if (!(farthest > 0)) return;
-    q->nearest = nearest / ASIDE, q->farthest = farthest * ASIDE;
+            for (int u = column - r; u <= column + r; u++)
+                if (u >= 0 && u < CELLS && v >= 0 && v < CELLS)
+                    farthest = fmaxf(farthest, depths[v * CELLS + u]);
+    return (double)farthest;
+}
+
+/* A point behind a pixel, between what is known beside it, at `depth`, and FARTHEST times as far, with an
+ * evenly distributed inverse depth: of a few, the first that hides nothing, or the one that hides least. */
+static void far_point(const cover *c, const question *q, double depth, sf_rng *rng, float *xyz) {
+    size_t least = SIZE_MAX;
+    for (int trial = 0; trial < FAR_DEPTHS && least; trial++) {
+        float p[3];
+        double nearness = 1 - (1 - 1.0 / FARTHEST) * sf_rng_uniform(rng);
+        behind_pixel(&q->view->camera, q->xs[0], q->ys[0], depth / nearness, p);
+        size_t hidden = hides(c, p);
+        if (hidden < least) least = hidden, memcpy(xyz, p, sizeof p);
+    }
 }
 
 /* Finds a random pixel of a random view that is neither covered nor masked; returns the view's index, c->n if
@@ -231,25 +268,36 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
                            double extent, sf_rng *rng, sf_cloud *cloud) {
     const sf_camera **cameras = sf_alloc(ctx, n, sizeof *cameras);
     double *distances = sf_alloc(ctx, n, sizeof *distances);
-    cover c = {views, n, sf_calloc(ctx, n, CELLS * CELLS * sizeof *c.depths)};
+    cover c = {views, n, sf_calloc(ctx, n, CELLS * CELLS * sizeof *c.depths),
+               sf_calloc(ctx, n, sizeof *c.nearest), sf_calloc(ctx, 3 * n, sizeof *c.centers)};
     uint32_t *number = sf_calloc(ctx, n, CELLS * CELLS * sizeof *number);
-    sf_status status = cameras && distances && c.depths && number ? SF_OK : SF_ERR_MEMORY;
+    sf_status status =
+        cameras && distances && c.depths && c.nearest && c.centers && number ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
-        for (size_t i = 0; i < n; i++) cameras[i] = &views[i]->camera;
+        for (size_t i = 0; i < n; i++) {
+            cameras[i] = &views[i]->camera;
+            sf_camera_center(cameras[i], c.centers + 3 * i);
+        }
         sf_look_distances(cameras, n, extent, distances);
-        void (*ask_views)(question *, const sf_view *const *, size_t, sf_rng *) =
-            cloud->n ? ask_witnesses : ask_anybody; /* without points the range of depths is only a guess */
+        int known = cloud->n > 0;
         size_t wanted = cloud->n + (size_t)((double)count * find_cover(&c, cloud, number)), x, y, i;
         for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
             question q = ask(views[i], x, y);
-            ask_about(&q, distances[i]);
-            ask_beside(&q, &c, i, x, y);
-            ask_views(&q, views, n, rng);
-            best_answer(&q, &c, rng, cloud->xyz + 3 * cloud->n);
+            double beside = depth_beside(&c, i, x, y);
+            float *xyz = cloud->xyz + 3 * cloud->n;
+            if (known) {
+                far_point(&c, &q, beside > 0 ? beside : distances[i], rng, xyz);
+            } else {
+                ask_about(&q, distances[i]);
+                ask_anybody(&q, views, n, rng); /* the range of depths is only a guess */
+                (void)best_answer(&q, rng, xyz);
+            }
             memcpy(cloud->rgb + 3 * cloud->n, q.colors[0], sizeof q.colors[0]);
         }
     }
     sf_free(ctx, number);
+    sf_free(ctx, c.centers);
+    sf_free(ctx, c.nearest);
     sf_free(ctx, c.depths);
     sf_free(ctx, distances);
     sf_free(ctx, cameras);
@@ -270,7 +318,7 @@ int sf_points_agree(const sf_view *const *views, size_t n, const sf_cloud *cloud
         question q = ask(view, x, y);
         ask_about(&q, depth);
         ask_witnesses(&q, views, n, &rng);
-        agree += answer(&q, depth, at) <= best_answer(&q, NULL, &rng, at) + NO_MATTER;
+        agree += answer(&q, depth, at) <= best_answer(&q, &rng, at) + NO_MATTER;
         asked++;
     }
     return asked < FEWEST_ASKED || (double)agree >= LEAST_AGREE * (double)asked;

@@ -5,12 +5,14 @@
 #include "../base/rng.h"
 #include "sweep.h"
 
-/* Appends points behind random pixels of the n > 0 views: `count` times the part of the pictures in which no
- * point of `cloud` lies yet, and only there. Depths are random, around those of the points beside the pixel
- * if there are any. Of several depths a point gets one at which it occludes known surfaces in the fewest
- * other views and whose colours agree best between views; of equally good ones the farthest. `cloud` must
- * have room for `count` more. Masked pixels give none. Cameras whose axes do not meet are taken to look at
- * the scene's extent (world units). SF_ERR_MEMORY: cloud is unchanged. */
+/* Appends points behind random pixels of the n > 0 views. If `cloud` is empty: `count`, each at the one of
+ * several random depths at which the colours of the views agree best; of equally good ones the farthest.
+ * Else: `count` times the part of the pictures in which no point of `cloud` lies, and only there. Such a
+ * point is farther than the points beside its pixel, up to 20 times as far, with an evenly distributed
+ * inverse depth. It hides no surface that the points show and is not nearer to any camera than the points in
+ * that camera's picture, if one of several depths allows that. `cloud` must have room for `count` more.
+ * Masked pixels give none. Cameras whose axes do not meet are taken to look at the scene's extent (world
+ * units). SF_ERR_MEMORY: cloud is unchanged. */
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud);
 

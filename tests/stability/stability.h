@@ -52,7 +52,8 @@
     X(L1) \
     X(L2) \
     X(L3) \
-    X(L4)
+    X(L4) \
+    X(L5)
 /* clang-format on */
 
 /* How much of an experiment is wanted. */
