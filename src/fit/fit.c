@@ -33,11 +33,7 @@ enum {
 
 /* The unit of the model that is trained: about the size of the scene, so that a fit does not depend on the
  * world's unit. */
-static int unit_of(const sf_fitter *f) {
-    int unit = 0;
-    (void)frexp(f->extent, &unit);
-    return unit;
-}
+static int unit_of(const sf_fitter *f) { return ilogb(f->extent); }
 
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     const sf_fit_options *o = &f->options;

@@ -54,7 +54,7 @@ sf_fit_options densify_options_of(int growth) {
     options.steps = 100;
     options.max_gaussians = 64;
     options.sh_degree = 0;
-    options.extent = 4; /* means and scales are in the world's unit */
+    options.extent = 1; /* so that means and scales are in the world's unit */
     return options;
 }
 

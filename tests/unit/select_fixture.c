@@ -45,7 +45,7 @@ sf_fitter *select_fitter_of(sf_context *ctx, sf_scene *scene, const sf_model *mo
     sf_fit_options options = sf_fit_options_default();
     sf_fitter *f;
     options.validate = 0;
-    options.extent = 4; /* the model stays in the world's unit */
+    options.extent = 1; /* so that the model stays in the world's unit */
     assert_ok(ctx, sf_fitter_create(ctx, scene, model, &options, &f));
     f->sh_degree = model->sh_degree;
     return f;

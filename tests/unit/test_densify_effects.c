@@ -190,7 +190,7 @@ static void test_no_giants(void **state) {
     sf_model *from = densify_model_of(ctx, first, COUNT);
     double half = sqrt(WIDTH * HEIGHT) / (2 * 60.0);
     sf_fit_options options = sf_fit_options_default();
-    options.extent = 4;
+    options.extent = 1;
     options.steps = 40;
     options.max_gaussians = COUNT;
     options.max_scale = 0.6 / (4 * half);

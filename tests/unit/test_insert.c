@@ -59,7 +59,7 @@ static void points_become_gaussians(void **state) {
     sf_scene *scene = scene_of(ctx);
     sf_fitter *fitter;
     sf_fit_options o = options_of(40);
-    o.extent = 2; /* means and scales are in the world's unit */
+    o.extent = 1; /* so that means and scales are in the world's unit */
     const float xyz[] = {0.1f, 0.2f, 0.3f, NAN, 0, 0, 0.4f, 0.5f, 0.6f, 1, 1, 1};
     const uint8_t rgb[] = {255, 0, 51, 1, 2, 3, 10, 20, 30, 9, 9, 9};
     const float radius[] = {0.02f, 0.02f, 0.05f, 0};

@@ -17,7 +17,7 @@ static sf_fitter *fitter_of(sf_context *ctx, int64_t ema_steps, int64_t densify_
     options.max_gaussians = 2000;
     options.densify_every = densify_every;
     options.ema_steps = ema_steps;
-    options.extent = 4; /* the model stays in the world's unit: what is saved is not rounded */
+    options.extent = 1; /* so that the model stays in the world's unit: what is saved is not rounded */
     assert_ok(ctx, sf_scene_load(ctx, "sim:studio?width=64&height=48&frames=9", NULL, scene));
     assert_ok(ctx, sf_fitter_create(ctx, *scene, NULL, &options, &f));
     return f;
