@@ -123,7 +123,7 @@ typedef enum sf_moment_format {
     REAL(lr_gain, 0.04, 0, 1, "",                                                                            \
          "learning rate of the exposures' gains (of their logarithms) at the start")                         \
     REAL(lr_bias, 0.004, 0, 1, "", "learning rate of the exposures' biases at the start")                    \
-    REAL(lr_pose, 0.003, 0, 1, "rad",                                                                        \
+    REAL(lr_pose, 0.004, 0, 1, "rad",                                                                        \
          "longest step of poses at the start: rotations, and translations in units of the views' depths")    \
     REAL(lr_focal, 0.003, 0, 1, "", "learning rate of focal lengths (of their logarithms) at the start")     \
     REAL(lr_exposure_final, 0.02, 1e-9, 1, "",                                                               \

@@ -54,7 +54,7 @@ static void end(fitting *f) {
 static void poses_are_recovered(void **state) {
     (void)state;
     skip_if_quick();
-    sf_fit_options options = small_fit(2000);
+    sf_fit_options options = small_fit(2500);
     options.refine_poses = 1;
     fitting f = run(STUDIO, test_disturbance(0.5, 0.01, 1), &options, 2);
     test_pose_error before = test_pose_error_of(f.c.given, f.c.truth, f.c.count),
