@@ -52,7 +52,7 @@ static void test_project(void **state) {
     make_folder("other/images");
     o = run("cameras", "photos", "-o", "other");
     assert_int_equal(o.code, FAILED);
-    WARNS(o, "other/images: is there, and is not the photos' folder");
+    WARNS(o, "other/images: is there, and is another folder");
     free_outcome(&o);
 }
 
