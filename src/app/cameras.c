@@ -43,7 +43,7 @@ static int tell(void *user, sf_sfm_stage stage, size_t done, size_t all) {
                                         "photos placed"};
     job *j = user;
     char text[128];
-    if (!all) return 0;
+    if (!all || j->line.kind == PROGRESS_JSON) return 0;
     snprintf(text, sizeof text, "%s: %zu of %zu", names[stage], done, all);
     if (progress_due(&j->line, app_seconds(), done == all)) progress_text(&j->line, text);
     return 0; /* a signal ends the program: nothing is written before all cameras are found */

@@ -14,7 +14,7 @@ typedef struct film {
 static int tell(void *user, sf_film_stage stage, size_t done, size_t all) {
     film *f = user;
     char text[128];
-    if (!progress_due(f->line, app_seconds(), done == all)) return 0;
+    if (f->line->kind == PROGRESS_JSON || !progress_due(f->line, app_seconds(), done == all)) return 0;
     if (all)
         snprintf(text, sizeof text, "%s: %zu of %zu",
                  stage == SF_FILM_LOOK ? "frames looked at" : "frames taken", done, all);
