@@ -34,7 +34,8 @@ typedef enum sf_sfm_stage {
     SF_SFM_STAGES    /* how many stages there are */
 } sf_sfm_stage;
 
-/* Told as a stage goes on: so many of all are done. What it returns, if not 0, cancels. */
+/* Told as a stage goes on: so many of all are done; all 0: not known yet. What it returns, if not 0, cancels.
+ */
 typedef int (*sf_sfm_progress)(void *user, sf_sfm_stage stage, size_t done, size_t all);
 
 /* How cameras are found. Start from sf_sfm_options_default(). */

@@ -43,6 +43,7 @@ static int tell(void *user, sf_sfm_stage stage, size_t done, size_t all) {
                                         "photos placed"};
     job *j = user;
     char text[128];
+    if (!all || j->line.kind == PROGRESS_JSON) return 0;
     snprintf(text, sizeof text, "%s: %zu of %zu", names[stage], done, all);
     if (progress_due(&j->line, app_seconds(), done == all)) progress_text(&j->line, text);
     return 0; /* a signal ends the program: nothing is written before all cameras are found */
@@ -60,9 +61,7 @@ static int link_folder(const job *j, const char *folder, const char *name, char 
     if (!strcmp(path, folder)) return 0;
     if (!realpath(folder, target)) return app_say(j->a, folder, strerror(errno));
     if (realpath(path, there))
-        return strcmp(target, there)
-                   ? app_say(j->a, path, "is there, and is not the photos' folder: remove it")
-                   : 0;
+        return strcmp(target, there) ? app_say(j->a, path, "is there, and is another folder: remove it") : 0;
     return symlink(target, path) ? app_say(j->a, path, strerror(errno)) : 0;
 }
 
@@ -84,21 +83,23 @@ static int save(const job *j) {
 }
 
 /* Each camera's lens, at its first photo that is placed. */
-static void print_lenses(const job *j) {
+static void print_lenses(const job *j, size_t photos) {
     enum { MOST = 8 };
-    sf_reconstruction_photo photo, before;
+    sf_reconstruction_photo photo;
     size_t cameras = 0;
-    for (size_t i = 0; !sf_reconstruction_get_photo(j->result, i, &photo); i++) {
-        int is_new = photo.placed;
-        for (size_t k = 0; is_new && k < i && !sf_reconstruction_get_photo(j->result, k, &before); k++)
-            is_new = !before.placed || before.camera != photo.camera;
-        if (!is_new || cameras++ >= MOST) continue;
+    char *is_known = calloc(photos, 1); /* by camera, of which there are no more than photos */
+    for (size_t i = 0; is_known && i < photos; i++) {
+        if (sf_reconstruction_get_photo(j->result, i, &photo) || !photo.placed || is_known[photo.camera])
+            continue;
+        is_known[photo.camera] = 1;
+        if (cameras++ >= MOST) continue;
         fprintf(j->out, "%s%sfocal length %.1f px, k1 %.4f, k2 %.4f", cameras > 1 ? photo.name : "",
                 cameras > 1 ? ": " : "", photo.lens.fx, photo.lens.k1, photo.lens.k2);
         if (photo.focal_told > 0) fprintf(j->out, " (EXIF: %.1f px)", photo.focal_told);
         fputc('\n', j->out);
     }
     if (cameras > MOST) fprintf(j->out, "%zu cameras in all\n", cameras);
+    free(is_known);
 }
 
 static void print_result(const job *j) {
@@ -113,7 +114,7 @@ static void print_result(const job *j) {
     if (info.other_places)
         fprintf(j->out, "%zu other places, with %zu photos, that nothing connects with this one\n",
                 info.other_places, info.other_photos);
-    print_lenses(j);
+    print_lenses(j, info.photos);
     fprintf(j->out,
             "%zu of %zu photos placed, %zu points, %zu observations, reprojection error %.2f px, %.1f s "
             "(features %.1f, matches %.1f, pairs %.1f, mapping %.1f)\n",

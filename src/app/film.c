@@ -9,13 +9,12 @@
 
 typedef struct film {
     progress_line *line;
-    int frames, side; /* as asked */
 } film;
 
 static int tell(void *user, sf_film_stage stage, size_t done, size_t all) {
     film *f = user;
     char text[128];
-    if (!progress_due(f->line, app_seconds(), done == all)) return 0;
+    if (f->line->kind == PROGRESS_JSON || !progress_due(f->line, app_seconds(), done == all)) return 0;
     if (all)
         snprintf(text, sizeof text, "%s: %zu of %zu",
                  stage == SF_FILM_LOOK ? "frames looked at" : "frames taken", done, all);
@@ -44,7 +43,9 @@ int film_take(const args *a, sf_context *ctx, const char *video, const char *pro
     snprintf(images, size, "%s/images", project);
     int quiet = args_value(a, "quiet") || o->line->kind == PROGRESS_JSON, error = 0;
     if (!o->frames && !stat(images, &st)) {
-        if (!quiet) fprintf(o->out, "frames of %s, taken before: %s\n", video, images);
+        if (!quiet)
+            fprintf(o->out, "%s: is there: its pictures are used; remove it to take frames of %s anew\n",
+                    images, video);
     } else {
         options.frames = o->frames, options.side = o->side;
         options.progress = tell, options.user = &f;

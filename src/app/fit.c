@@ -320,8 +320,7 @@ static int load_scene(fit_run *r) {
     if (!known)
         error = app_find_cameras(r->a, r->ctx, path, r->out, &found);
     else if (args_value(r->a, "lens"))
-        error =
-            app_say(r->a, path, "is a project with lenses of its own: --lens is for photos without cameras");
+        error = app_say(r->a, path, "--lens is for photos or a video without cameras, which this is not");
     if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
     free(found);
     return error;

@@ -356,21 +356,32 @@ static size_t read_prefix(const char *path, uint8_t *prefix) {
     return size;
 }
 
-sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height) {
+/* As it is decoded where no side will be longer than `side`; 0: in full size. */
+static sf_status decoded_size(const uint8_t *data, size_t size, int side, sf_picture *p) {
+    sf_status status = header_size(data, size, p);
+    if (!status && side && is_jpeg(data, size)) reduce_to(p, side);
+    return status;
+}
+
+sf_status sf_picture_size_reduced(sf_context *ctx, const char *path, int side, int *width, int *height) {
     sf_picture p = {.orientation = 1};
     uint8_t *data = sf_alloc(ctx, PREFIX_BYTES, 1);
     if (!data) return SF_ERR_MEMORY;
-    sf_status status = header_size(data, read_prefix(path, data), &p);
+    sf_status status = decoded_size(data, read_prefix(path, data), side, &p);
     sf_free(ctx, data);
     if (status) { /* a long header, or a fault to be named */
         size_t size;
         status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
         if (status) return status;
-        status = header_size(data, size, &p);
+        status = decoded_size(data, size, side, &p);
         sf_free(ctx, data);
     }
     if (status) return sf_fail(ctx, status, "%s: %s", path, p.fault);
     *width = p.width;
     *height = p.height;
     return SF_OK;
+}
+
+sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height) {
+    return sf_picture_size_reduced(ctx, path, 0, width, height);
 }

@@ -44,4 +44,7 @@ sf_status sf_encode_jpeg_8(sf_context *ctx, int width, int height, const uint8_t
 /* The size alone, as a rule from the first part of the file. Fails as sf_picture_load does. */
 sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height);
 
+/* The size of what sf_picture_load_reduced decodes. */
+sf_status sf_picture_size_reduced(sf_context *ctx, const char *path, int side, int *width, int *height);
+
 #endif

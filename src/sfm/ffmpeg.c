@@ -25,6 +25,11 @@ static void close_files(FILE **a, FILE **b) {
     *a = *b = NULL;
 }
 
+static void finish(pid_t pid) {
+    while (waitpid(pid, NULL, 0) < 0 && errno == EINTR) {
+    }
+}
+
 /* Runs a program, found by PATH, without input: *out reads what it prints, *errors keeps what it complains
  * of. Returns 0 or an errno. */
 static int spawn(char *const *command, pid_t *pid, FILE **out, FILE **errors) {
@@ -52,7 +57,9 @@ static int spawn(char *const *command, pid_t *pid, FILE **out, FILE **errors) {
     if (*out) return 0;
     close(ends[0]);
     close_files(out, errors);
-    return error ? error : EMFILE;
+    if (error) return error;
+    finish(*pid); /* it ends when it writes: nobody reads */
+    return ENOMEM;
 }
 
 static sf_status cannot_start(sf_context *ctx, const char *video, const char *program, int error) {
@@ -61,11 +68,6 @@ static sf_status cannot_start(sf_context *ctx, const char *video, const char *pr
                        "%s: is a video: %s, which reads it, is not installed: apt install ffmpeg", video,
                        program);
     return sf_fail(ctx, SF_ERR_IO, "%s: %s cannot be started: %s", video, program, strerror(error));
-}
-
-static void finish(pid_t pid) {
-    while (waitpid(pid, NULL, 0) < 0 && errno == EINTR) {
-    }
 }
 
 /* The first line of a file, which tells the cause, without the video's name before it and "[h264 @ 0x55...]

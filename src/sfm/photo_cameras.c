@@ -77,9 +77,10 @@ static sf_status check_size(const grouping *g, const sf_photo_file *photo, const
     if (!o->lens) return SF_OK;
     if (!width && g->r->camera_count) width = g->r->cameras[0].width, height = g->r->cameras[0].height;
     if (!width || (photo->width == width && photo->height == height)) return SF_OK;
-    return sf_fail(g->r->ctx, SF_ERR_ARGUMENT,
-                   "%s/%s: size: %d x %d is not the lens's %d x %d: leave it out, or give no lens", folder,
-                   photo->name, photo->width, photo->height, (int)width, (int)height);
+    return sf_fail(
+        g->r->ctx, SF_ERR_ARGUMENT,
+        "%s/%s: size: %d x %d is not the lens's %d x %d: take it out of the folder, or give no lens", folder,
+        photo->name, photo->width, photo->height, (int)width, (int)height);
 }
 
 static sf_status add_photos(const grouping *g, const char *folder) {

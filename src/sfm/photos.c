@@ -2,6 +2,7 @@
 #include "photos.h"
 
 #include <dirent.h>
+#include <errno.h>
 #include <limits.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -64,7 +65,9 @@ sf_status sf_photos_list(sf_context *ctx, const char *path, sf_photo_list *list)
     const struct dirent *e;
     *list = (sf_photo_list){0};
     DIR *folder = opendir(path);
-    if (!folder) return sf_fail(ctx, SF_ERR_IO, "%s: cannot be opened as a folder of photos", path);
+    if (!folder)
+        return sf_fail(ctx, SF_ERR_IO, "%s: cannot be opened as a folder of photos: %s", path,
+                       strerror(errno));
     while (!status && (e = readdir(folder)))
         if (is_photo(e->d_name) && sf_holds_file(path, e->d_name))
             status = add_photo(ctx, list, &room, e->d_name);

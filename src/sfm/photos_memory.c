@@ -1,6 +1,7 @@
 /* photos_memory.c - whether the cameras of photos can be found within the memory. */
 #include "../base/memory.h"
 #include "../base/pool.h"
+#include "../io/mask.h"
 #include "../io/paths.h"
 #include "../io/picture.h"
 #include "photos.h"
@@ -10,19 +11,26 @@ enum {
     FEATURE_BYTES = 300 /* descriptor, place, colour, track; its part of matches and points */
 };
 
-/* Pixels of the largest photo, as it is decoded. */
+/* Pixels of a picture as it is decoded; 0: it cannot be read. Frees the path. */
+static uint64_t pixels_of(sf_context *ctx, char *path, int side) {
+    int width = 0, height = 0;
+    uint64_t pixels = 0;
+    if (path && !sf_picture_size_reduced(ctx, path, side, &width, &height))
+        pixels = (uint64_t)width * (uint64_t)height;
+    sf_free(ctx, path);
+    return pixels;
+}
+
+/* Pixels of the largest photo, with its mask, which is decoded in full size. */
 static uint64_t largest(sf_context *ctx, const char *folder, int side, const sf_photo_list *list) {
     uint64_t most = 0;
     for (size_t i = 0; i < list->count; i++) {
-        int width = 0, height = 0;
-        char *path = sf_path_join(ctx, folder, list->photos[i].name);
-        if (path && !sf_picture_size(ctx, path, &width, &height)) {
-            int factor = ((width > height ? width : height) - 1) / side + 1, by = 1;
-            while (by < 8 && factor % (2 * by) == 0) by *= 2;
-            uint64_t pixels = (uint64_t)width * (uint64_t)height / (uint64_t)(by * by);
-            if (pixels > most) most = pixels;
-        }
-        sf_free(ctx, path);
+        const char *name = list->photos[i].name;
+        char *mask = NULL;
+        uint64_t pixels = pixels_of(ctx, sf_path_join(ctx, folder, name), side);
+        if (list->masks && !sf_mask_look_for(ctx, list->masks, name, &mask))
+            pixels += pixels_of(ctx, mask, 0);
+        if (pixels > most) most = pixels;
     }
     return most;
 }
@@ -41,7 +49,7 @@ sf_status sf_photos_check_memory(sf_context *ctx, const char *folder, int side,
     return sf_fail(
         ctx, SF_ERR_MEMORY,
         "memory: %s: %zu photos take about %llu MB, %llu of them for %zu features each and %llu to "
-        "read photos on %llu threads, but there are %llu: lower features or threads",
+        "read photos on %llu threads, but may take %llu MB: lower features or threads, or allow more memory",
         folder, list->count, (unsigned long long)(total / mega), (unsigned long long)(features / mega),
         options->most, (unsigned long long)(threads * a_thread / mega), (unsigned long long)threads,
         (unsigned long long)(budget / mega));

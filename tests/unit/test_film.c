@@ -32,6 +32,7 @@ static int shell(const char *format, ...) {
 }
 
 static void need_ffmpeg(void) {
+    test_skip_emulated(); /* what judges frames is in test_film_frames */
     if (shell("ffmpeg -version && ffprobe -version")) test_skip("ffmpeg is not installed");
 }
 

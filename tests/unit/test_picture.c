@@ -334,8 +334,10 @@ static void test_jpeg_reduced(void **state) {
     sf_encoded_free(ctx, &data);
     for (int k = 0; k < 3; k++) {
         sf_picture p;
-        int by = divided[k];
+        int by = divided[k], width, height;
         assert_ok(ctx, sf_picture_load_reduced(ctx, path, sides[k], &p));
+        assert_ok(ctx, sf_picture_size_reduced(ctx, path, sides[k], &width, &height));
+        assert_true(width == p.width && height == p.height);
         assert_int_equal(p.divided, by);
         assert_true(p.file_width == WIDE && p.file_height == HIGH);
         assert_true(p.width == (WIDE + by - 1) / by && p.height == (HIGH + by - 1) / by);

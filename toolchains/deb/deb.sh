@@ -108,7 +108,7 @@ library=libsplatfit$SOVERSION
 begin_package splatfit
 move splatfit usr/bin/splatfit usr/share/man usr/share/bash-completion
 end_package splatfit graphics "$(depends_of "$stage/splatfit/usr/bin/splatfit")" "fits 3D Gaussian scenes to pictures on CPUs" \
-    "$what This is the program."
+    "$what This is the program." 'Suggests: ffmpeg'
 
 begin_package "$library"
 move "$library" "$lib/libsplatfit.so.$SOVERSION"
