@@ -39,10 +39,10 @@ double sf_focal_cost(const sf_focal_pair *pairs, size_t count, double focal) {
     return weights > 0 ? cost / weights : 0;
 }
 
-/* With what the guess asks for: as much as one pair in 20, a factor of 2 away. */
+/* With what the guess asks for: as much as one pair in 13, a factor of 2 away. */
 static double cost_of(const sf_focal_pair *pairs, size_t count, double guess, double focal) {
     double off = log(focal / guess) / log(2);
-    return sf_focal_cost(pairs, count, focal) + 0.05 * off * off / (1 + off * off);
+    return sf_focal_cost(pairs, count, focal) + 0.15 * off * off / (1 + off * off);
 }
 
 double sf_focal_vote(const sf_focal_pair *pairs, size_t count, double least, double most, double guess,
