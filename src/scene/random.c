@@ -28,6 +28,8 @@ enum {
 };
 #define ASIDE    1.25 /* factor by which a covered surface may be farther than a point that does not hide it */
 #define FARTHEST 20   /* a far point's depth, at most, in those of the points beside its pixel */
+/* A point this many extents before a camera is a match with hardly any parallax, and covers nothing. */
+#define NOWHERE 100
 /* The content of a view begins at NEAR_PART times the NEAR_SHARE quantile of the depths of its covered
  * cells. */
 #define NEAR_PART  0.8
@@ -195,7 +197,8 @@ static int best_answer(const question *q, sf_rng *rng, float *xyz) {
 typedef struct cover_job {
     cover *c;
     const sf_cloud *cloud;
-    size_t *open; /* [n] cells of a view without points */
+    double farthest; /* greatest camera z of what counts */
+    size_t *open;    /* [n] cells of a view without points */
 } cover_job;
 
 /* The cells of a view, and where its content begins. */
@@ -209,7 +212,7 @@ static void cover_task(void *pointer, size_t i, int thread) {
     size_t n = 0, x, y;
     for (size_t k = 0; k < job->cloud->n; k++) {
         double z = pixel_of(camera, job->cloud->xyz + 3 * k, &x, &y);
-        if (!(z > 0)) continue;
+        if (!(z > 0 && z <= job->farthest)) continue;
         size_t at = cell_of(camera, x, y);
         depths[at] += (float)z, number[at]++;
     }
@@ -223,8 +226,8 @@ static void cover_task(void *pointer, size_t i, int thread) {
 }
 
 /* Fills the cells from a cloud; returns the part of the pictures that is not covered. open: scratch, [n]. */
-static double find_cover(struct sf_pool *pool, cover *c, const sf_cloud *cloud, size_t *open) {
-    cover_job job = {c, cloud, open};
+static double find_cover(struct sf_pool *pool, cover *c, const sf_cloud *cloud, double extent, size_t *open) {
+    cover_job job = {c, cloud, extent > 0 ? NOWHERE * extent : INFINITY, open};
     size_t all = 0;
     sf_pool_run(pool, c->n, cover_task, &job);
     for (size_t i = 0; i < c->n; i++) all += open[i];
@@ -287,7 +290,8 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
         }
         sf_look_distances(cameras, n, extent, distances);
         int known = cloud->n > 0;
-        size_t wanted = cloud->n + (size_t)((double)count * find_cover(ctx->pool, &c, cloud, open)), x, y, i;
+        double uncovered = find_cover(ctx->pool, &c, cloud, extent, open);
+        size_t wanted = cloud->n + (size_t)((double)count * uncovered), x, y, i;
         for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
             question q = ask(views[i], x, y);
             double beside = depth_beside(&c, i, x, y);
