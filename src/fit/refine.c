@@ -75,7 +75,7 @@ void sf_refine_camera(const sf_view_states *views, uint32_t id, sf_camera *camer
 void sf_begin_at_neighbours(sf_view_states *views, const uint32_t *ids, size_t count) {
     for (size_t i = 0; i < count; i++) {
         sf_view_state *view = sf_view_state_of(views, ids[i]);
-        if (!view || view->depth > 0) continue;
+        if (!view || view->depth > 0 || view->held) continue;
         sf_camera start = view->given;
         sf_follow_neighbours(views, &start);
         memcpy(view->R_cw, start.R_cw, sizeof view->R_cw);

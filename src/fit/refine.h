@@ -20,7 +20,7 @@ void sf_hold_mean(sf_view_states *views);
 void sf_refine_camera(const sf_view_states *views, uint32_t id, sf_camera *camera);
 
 /* Views that were kept out so far, as those of validation, begin where their neighbours went: the model has
- * moved with these. Views that were drawn before stay. */
+ * moved with these. Views that were drawn before or are held stay. */
 void sf_begin_at_neighbours(sf_view_states *views, const uint32_t *ids, size_t count);
 
 /* Measures the depth of what a view sees, once, after it has been projected; otherwise: the depth where it

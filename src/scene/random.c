@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/context.h"
+#include "../base/pool.h"
 #include "../base/statistics.h"
 #include "neighbours.h"
 
@@ -26,6 +28,8 @@ enum {
 };
 #define ASIDE    1.25 /* factor by which a covered surface may be farther than a point that does not hide it */
 #define FARTHEST 20   /* a far point's depth, at most, in those of the points beside its pixel */
+/* A point this many extents before a camera is a match with hardly any parallax, and covers nothing. */
+#define NOWHERE 100
 /* The content of a view begins at NEAR_PART times the NEAR_SHARE quantile of the depths of its covered
  * cells. */
 #define NEAR_PART  0.8
@@ -161,10 +165,10 @@ static int is_beside_camera(const cover *c, size_t i, const float *xyz) {
     return square < c->nearest[i] * c->nearest[i];
 }
 
-/* Number of views in which a point would hide the covered surface, or that it is beside. */
-static size_t hides(const cover *c, const float *xyz) {
+/* Number of views in which a point would hide the covered surface, or that it is beside; counts to `most`. */
+static size_t hides(const cover *c, const float *xyz, size_t most) {
     size_t count = 0, x, y;
-    for (size_t i = 0; i < c->n; i++) {
+    for (size_t i = 0; i < c->n && count < most; i++) {
         double z = pixel_of(&c->views[i]->camera, xyz, &x, &y);
         count += (z > 0 && z * ASIDE < (double)depth_at(c, i, x, y)) || is_beside_camera(c, i, xyz);
     }
@@ -190,38 +194,44 @@ static int best_answer(const question *q, sf_rng *rng, float *xyz) {
     return least;
 }
 
-static void find_nearest(cover *c) {
-    double depths[CELLS * CELLS];
-    for (size_t i = 0; i < c->n; i++) {
-        size_t n = 0;
-        for (size_t cell = 0; cell < CELLS * CELLS; cell++) {
-            depths[n] = (double)c->depths[i * CELLS * CELLS + cell];
-            n += depths[n] > 0;
-        }
-        if (n) c->nearest[i] = NEAR_PART * sf_ranked(depths, n, (size_t)(NEAR_SHARE * (double)n));
+typedef struct cover_job {
+    cover *c;
+    const sf_cloud *cloud;
+    double farthest; /* greatest camera z of what counts */
+    size_t *open;    /* [n] cells of a view without points */
+} cover_job;
+
+/* The cells of a view, and where its content begins. */
+static void cover_task(void *pointer, size_t i, int thread) {
+    (void)thread;
+    const cover_job *job = pointer;
+    const sf_camera *camera = &job->c->views[i]->camera;
+    float *depths = job->c->depths + i * CELLS * CELLS;
+    uint32_t number[CELLS * CELLS] = {0};
+    double covered[CELLS * CELLS];
+    size_t n = 0, x, y;
+    for (size_t k = 0; k < job->cloud->n; k++) {
+        double z = pixel_of(camera, job->cloud->xyz + 3 * k, &x, &y);
+        if (!(z > 0 && z <= job->farthest)) continue;
+        size_t at = cell_of(camera, x, y);
+        depths[at] += (float)z, number[at]++;
     }
+    for (size_t at = 0; at < CELLS * CELLS; at++) {
+        if (!number[at]) continue;
+        depths[at] /= (float)number[at];
+        covered[n++] = (double)depths[at];
+    }
+    job->open[i] = CELLS * CELLS - n;
+    if (n) job->c->nearest[i] = NEAR_PART * sf_ranked(covered, n, (size_t)(NEAR_SHARE * (double)n));
 }
 
-/* Fills the cells from a cloud; returns the part of the pictures that is not covered. number: scratch, one
- * for each cell, all 0. */
-static double find_cover(cover *c, const sf_cloud *cloud, uint32_t *number) {
-    size_t open = 0, cells = c->n * CELLS * CELLS, x, y;
-    for (size_t i = 0; i < c->n; i++)
-        for (size_t k = 0; k < cloud->n; k++) {
-            const sf_camera *camera = &c->views[i]->camera;
-            double z = pixel_of(camera, cloud->xyz + 3 * k, &x, &y);
-            if (!(z > 0)) continue;
-            size_t at = i * CELLS * CELLS + cell_of(camera, x, y);
-            c->depths[at] += (float)z, number[at]++;
-        }
-    for (size_t i = 0; i < cells; i++) {
-        if (number[i])
-            c->depths[i] /= (float)number[i];
-        else
-            open++;
-    }
-    find_nearest(c);
-    return (double)open / (double)cells;
+/* Fills the cells from a cloud; returns the part of the pictures that is not covered. open: scratch, [n]. */
+static double find_cover(struct sf_pool *pool, cover *c, const sf_cloud *cloud, double extent, size_t *open) {
+    cover_job job = {c, cloud, extent > 0 ? NOWHERE * extent : INFINITY, open};
+    size_t all = 0;
+    sf_pool_run(pool, c->n, cover_task, &job);
+    for (size_t i = 0; i < c->n; i++) all += open[i];
+    return (double)all / (double)(c->n * CELLS * CELLS);
 }
 
 /* The largest depth of the covered cells nearest to a pixel, in a growing square; 0 if no cell is covered. */
@@ -246,7 +256,7 @@ static void far_point(const cover *c, const question *q, double depth, sf_rng *r
         float p[3];
         double nearness = 1 - (1 - 1.0 / FARTHEST) * sf_rng_uniform(rng);
         behind_pixel(&q->view->camera, q->xs[0], q->ys[0], depth / nearness, p);
-        size_t hidden = hides(c, p);
+        size_t hidden = hides(c, p, least);
         if (hidden < least) least = hidden, memcpy(xyz, p, sizeof p);
     }
 }
@@ -270,9 +280,9 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
     double *distances = sf_alloc(ctx, n, sizeof *distances);
     cover c = {views, n, sf_calloc(ctx, n, CELLS * CELLS * sizeof *c.depths),
                sf_calloc(ctx, n, sizeof *c.nearest), sf_calloc(ctx, 3 * n, sizeof *c.centers)};
-    uint32_t *number = sf_calloc(ctx, n, CELLS * CELLS * sizeof *number);
+    size_t *open = sf_alloc(ctx, n, sizeof *open);
     sf_status status =
-        cameras && distances && c.depths && c.nearest && c.centers && number ? SF_OK : SF_ERR_MEMORY;
+        cameras && distances && c.depths && c.nearest && c.centers && open ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         for (size_t i = 0; i < n; i++) {
             cameras[i] = &views[i]->camera;
@@ -280,7 +290,8 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
         }
         sf_look_distances(cameras, n, extent, distances);
         int known = cloud->n > 0;
-        size_t wanted = cloud->n + (size_t)((double)count * find_cover(&c, cloud, number)), x, y, i;
+        double uncovered = find_cover(ctx->pool, &c, cloud, extent, open);
+        size_t wanted = cloud->n + (size_t)((double)count * uncovered), x, y, i;
         for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
             question q = ask(views[i], x, y);
             double beside = depth_beside(&c, i, x, y);
@@ -295,7 +306,7 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
             memcpy(cloud->rgb + 3 * cloud->n, q.colors[0], sizeof q.colors[0]);
         }
     }
-    sf_free(ctx, number);
+    sf_free(ctx, open);
     sf_free(ctx, c.centers);
     sf_free(ctx, c.nearest);
     sf_free(ctx, c.depths);

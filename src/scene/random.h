@@ -9,10 +9,10 @@
  * several random depths at which the colours of the views agree best; of equally good ones the farthest.
  * Else: `count` times the part of the pictures in which no point of `cloud` lies, and only there. Such a
  * point is farther than the points beside its pixel, up to 20 times as far, with an evenly distributed
- * inverse depth. It hides no surface that the points show and is not nearer to any camera than the points in
- * that camera's picture, if one of several depths allows that. `cloud` must have room for `count` more.
- * Masked pixels give none. Cameras whose axes do not meet are taken to look at the scene's extent (world
- * units). SF_ERR_MEMORY: cloud is unchanged. */
+ * inverse depth; points beyond 100 extents count for nothing. It hides no surface that the points show and is
+ * not nearer to any camera than the points in that camera's picture, if one of several depths allows that.
+ * `cloud` must have room for `count` more. Masked pixels give none. Cameras whose axes do not meet are taken
+ * to look at the scene's extent (world units). SF_ERR_MEMORY: cloud is unchanged. */
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
                            double extent, sf_rng *rng, sf_cloud *cloud);
 

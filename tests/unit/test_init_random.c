@@ -132,6 +132,39 @@ static void test_far_points_hide_nothing(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A point at no sensible depth, as of a wrong match, changes nothing of the random ones beside it. */
+static void test_points_nowhere_cover_nothing(void **state) {
+    (void)state;
+    enum { COUNT = 50 };
+    sf_context *ctx = test_context();
+    sf_scene *scene = init_scene_of(ctx, 1);
+    uint32_t *ids;
+    size_t views;
+    sf_cloud clouds[2];
+    assert_ok(ctx, sf_scene_training_ids(scene, &ids, &views));
+    const sf_view *view = sf_scene_retain_id(scene, ids[0]);
+    assert_non_null(view);
+    for (size_t nowhere = 0; nowhere < 2; nowhere++) { /* 6 before the camera, and 1e9 along the same ray */
+        const float points[2][3] = {{0, -2.2f, 2}, {1e9f, -2.2e9f / 6, 2e9f / 6}};
+        sf_cloud *cloud = &clouds[nowhere];
+        sf_rng rng;
+        sf_rng_seed(&rng, 1);
+        assert_ok(ctx, sf_cloud_create(ctx, 2 + COUNT, cloud));
+        memcpy(cloud->xyz, points, sizeof points);
+        cloud->n = 1 + nowhere;
+        assert_ok(ctx, sf_random_points(ctx, &view, 1, COUNT, 10, &rng, cloud));
+    }
+    size_t added = clouds[0].n - 1;
+    assert_true(sees(&view->camera, clouds[1].xyz + 3));
+    assert_true(added > COUNT / 2 && clouds[1].n == added + 2);
+    assert_memory_equal(clouds[0].xyz + 3, clouds[1].xyz + 6, 3 * added * sizeof *clouds[0].xyz);
+    for (int i = 0; i < 2; i++) sf_cloud_destroy(ctx, &clouds[i]);
+    sf_view_release((sf_view *)(uintptr_t)view);
+    sf_free(ctx, ids);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 static void test_random_count_is_capped(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -255,6 +288,7 @@ int main(void) {
         cmocka_unit_test(test_at_random),
         cmocka_unit_test(test_random_depths),
         cmocka_unit_test(test_far_points_hide_nothing),
+        cmocka_unit_test(test_points_nowhere_cover_nothing),
         cmocka_unit_test(test_random_count_is_capped),
         cmocka_unit_test(test_nothing_to_start_from),
         cmocka_unit_test(test_from_where_asked),
