@@ -103,6 +103,28 @@ static void test_studio(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Some frames of a camera that looks at one place from one height: pairs of them hardly tell its focal
+ * length, and a map that begins with one far too short ends there, with fewer points. */
+static void test_uneven_frames(void **state) {
+    (void)state;
+    static const size_t frames[] = {2,  4,  9,  12, 13, 15, 16, 18, 19, 22, 23, 24, 25, 26, 27,
+                                    28, 29, 32, 33, 34, 36, 38, 39, 40, 47, 48, 51, 52, 56, 59};
+    sf_context *ctx = test_context();
+    sf_scene *scene = test_load_scene(ctx, "sim:studio?width=320&height=240&frames=60", NULL);
+    sf_reconstruction *r;
+    sf_reconstruction_photo photo;
+    for (size_t i = 0; i < sizeof frames / sizeof *frames; i++)
+        write_photos(ctx, "uneven", scene, frames[i], frames[i] + 1);
+    assert_ok(ctx, sf_sfm_run(ctx, test_path("uneven"), NULL, &r));
+    for (size_t i = 0; !sf_reconstruction_get_photo(r, i, &photo); i++) {
+        assert_true(photo.placed);
+        assert_true(fabs(photo.lens.fx / test_view_info(scene, 0).camera.fx - 1) < 0.01);
+    }
+    sf_reconstruction_destroy(&r);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 static void assert_same(const sf_reconstruction *a, const sf_reconstruction *b, size_t photos) {
     sf_reconstruction_photo x, y;
     for (size_t i = 0; i < photos; i++) {
@@ -200,6 +222,7 @@ static void test_refusals(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_studio),
+        cmocka_unit_test(test_uneven_frames),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_refusals),
     };
