@@ -1,5 +1,5 @@
 /* test_live_world.c - a live fit does not depend on the world's unit, nor on where its origin is. */
-#include "../testing.h"
+#include "scale_fixture.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -79,23 +79,6 @@ static void close_world(world_run *w) {
     sf_context_destroy(&w->ctx);
 }
 
-/* All fields of two models, but for the world's unit: the logarithms of scales are rounded. */
-static void assert_same_but_scaled(const sf_model *model, const sf_model *scaled, int power) {
-    assert_int_equal(scaled->count, model->count);
-    for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, model->sh_degree); field++)
-        for (size_t i = 0; i < model->banded[sf_field_band(field)]; i++)
-            for (int c = 0; c < sf_field_components(field); c++) {
-                float one = *sf_value(&model->params, field, i, c);
-                float other = *sf_value(&scaled->params, field, i, c);
-                if (field == SF_FIELD_mean)
-                    assert_true(ldexpf(one, power) == other);
-                else if (field == SF_FIELD_log_scale)
-                    assert_true(fabs((double)one + power * log(2) - (double)other) < 4e-6);
-                else
-                    assert_true(one == other);
-            }
-}
-
 /* A board of 1 mm or of 10 m, and poses in any unit, give the same model but for its unit. */
 static void any_unit_gives_the_same_model(void **state) {
     (void)state;
@@ -106,7 +89,7 @@ static void any_unit_gives_the_same_model(void **state) {
         run_in_a_world((other_world){.untold = 1}, by_board, &plain);
         for (int i = 0; i < 2; i++) {
             run_in_a_world((other_world){.power = powers[by_board][i], .untold = 1}, by_board, &scaled);
-            assert_same_but_scaled(plain.model, scaled.model, powers[by_board][i]);
+            scale_assert_same(plain.model, scaled.model, powers[by_board][i]);
             close_world(&scaled);
         }
         close_world(&plain);
