@@ -323,6 +323,12 @@ void test_turn_camera(sf_camera *camera, const double right[3], const double ahe
     }
 }
 
+void test_move_camera(sf_camera *camera, const double at[3]) {
+    const double *R = camera->R_cw;
+    for (int j = 0; j < 3; j++)
+        camera->t_cw[j] = -(R[3 * j] * at[0] + R[3 * j + 1] * at[1] + R[3 * j + 2] * at[2]);
+}
+
 sf_camera test_camera_around(int view, int views, int width, int height) {
     const double pi = 3.141592653589793;
     double angle = 2 * pi * view / views, c = cos(angle), s = sin(angle);

@@ -74,6 +74,8 @@ sf_view_info test_view_info(sf_scene *scene, size_t index);
 
 /* Turns a camera: its axes to the right and ahead, unit vectors of the world at right angles. */
 void test_turn_camera(sf_camera *camera, const double right[3], const double ahead[3]);
+/* Puts its centre at a place of the world; it keeps its direction. */
+void test_move_camera(sf_camera *camera, const double at[3]);
 
 /* Camera `view` of `views` on a ring 4 about the middle, upright, that look inwards; f = 60 px. */
 sf_camera test_camera_around(int view, int views, int width, int height);

@@ -49,9 +49,7 @@ static sf_camera camera_on_ring(int view) {
     sf_camera camera = {
         .width = WIDTH, .height = HEIGHT, .fx = FOCAL, .fy = FOCAL, .cx = WIDTH / 2.0, .cy = HEIGHT / 2.0};
     test_turn_camera(&camera, right, ahead);
-    for (int j = 0; j < 3; j++)
-        camera.t_cw[j] =
-            -(camera.R_cw[3 * j] * at[0] + camera.R_cw[3 * j + 1] * at[1] + camera.R_cw[3 * j + 2] * at[2]);
+    test_move_camera(&camera, at);
     return camera;
 }
 
