@@ -24,7 +24,8 @@ typedef enum sf_pose_from {
     SF_POSE_NONE,    /* the pose is not known */
     SF_POSE_BOARD,   /* from a board in view alone */
     SF_POSE_OUTSIDE, /* from the caller's callback or from the frame's own camera alone */
-    SF_POSE_TRACK    /* from landmarks and the model, with a board's or an outside pose as a prior */
+    SF_POSE_TRACK,   /* from landmarks and the model, with a board's or an outside pose as a prior */
+    SF_POSE_PICTURES /* from the first map, which is made of pictures alone */
 } sf_pose_from;
 
 /* The camera's pose at a time (ns, as sf_frame.time_ns), from outside: R_cw (row-major) and t_cw as in
@@ -44,8 +45,13 @@ typedef struct sf_live_options {
     void *pose_user;       /* handed to pose */
     int own_poses; /* 1: the frames' own cameras are used as poses from outside; 0: they are only reported, in
                       sf_live_frame.truth */
-    sf_lens lens;  /* of the frames; fx 0: that of the frames' own camera where they have one, else a guess: a
-                      picture 60 degrees wide */
+    int from_pictures; /* 1: where neither a board nor a pose from outside is seen, the first map is made from
+                          pictures alone. Its unit is the distance to what the first frame sees, its frame that of
+                          the first camera; 0: frames without a pose are passed over */
+    sf_lens lens;  /* of the frames; fx 0: that of the frames' own camera where they have one. Else it is found
+                      with the first map from pictures; with a board or poses from outside it is a guess: a picture
+                      60 degrees wide */
+    int find_lens; /* 1: a lens of the frames' own camera is not used; lens.fx must be 0 */
     int downscale; /* box-average the frames by this, 1..16 */
     double track_rate;      /* most frames to track in a second, 0.1..1000 */
     int steps_per_frame;    /* training steps after each frame, for sources that are not in real time: every
@@ -61,13 +67,13 @@ typedef struct sf_live_options {
                                Read    until sf_live_destroy; NULL: not checked */
 } sf_live_options;
 
-/* A fit that learns exposures; no board and no poses from outside; downscale 1, 12 frames a second, 300
- * keyframes, hold_out 8, keyframe_gap 0.07, thermal "/sys". */
+/* A fit that learns exposures; no board and no poses from outside, a start from pictures; downscale 1, 12
+ * frames a second, 300 keyframes, hold_out 8, keyframe_gap 0.07, thermal "/sys". */
 SF_API sf_live_options sf_live_options_default(void);
 
 /* Begins with the frames of `source`. The caller closes the source after sf_live_destroy and does not use it
  * before; it is best opened with a separate context. SF_ERR_ARGUMENT: an option out of range (named), no
- * board and no other poses; SF_ERR_UNSUPPORTED: a board, without libapriltag. On failure *live is NULL. */
+ * start from pictures, no board and no other poses; SF_ERR_UNSUPPORTED: a board, without libapriltag. On failure *live is NULL. */
 SF_API sf_status sf_live_create(sf_context *context, sf_source *source, const sf_live_options *options,
                                 sf_live **live);
 SF_API void sf_live_destroy(sf_live **live);
@@ -115,6 +121,8 @@ typedef struct sf_live_progress {
     sf_live_state state;        /* after the newest frame that was tracked */
     sf_live_trouble trouble;    /* now; a warning is logged when it begins */
     int paused;                 /* by sf_live_pause */
+    int own_world; /* 1: the poses began with a first map from pictures: unit and frame are that map's own */
+    double focal_length; /* px: of the pictures that are fitted; 0 before the first frame */
     int exposure_locked;        /* 1: by sf_live_lock_exposure; 0: it is not; -1: the source cannot be told */
     double seconds;             /* since the first frame */
     sf_source_counts frames;    /* of the source, as sf_source_count gives them */

@@ -4,6 +4,7 @@
 
 #include <stddef.h>
 
+#include "camera.h"
 #include "context.h"
 
 #ifdef __cplusplus
@@ -77,6 +78,15 @@ typedef struct sf_similarity {
  * renders the same picture. The origin is rotated and scaled; the means take the move. SF_ERR_ARGUMENT, and
  * the model is unchanged: values that are not finite, a reflection, a scale of 0 or less. */
 SF_API sf_status sf_model_transform(sf_model *model, const sf_similarity *motion);
+
+/* Finds the similarity that takes the cameras of one world to the same cameras in another, from[count] to
+ * to[count]. R is the mean of what the cameras' rotations say; scale and move are those of least squares
+ * between their places. 0: there is no camera, or all of one world are in one place; else 1. */
+SF_API int sf_similarity_between(const sf_camera *from, const sf_camera *to, size_t count,
+                                 sf_similarity *similarity);
+
+/* Moves a camera: it sees in the moved world what it saw before. */
+SF_API void sf_camera_transform(sf_camera *camera, const sf_similarity *motion);
 
 /* Keeps the Gaussians whose means lie in a box, edges included, in their order. SF_ERR_ARGUMENT: low above
  * high, or not a number; SF_ERR_EMPTY: no mean lies in the box; SF_ERR_MEMORY. On failure the model is

@@ -56,14 +56,6 @@ static const arg_option own_options[] = {
 #define SIMULATED_BOARD "a3-36h11"
 #define SIMULATED_TAG_M 0.08
 
-/* A pose that was found, for the trajectory; and how far off it is, where the frame told its own. */
-typedef struct step {
-    double time;               /* s */
-    double center[3], quat[4]; /* w x y z */
-    double degrees, distance;  /* off the truth; NAN: not known */
-    sf_pose_from from;
-} step;
-
 typedef struct live_run {
     const args *a;
     const char *output;
@@ -77,9 +69,7 @@ typedef struct live_run {
     sf_live_options options;
     sf_live *live;
     progress_line line;
-    step *steps;
-    size_t step_count, step_capacity;
-    uint64_t last_frame;
+    live_path tracked;
     json_t *curve;
     double next_sample;
     page page;
@@ -156,13 +146,14 @@ static int open_path(live_run *r, const char *name) {
 static int read_poses(live_run *r) {
     const char *from = args_value(r->a, "poses"), *board = args_value(r->a, "board");
     double tag_m = r->tag_size / 1000;
+    r->options.from_pictures = !from || !strcmp(from, "pictures");
     if (from && !strcmp(from, "frames"))
         r->options.own_poses = 1;
     else if (from && strchr(from, ':')) {
         int error = open_path(r, from);
         if (error) return error;
-    } else if (from && strcmp(from, "board") != 0)
-        return usage("--poses", from, "is none of board, frames, file:..., unix:..., udp:...");
+    } else if (from && strcmp(from, "board") != 0 && strcmp(from, "pictures") != 0)
+        return usage("--poses", from, "is none of pictures, board, frames, file:..., unix:..., udp:...");
     if (from && strcmp(from, "board") != 0 && !board) return 0;
     if (!board && !strncmp(r->a->positional[0], SIMULATED, strlen(SIMULATED)))
         board = SIMULATED_BOARD, tag_m = SIMULATED_TAG_M;
@@ -208,7 +199,9 @@ static int prepare(live_run *r) {
     if (!error) error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
     if (!error) error = read_poses(r);
     if (!error) error = open_source(r);
-    if (!error) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);
+    const char *lens = args_value(r->a, "lens");
+    r->options.find_lens = lens && !strcmp(lens, "find");
+    if (!error && !r->options.find_lens) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);
     if (!error && sf_live_create(r->ctx, r->source, &r->options, &r->live)) error = app_fail(r->a, r->ctx);
     if (!error) error = page_open(&r->page, r->a, r->ctx);
     return error;
@@ -262,44 +255,6 @@ static void show(live_run *r, const sf_live_progress *p, int now) {
     progress_text(&r->line, text);
 }
 
-static void compare(const sf_live_frame *f, step *s) {
-    double there[3], trace = 0, squares = 0;
-    s->degrees = s->distance = NAN;
-    if (!f->has_truth) return;
-    sf_camera_center(&f->truth, there);
-    for (int k = 0; k < 9; k++) trace += f->truth.R_cw[k] * f->camera.R_cw[k];
-    for (int k = 0; k < 3; k++) squares += pow(there[k] - s->center[k], 2);
-    s->degrees = acos(fmin(fmax((trace - 1) / 2, -1), 1)) * 57.29577951308232;
-    s->distance = sqrt(squares);
-}
-
-/* Keeps the pose of a tracked frame. */
-static int note_frame(live_run *r) {
-    sf_live_frame f;
-    sf_live_get_frame(r->live, &f);
-    if (f.number == r->last_frame) return 0;
-    r->last_frame = f.number;
-    if (f.from == SF_POSE_NONE) return 0;
-    if (r->step_count == r->step_capacity) {
-        size_t more = r->step_capacity ? 2 * r->step_capacity : 1024;
-        step *steps = realloc(r->steps, more * sizeof *steps);
-        if (!steps) return app_say(r->a, "trajectory", "out of memory");
-        r->steps = steps, r->step_capacity = more;
-    }
-    step *s = &r->steps[r->step_count++];
-    double R_wc[9];
-    for (int i = 0; i < 9; i++) R_wc[i] = f.camera.R_cw[3 * (i % 3) + i / 3];
-    s->time = 1e-9 * (double)f.time_ns;
-    s->from = f.from;
-    sf_camera_center(&f.camera, s->center);
-    sf_rotation_to_quat(R_wc, s->quat);
-    compare(&f, s);
-    double origin[3]; /* the path is the world's */
-    sf_scene_get_origin(sf_live_scene(r->live), origin);
-    for (int k = 0; k < 3; k++) s->center[k] += origin[k];
-    return 0;
-}
-
 /* 3. What is written */
 
 static int save_model(live_run *r) {
@@ -318,47 +273,14 @@ static void save_now_and_then(live_run *r, const sf_live_progress *p) {
     r->next_save = p->seconds + r->save_every;
 }
 
-static int write_trajectory(const live_run *r) {
-    const char *path = app_output(r->a, "trajectory");
-    if (!path) return 0;
-    size_t room = APP_POSE_LINE * (r->step_count + 1), n = 0;
-    char *text = malloc(room);
-    if (!text) return app_say(r->a, path, "out of memory");
-    n += app_pose_header(text);
-    for (size_t i = 0; i < r->step_count; i++)
-        n += app_pose_line(text + n, r->steps[i].time, r->steps[i].center, r->steps[i].quat);
-    sf_status status = sf_write_file(r->ctx, path, text, n);
-    free(text);
-    return status ? app_fail(r->a, r->ctx) : 0;
-}
-
-/* Medians over the poses from `from` (SF_POSE_NONE: all) whose truth is known; returns how many. */
-static size_t medians(const live_run *r, sf_pose_from from, double *degrees, double *distance) {
-    double *values = malloc((r->step_count + 1) * 2 * sizeof *values);
-    size_t n = 0;
-    for (size_t i = 0; values && i < r->step_count; i++)
-        if (isfinite(r->steps[i].degrees) && (!from || r->steps[i].from == from)) n++;
-    for (size_t i = 0, k = 0; values && i < r->step_count; i++) {
-        if (!isfinite(r->steps[i].degrees) || (from && r->steps[i].from != from)) continue;
-        values[k] = r->steps[i].degrees;
-        values[n + k++] = r->steps[i].distance;
-    }
-    *degrees = *distance = NAN;
-    if (values && n) {
-        *degrees = app_median(values, n);
-        *distance = app_median(values + n, n);
-    }
-    free(values);
-    return n;
-}
-
 static json_t *log_json(live_run *r, const sf_live_progress *p) {
-    double degrees, distance;
+    path_error error;
     json_t *result = progress_json(p);
     json_object_set_new(result, "peak_memory_mb", json_real(app_peak_memory()));
-    if (medians(r, SF_POSE_NONE, &degrees, &distance)) {
-        json_object_set_new(result, "pose_error_degrees", json_real(degrees));
-        json_object_set_new(result, "pose_error_distance", json_real(distance));
+    if (path_compare(&r->tracked, p->own_world, &error)) {
+        json_object_set_new(result, "pose_error_degrees", json_real(error.degrees));
+        json_object_set_new(result, "pose_error_distance", json_real(error.distance));
+        if (p->own_world) json_object_set_new(result, "similarity", path_similarity_json(&error));
     }
     return json_pack("{s:s, s:s, s:i, s:o, s:o, s:O, s:o}", "version", sf_version(), "isa",
                      sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "source",
@@ -367,7 +289,7 @@ static json_t *log_json(live_run *r, const sf_live_progress *p) {
 }
 
 static void print_result(const live_run *r, const sf_live_progress *p) {
-    double degrees, distance;
+    path_error error;
     if (args_value(r->a, "quiet") || r->line.kind == PROGRESS_JSON) return;
     printf("%s after %.1f s: %llu frames looked at, %llu with a pose, lost %llu times; %zu keyframes, %zu of "
            "them held out\n",
@@ -379,8 +301,12 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
     if (isfinite(p->held_out_psnr))
         printf("held out, at the poses as tracked: PSNR %.2f dB (with exposure corrected: %.2f dB)\n",
                p->held_out_psnr, p->held_out_psnr_corrected);
-    if (medians(r, SF_POSE_NONE, &degrees, &distance))
-        printf("poses against the frames' own, medians: %.3f degrees, %.4g off\n", degrees, distance);
+    if (p->own_world)
+        printf("the unit is the distance to what the first frame saw; focal length %.1f px\n",
+               p->focal_length);
+    if (path_compare(&r->tracked, p->own_world, &error))
+        printf("poses against the frames' own%s, medians: %.3f degrees, %.4g off\n",
+               p->own_world ? " (after the similarity that fits best)" : "", error.degrees, error.distance);
 }
 
 /* The model first, whatever comes after. */
@@ -400,7 +326,7 @@ static int finish(live_run *r) {
                   "--poses, and move sideways"
                 : "no frame came: is the camera there, and free? (splatfit devices)");
     if (!error) print_result(r, &p);
-    int written = write_trajectory(r);
+    int written = path_write(&r->tracked, r->a, r->ctx);
     if (!error) error = written;
     if (!error && cameras && sf_live_save_cameras(r->live, cameras, args_value(r->a, "world") != NULL))
         error = app_fail(r->a, r->ctx);
@@ -441,7 +367,7 @@ static int loop(live_run *r) {
     for (;;) {
         sf_live_progress p;
         sf_status status = sf_live_step(r->live);
-        int error = note_frame(r);
+        int error = path_note(&r->tracked, r->a, r->live);
         sf_live_get_progress(r->live, &p);
         show(r, &p, status != SF_OK);
         if (p.seconds >= r->next_sample) {
@@ -475,7 +401,7 @@ static int run(const args *a) {
     sf_board_close(&r.board);
     sf_path_close(&r.path);
     page_close(&r.page);
-    free(r.steps);
+    path_free(&r.tracked);
     json_decref(r.curve);
     sf_context_destroy(&r.source_ctx);
     sf_context_destroy(&r.ctx);

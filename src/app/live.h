@@ -1,4 +1,4 @@
-/* live.h - the page of a live fit. */
+/* live.h - the page of a live fit, and the camera's path. */
 #ifndef APP_LIVE_H
 #define APP_LIVE_H
 
@@ -33,5 +33,36 @@ int page_due(page *p, double seconds);
 void page_show(page *p, sf_live *live, json_t *figures);
 /* The next button that somebody pressed. */
 page_word page_command(page *p);
+
+/* A frame whose pose was found. */
+typedef struct path_step {
+    double time; /* s */
+    sf_camera camera, truth;
+    double origin[3]; /* of their coordinates, in the world */
+    int has_truth;    /* the frame told its own pose, which was not used */
+} path_step;
+
+/* The camera's path so far. */
+typedef struct live_path {
+    path_step *steps;
+    size_t count, capacity;
+    uint64_t last_frame;
+} live_path;
+
+/* How far poses are off those that the frames told: medians. */
+typedef struct path_error {
+    double degrees, distance; /* in the unit of the frames' own poses */
+    sf_similarity similarity; /* from the path's world to theirs */
+} path_error;
+
+/* Keeps the pose of the newest frame. 0 or an exit code. */
+int path_note(live_path *path, const args *a, sf_live *live);
+/* Writes --trajectory, if it is asked for. 0 or an exit code. */
+int path_write(const live_path *path, const args *a, sf_context *ctx);
+/* own_world: the path is compared after the similarity that fits best. Returns how many poses were compared.
+ */
+size_t path_compare(const live_path *path, int own_world, path_error *error);
+json_t *path_similarity_json(const path_error *error);
+void path_free(live_path *path);
 
 #endif

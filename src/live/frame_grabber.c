@@ -22,6 +22,7 @@ struct sf_frame_grabber {
     sf_context *own; /* one thread: the pool is the fit's */
     sf_source *source;
     sf_lens lens;
+    int find_lens, is_lens_guessed;
     int downscale, live, rest_ms;
     sf_remap *remap;
     float *planes; /* of a frame, before it is remapped */
@@ -58,15 +59,14 @@ static struct timespec after_ms(int ms) {
 /* The frame's own intrinsics, else a guess. */
 static void find_lens(sf_frame_grabber *g, const sf_frame *frame) {
     if (g->lens.fx > 0) return;
-    if (frame->has_camera) {
+    if (frame->has_camera && !g->find_lens) {
         const sf_camera *c = &frame->camera;
         g->lens = (sf_lens){.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
         return;
     }
     double f = frame->width / 2.0 / tan(GUESSED_WIDTH / 2);
     g->lens = (sf_lens){.fx = f, .fy = f, .cx = frame->width / 2.0, .cy = frame->height / 2.0};
-    sf_log(g->ctx, SF_LOG_WARNING,
-           "no lens is known: taken as %.0f px of focal length; splatfit calibrate measures it", f);
+    g->is_lens_guessed = 1;
 }
 
 static sf_status prepare(sf_frame_grabber *g, const sf_frame *frame) {
@@ -112,6 +112,7 @@ static sf_status develop(sf_frame_grabber *g, const sf_frame *frame, int slot) {
     p->time_ns = frame->time_ns;
     p->light = frame->exposure_s * frame->gain;
     p->sequence = frame->sequence;
+    p->is_lens_guessed = g->is_lens_guessed;
     p->has_truth = frame->has_camera;
     if (frame->has_camera) p->truth = sf_camera_downscaled(&frame->camera, g->downscale);
     return status;
@@ -223,8 +224,8 @@ static void free_all(sf_frame_grabber *g) {
     sf_free(g->ctx, g);
 }
 
-sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
-                                  double rate, sf_frame_grabber **grabber) {
+sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int find_lens,
+                                  int downscale, double rate, sf_frame_grabber **grabber) {
     *grabber = NULL;
     sf_frame_grabber *g = sf_calloc(ctx, 1, sizeof *g);
     if (!g) return SF_ERR_MEMORY;
@@ -236,7 +237,8 @@ sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_l
     }
     sf_source_info info;
     sf_source_describe(source, &info);
-    g->ctx = ctx, g->source = source, g->lens = *lens, g->downscale = downscale;
+    g->ctx = ctx, g->source = source, g->lens = *lens, g->find_lens = find_lens;
+    g->downscale = downscale;
     g->rest_ms = (int)fmin(REST / rate, 1000);
     g->live = info.live || info.frames_per_second > 0;
     g->exposure_locked = info.can_lock_exposure ? 0 : -1;

@@ -16,6 +16,7 @@ typedef struct sf_picture {
     int64_t time_ns;
     double light; /* exposure times gain, s; 0: not known */
     uint64_t sequence;
+    int is_lens_guessed; /* nobody knows the lens: `camera` has a guess */
     int has_truth;
     sf_camera truth; /* the frame's own camera, scaled to the picture */
 } sf_picture;
@@ -30,11 +31,11 @@ typedef struct sf_frame_grabber sf_frame_grabber;
 /* s: a warning is logged after this time without a frame. */
 #define SF_FRAME_SILENCE 2.0
 
-/* Takes frames of `source`, through `lens` (fx 0: their own, or a guess), smaller by `downscale`, for who
+/* Takes frames of `source`, through `lens` (fx 0: their own, unless it is to be found, or a guess), smaller by `downscale`, for who
  * wants `rate` a second. Of a source in real time the newest waits, and older ones are passed over; of
  * another each waits for its turn. */
-sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int downscale,
-                                  double rate, sf_frame_grabber **grabber);
+sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int find_lens,
+                                  int downscale, double rate, sf_frame_grabber **grabber);
 /* Waits for the thread to end: a fraction of a second. */
 void sf_frame_grabber_destroy(sf_frame_grabber **grabber);
 

@@ -128,7 +128,10 @@ static sf_status correct_all(sf_live *live, uint32_t newest, sf_correction *corr
 
 /* The newest keyframe joins the landmarks; poses, and the model with them, go where it moves them. */
 static sf_status adjust(sf_live *live, uint32_t id) {
-    const sf_track_prior *known = live->localizer.fix.from ? &live->localizer.fix.prior : NULL;
+    const sf_fix *fix = &live->localizer.fix;
+    /* Of a first map from pictures, one pose holds all: the others are what the pictures say. */
+    int is_known = fix->from && (fix->from != SF_POSE_PICTURES || live->keyframes.count == 1);
+    const sf_track_prior *known = is_known ? &fix->prior : NULL;
     sf_status status = sf_landmarks_keep(live->localizer.landmarks, id, &live->localizer.pose, known,
                                          live->localizer.distance, live->input.picture->weight);
     if (!status) status = sf_landmarks_adjust(live->localizer.landmarks, ADJUSTED);

@@ -8,7 +8,11 @@
 #include "../fit/online.h"
 #include "throttling.h"
 
-enum { IDLE_MS = 20, FIRST_MS = 100 };
+enum {
+    IDLE_MS = 20,
+    FIRST_MS = 100,
+    MISSES_MOST = 30 /* of a first map from pictures, until it is given up, where no fit began with it */
+};
 
 #define TRACK_MEMORY  0.1 /* part of a frame in the mean time of a look */
 #define FIT_SHARE     0.5 /* of the time of a look: so long the fit goes on before the next one, at least */
@@ -25,6 +29,7 @@ enum { IDLE_MS = 20, FIRST_MS = 100 };
 
 sf_live_options sf_live_options_default(void) {
     sf_live_options o = {.fit = sf_fit_options_default(),
+                         .from_pictures = 1,
                          .downscale = 1,
                          .track_rate = 12,
                          .keyframes_most = 300,
@@ -66,8 +71,11 @@ static sf_status check(sf_context *ctx, const sf_live_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "steps_per_frame: %d is below 0", o->steps_per_frame);
     if (!(o->keyframe_gap >= 0.001 && o->keyframe_gap <= 1))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "keyframe_gap: %g is not in 0.001..1", o->keyframe_gap);
-    if (!o->board && !o->pose && !o->own_poses)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "poses: neither a board nor poses from outside are given");
+    if (o->find_lens && o->lens.fx > 0)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "find_lens: there is a lens");
+    if (!o->board && !o->pose && !o->own_poses && !o->from_pictures)
+        return sf_fail(ctx, SF_ERR_ARGUMENT,
+                       "poses: neither a start from pictures nor a board nor poses from outside are given");
     return SF_OK;
 }
 
@@ -96,6 +104,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     if (!live) return SF_ERR_MEMORY;
     live->ctx = ctx;
     live->options = *options;
+    live->start.ctx = live->lens.ctx = ctx;
     live->pace.duty = 1;
     live->evaluation = (sf_evaluation){.ctx = ctx, .exposes = live->options.fit.exposure};
     plan(live, source);
@@ -109,8 +118,8 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     if (!status && options->board)
         status = sf_detector_create(ctx, options->board, 1, &live->localizer.detector);
     if (!status)
-        status = sf_frame_grabber_create(ctx, source, &options->lens, options->downscale, options->track_rate,
-                                         &live->grabber);
+        status = sf_frame_grabber_create(ctx, source, &options->lens, options->find_lens, options->downscale,
+                                         options->track_rate, &live->grabber);
     *out = live;
     if (status) sf_live_destroy(out);
     return status;
@@ -127,6 +136,8 @@ void sf_live_destroy(sf_live **live_pointer) {
     sf_landmarks_destroy(&live->localizer.landmarks);
     sf_renderer_destroy(&live->evaluation.renderer);
     sf_scene_destroy(&live->scene);
+    sf_start_free(&live->start);
+    sf_found_lens_free(&live->lens);
     sf_free(live->ctx, live->keyframes.list);
     sf_free(live->ctx, live->input.bytes);
     sf_free(live->ctx, live);
@@ -149,6 +160,8 @@ void sf_live_reset(sf_live *live) {
     live->keyframes.count = 0;
     live->keyframes.made = 0;
     live->spawning.spawned = 0;
+    sf_start_clear(&live->start);
+    sf_found_lens_forget(&live->lens);
     sf_live_forget_pose(live);
 }
 
@@ -162,13 +175,36 @@ static sf_status note_frame(sf_live *live) {
                    4 * (size_t)c->width * (size_t)c->height, 1);
 }
 
+/* The frame's pose; and whether it becomes a keyframe. */
+static sf_status handle_frame(sf_live *live, int *taken) {
+    *taken = 0;
+    sf_status status = sf_live_localize(live);
+    if (!status && !live->paused) status = sf_live_offer_keyframe(live, taken);
+    return status;
+}
+
+/* A frame of the first map again, now with its pose; after the last one the fit begins. */
+static sf_status handle_again(sf_live *live) {
+    const sf_picture *picture;
+    sf_rigid pose;
+    int taken;
+    sf_status status = sf_start_next(&live->start, &picture, &live->input.number, &pose);
+    if (status || !picture) return status ? status : sf_live_begin(live);
+    status = sf_found_lens_correct(&live->lens, picture, &live->input.picture);
+    live->input.first_pose = &pose;
+    if (!status) status = handle_frame(live, &taken);
+    live->input.first_pose = NULL;
+    return status;
+}
+
 static sf_status look_at_frame(sf_live *live) {
     double began = sf_clock();
     int taken = 0;
     sf_status status = note_frame(live);
-    if (!status) status = sf_live_localize(live);
-    if (!status && !live->paused) status = sf_live_offer_keyframe(live, &taken);
+    if (!status) status = handle_frame(live, &taken);
     if (!status && !live->fitter && taken) status = sf_live_begin(live);
+    if (!status && live->localizer.has_own_world && !live->fitter && live->localizer.misses > MISSES_MOST)
+        sf_live_reset(live);
     if (!status && taken) status = sf_live_ask_for_points(live);
     live->pace.steps_due = live->options.steps_per_frame;
     double ended = sf_clock(), took = ended - began;
@@ -181,8 +217,10 @@ static sf_status look_at_frame(sf_live *live) {
 }
 
 static sf_status take_frame(sf_live *live, int timeout_ms, int *looked) {
-    sf_status status = sf_frame_grabber_take(live->grabber, timeout_ms, &live->input.picture);
+    const sf_picture *picture;
+    sf_status status = sf_frame_grabber_take(live->grabber, timeout_ms, &picture);
     *looked = !status;
+    if (!status) status = sf_found_lens_correct(&live->lens, picture, &live->input.picture);
     if (status == SF_ERR_END) live->source_ended = 1;
     if (status == SF_ERR_TIMEOUT || status == SF_ERR_END) return SF_OK;
     return status ? status : look_at_frame(live);
@@ -238,6 +276,7 @@ static sf_status advance(sf_live *live) {
     int looked = 0, fits = live->fitter && !live->paused && sf_clock() >= live->pace.rest_until;
     if (atomic_load(&live->cancelled)) return SF_ERR_CANCELLED;
     if (is_over(live)) return SF_ERR_END;
+    if (sf_start_is_ready(&live->start)) return handle_again(live);
     int due = frame_is_due(live, fits);
     if (due) {
         sf_status status = take_frame(live, fits ? IDLE_MS : idle_ms(live), &looked);
@@ -291,6 +330,8 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     *p = (sf_live_progress){.state = live->localizer.state,
                             .trouble = trouble_of(live),
                             .paused = live->paused,
+                            .own_world = live->localizer.has_own_world,
+                            .focal_length = live->input.picture ? live->input.picture->camera.fx : 0,
                             .exposure_locked = sf_frame_grabber_locked(live->grabber),
                             .seconds = live->pace.first_frame > 0 ? now - live->pace.first_frame : 0,
                             .tracked = live->localizer.tracked,

@@ -8,16 +8,20 @@
 
 #include "../scene/scene.h"
 #include "evaluation.h"
+#include "found_lens.h"
 #include "frame_grabber.h"
 #include "frame_quality.h"
 #include "keyframe_list.h"
 #include "localizer_state.h"
 #include "point_spawner.h"
+#include "start.h"
 
 /* The frame in hand. */
 typedef struct sf_live_input {
     const sf_picture *picture;
     sf_live_frame frame;           /* what sf_live_get_frame tells of it */
+    const sf_rigid *first_pose;    /* the frame's in the first map from pictures; NULL: it is not of that map */
+    uint64_t number;               /* of such a frame */
     float thumbnail[SF_THUMBNAIL]; /* of the picture */
     uint8_t *bytes;                /* [height][width][3], and a mask or grey */
     size_t byte_capacity;
@@ -43,6 +47,8 @@ struct sf_live {
     int paused, source_ended, finished;
 
     sf_live_input input;
+    sf_start start;
+    sf_found_lens lens;
     sf_frame_quality quality;
     sf_localizer localizer;
     sf_keyframes keyframes;

@@ -36,8 +36,9 @@ enum {
 #define FIXED 0.004
 /* Standard deviation of the frames' own poses: rad, parts of the distance. */
 #define OWN 1e-4
-/* The same of poses from a caller who does not tell it. */
-#define OUTSIDE 0.01
+/* The same of poses from a caller who does not tell it, and of a first map from pictures. */
+#define OUTSIDE   0.01
+#define FIRST_MAP 0.01
 /* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet, nor of what is
  * wrong of many pictures alike: a recording's poses were off by a degree for a second. */
 #define BOARD_DOUBT 16.0
@@ -131,8 +132,21 @@ static void shift(double R[9], double t[3], const double origin[3]) {
     for (int k = 0; k < 3; k++) t[k] += sf_dot3(R + 3 * k, origin);
 }
 
+/* The first of a map from pictures stays where it is, the others may move. */
+static void fix_by_first_map(const sf_live *live, sf_fix *fix) {
+    fix->prior.pose = *live->input.first_pose;
+    fix->deviation = live->keyframes.count ? FIRST_MAP : OWN;
+    fix->from = SF_POSE_PICTURES;
+    tell_accuracy(fix, live->localizer.distance);
+}
+
 static sf_status find_fix(sf_live *live, sf_fix *fix) {
     *fix = (sf_fix){0};
+    if (live->input.first_pose) {
+        fix_by_first_map(live, fix);
+        return SF_OK;
+    }
+    if (live->localizer.has_own_world) return SF_OK;
     fix_by_frame(live, fix);
     sf_status status = fix->from ? SF_OK : fix_by_caller(live, fix);
     if (status) return status;
@@ -202,13 +216,18 @@ static int add_followed(const sf_localizer *l, const sf_track_prior *prior, sf_t
     return 1;
 }
 
+/* How far from a steady motion a hand may be. */
+static void tell_spread(sf_track_prior *steady, double spread, double distance) {
+    double apart = spread * fmax(distance, 1e-9);
+    for (int k = 0; k < 6; k++) steady->information[7 * k] = 1 / pow(k < 3 ? apart : spread, 2);
+}
+
 static sf_status track_on(sf_live *live, const sf_fix *fix, sf_track *track, int *good) {
     double spread;
     sf_track_prior steady = {.pose = predict(live, &spread)}, both;
     const sf_track_prior *prior = fix->from ? &fix->prior : live->localizer.poses > 1 ? &steady : NULL;
     const sf_rigid *guess = fix->from ? &fix->prior.pose : &steady.pose;
-    double apart = spread * fmax(live->localizer.distance, 1e-9);
-    for (int k = 0; k < 6; k++) steady.information[7 * k] = 1 / pow(k < 3 ? apart : spread, 2);
+    tell_spread(&steady, spread, live->localizer.distance);
     sf_status status =
         sf_landmarks_follow(live->localizer.landmarks, guess, prior, &live->localizer.followed);
     if (status) return status;
@@ -228,6 +247,21 @@ static sf_status join_landmarks(sf_live *live, const sf_track_prior *known, sf_r
         sf_landmarks_follow(live->localizer.landmarks, &known->pose, known, &live->localizer.followed);
     if (!status && add_followed(&live->localizer, known, &both)) *pose = both.pose;
     return status;
+}
+
+/* Before there is a model, in a map that began from pictures: the pose that landmarks alone tell. */
+static sf_status follow_alone(sf_live *live, sf_rigid *pose, int *good) {
+    sf_localizer *l = &live->localizer;
+    double spread;
+    sf_track_prior steady = {.pose = predict(live, &spread)}, both;
+    *good = 0;
+    if (live->fitter || !l->has_own_world || !l->poses || live->quality.blank) return SF_OK;
+    tell_spread(&steady, spread, l->distance);
+    sf_status status = sf_landmarks_follow(l->landmarks, &steady.pose, &steady, &l->followed);
+    if (status || !add_followed(l, &steady, &both)) return status;
+    *pose = both.pose;
+    *good = !jumps(l, &steady.pose, pose);
+    return SF_OK;
 }
 
 /* From the keyframes that look most like the picture. */
@@ -344,7 +378,8 @@ static sf_status note_landmarks(sf_localizer *l) {
 
 static sf_status look(sf_live *live, const sf_fix *fix) {
     sf_track track = {0};
-    int good = 0;
+    sf_rigid alone;
+    int good = 0, follows = 0;
     sf_status status = SF_OK;
     live->localizer.fixed = is_fixed(fix);
     live->localizer.followed = (sf_followed){0};
@@ -356,6 +391,8 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
         if (status) return status;
         live->input.frame.agreement = track.agreement;
     }
+    if (!fix->from) status = follow_alone(live, &alone, &follows);
+    if (status) return status;
     sf_judge_sharpness(&live->quality, (good || fix->from) && track.seen >= SEEN ? &track : NULL);
     if (live->quality.blurred >= SF_TROUBLE_FRAMES && !fix->from) live->localizer.doubts = FOUND_AFTER;
     live->localizer.sure = !live->localizer.doubts && !live->quality.blurred && !live->quality.blank;
@@ -368,6 +405,8 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
         status = join_landmarks(live, &fix->prior, &pose);
         if (status) return status;
         note_pose(live, &pose, fix->from);
+    } else if (follows) {
+        note_pose(live, &alone, SF_POSE_TRACK);
     } else {
         note_miss(live);
     }
@@ -376,9 +415,35 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     return live->input.frame.from == SF_POSE_NONE ? SF_OK : note_landmarks(&live->localizer);
 }
 
+/* Without a board and poses from outside: frames are collected until they give a first map. A board that is seen, or
+ * a pose that comes, is the better start. */
+static sf_status collect(sf_live *live) {
+    const sf_picture *p = live->input.picture;
+    const sf_camera *c = &p->camera;
+    sf_lens lens = {.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
+    int found;
+    if (live->fitter || live->localizer.has_own_world || !live->options.from_pictures) return SF_OK;
+    if (live->input.frame.from != SF_POSE_NONE) sf_start_clear(&live->start);
+    if (live->input.frame.from != SF_POSE_NONE || live->quality.blank || live->quality.blurred) return SF_OK;
+    sf_status status = sf_start_take(&live->start, p, live->input.frame.number,
+                                     p->is_lens_guessed ? NULL : &lens, &found);
+    live->localizer.state = live->start.count ? SF_LIVE_STARTING : SF_LIVE_WAITING;
+    if (status || !found) return status;
+    const sf_first_map *map = &live->start.map;
+    if (p->is_lens_guessed) status = sf_found_lens_set(&live->lens, &map->lens, c->width, c->height);
+    live->localizer.has_own_world = live->localizer.has_origin = 1;
+    live->localizer.distance = 1;
+    sf_log(live->ctx, SF_LOG_INFO,
+           "the first map: %zu of %zu frames, %zu points seen %.1f degrees wide, %.2f px, focal length %.1f px",
+           map->placed, live->start.count, map->points, map->angle * 57.29577951308232, map->error,
+           map->lens.fx);
+    return status;
+}
+
 sf_status sf_live_localize(sf_live *live) {
     const sf_picture *p = live->input.picture;
-    live->input.frame = (sf_live_frame){.number = live->localizer.looked_at + 1,
+    int again = live->input.first_pose != NULL; /* it was counted when it came */
+    live->input.frame = (sf_live_frame){.number = again ? live->input.number : live->localizer.looked_at + 1,
                                         .time_ns = p->time_ns,
                                         .camera = p->camera,
                                         .has_truth = p->has_truth && !live->options.own_poses,
@@ -393,8 +458,8 @@ sf_status sf_live_localize(sf_live *live) {
     live->quality.blank = sf_make_thumbnail(p, live->input.thumbnail) < BLANK ? live->quality.blank + 1 : 0;
     live->quality.sharpness = sf_picture_sharpness(p);
     if (!status) status = look(live, &live->localizer.fix);
-    live->localizer.looked_at++;
-    return status;
+    live->localizer.looked_at += !again;
+    return status || again ? status : collect(live);
 }
 
 void sf_live_forget_pose(sf_live *live) {
@@ -402,7 +467,7 @@ void sf_live_forget_pose(sf_live *live) {
     live->localizer.poses = live->localizer.misses = live->localizer.doubts = 0;
     live->localizer.usual_agreement = live->quality.usual_detail = live->quality.usual_sharpness = 0;
     live->localizer.distance = 0;
-    live->localizer.has_origin = 0;
+    live->localizer.has_own_world = live->localizer.has_origin = 0;
     live->localizer.first_count = 0;
     memset(live->scene->origin, 0, sizeof live->scene->origin);
 }

@@ -37,6 +37,7 @@ typedef struct sf_localizer {
     int doubts;             /* good poses still needed until the camera counts as found again */
     double usual_agreement; /* moving average over the tracked frames; 0: none yet */
     double distance;        /* to what the camera sees, world units; 0: not known */
+    int has_own_world;      /* it began from pictures: unit and frame are its own */
     int has_origin;         /* the scene's was chosen, or 0 is near enough */
     sf_camera first_cameras[SF_FIRST_CAMERAS]; /* of poses from outside, until the distance is known */
     size_t first_count;
