@@ -12,6 +12,11 @@ sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options) {
 
 int sf_online_has_view(const sf_fitter *f, uint32_t id) { return sf_view_state_of(&f->views, id) != NULL; }
 
+sf_status sf_online_set_camera(sf_fitter *f, uint32_t id, const sf_camera *camera) {
+    sf_view_state *state = sf_view_state_of(&f->views, id);
+    return state ? sf_view_states_set_camera(&f->views, f->ctx, state, camera) : SF_OK;
+}
+
 double sf_online_near_plane(const sf_fitter *f) {
     return f->near_plane > 0 ? (double)f->near_plane : 0.04 * f->extent;
 }

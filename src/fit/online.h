@@ -15,6 +15,10 @@ sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options);
 /* Whether the fit has a state of the training view: from then on its pose and exposure can be set. */
 int sf_online_has_view(const sf_fitter *fitter, uint32_t id);
 
+/* Corrects the camera of such a view, as sf_fitter_set_pose, its intrinsics too. The scene has its own copy.
+ * SF_ERR_MEMORY. */
+sf_status sf_online_set_camera(sf_fitter *fitter, uint32_t id, const sf_camera *camera);
+
 /* World units: the nearest depth that is drawn, and the extent of the scene. */
 double sf_online_near_plane(const sf_fitter *fitter);
 double sf_online_extent(const sf_fitter *fitter);

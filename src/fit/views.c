@@ -73,6 +73,16 @@ sf_status sf_view_states_sync(sf_view_states *views, sf_scene *scene, const uint
     return status;
 }
 
+sf_status sf_view_states_set_camera(sf_view_states *views, sf_context *ctx, sf_view_state *state,
+                                    const sf_camera *camera) {
+    sf_status status = find_lens(views, ctx, camera, &state->lens);
+    if (status) return status;
+    state->given = *camera;
+    memcpy(state->R_cw, camera->R_cw, sizeof state->R_cw);
+    memcpy(state->t_cw, camera->t_cw, sizeof state->t_cw);
+    return SF_OK;
+}
+
 void sf_view_states_free(sf_view_states *views, sf_context *ctx) {
     sf_free(ctx, views->states);
     sf_free(ctx, views->lenses);

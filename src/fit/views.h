@@ -52,6 +52,9 @@ typedef struct sf_view_states {
 /* Adds states of new views and drops those of removed ones; `ids` ascend. A removed view does not return: a
  * scene gives an id once. On failure the states are unchanged. */
 sf_status sf_view_states_sync(sf_view_states *views, sf_scene *scene, const uint32_t *ids, size_t count);
+/* The view's camera in the scene is another one now. */
+sf_status sf_view_states_set_camera(sf_view_states *views, sf_context *ctx, sf_view_state *state,
+                                    const sf_camera *camera);
 void sf_view_states_free(sf_view_states *views, sf_context *ctx);
 
 /* The state of view `id`; NULL: there is none. */

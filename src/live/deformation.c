@@ -29,12 +29,14 @@ static motion camera_motion(const sf_correction *c, int unit) {
     const sf_camera *from = &c->camera;
     motion s = {.fx = (float)from->fx, .fy = (float)from->fy, .cx = (float)from->cx, .cy = (float)from->cy};
     s.width = (float)from->width, s.height = (float)from->height;
+    const double D[3] = {c->stretch / c->zoom, c->stretch / c->zoom, c->stretch};
     double off[3];
-    for (int k = 0; k < 3; k++) off[k] = from->t_cw[k] - c->to.t[k];
+    for (int k = 0; k < 3; k++) off[k] = D[k] * from->t_cw[k] - c->to.t[k];
     for (int i = 0; i < 3; i++) {
         const double column[3] = {c->to.R[i], c->to.R[3 + i], c->to.R[6 + i]};
         for (int k = 0; k < 3; k++) {
-            const double of_from[3] = {from->R_cw[k], from->R_cw[3 + k], from->R_cw[6 + k]};
+            const double of_from[3] = {D[0] * from->R_cw[k], D[1] * from->R_cw[3 + k],
+                                       D[2] * from->R_cw[6 + k]};
             s.R[3 * i + k] = (float)from->R_cw[3 * i + k];
             s.A[3 * i + k] = (float)(sf_dot3(column, of_from) - (i == k));
         }

@@ -1,6 +1,8 @@
 /* found_lens.c - see found_lens.h. */
 #include "found_lens.h"
 
+#include <math.h>
+
 #include "../io/optics.h"
 
 sf_status sf_found_lens_set(sf_found_lens *f, const sf_lens *lens, int32_t width, int32_t height) {
@@ -33,6 +35,13 @@ sf_status sf_found_lens_correct(sf_found_lens *f, const sf_picture *picture, con
     for (size_t c = 0; c < 3; c++) f->picture.rgb[c] = f->planes + c * pixels;
     f->picture.weight = f->planes + 3 * pixels;
     return sf_remap_run(f->remap, picture->rgb, width, f->picture.rgb, width, f->picture.weight);
+}
+
+void sf_found_lens_zoom(sf_found_lens *f, double zoom) {
+    sf_lens *l = &f->lens;
+    l->fx *= zoom, l->fy *= zoom;
+    l->k1 *= zoom * zoom, l->k2 *= pow(zoom, 4); /* of rays; those of pixels stay */
+    f->camera.fx *= zoom, f->camera.fy *= zoom;
 }
 
 void sf_found_lens_forget(sf_found_lens *f) {

@@ -9,8 +9,8 @@
 
 typedef struct sf_found_lens {
     sf_context *ctx;
-    int is_wanted; /* the lens is not known, and is to be found */
     int is_found;
+    size_t checked_at; /* keyframes, when the focal length was last adjusted */
     sf_lens lens;    /* px of the pictures */
     sf_remap *remap; /* NULL: pictures stay as they are, but for their camera */
     sf_camera camera;
@@ -26,6 +26,9 @@ sf_status sf_found_lens_set(sf_found_lens *found, const sf_lens *lens, int32_t w
 /* *corrected: the picture, or as the lens would have shown it without distortion: good until the next call.
  * SF_ERR_MEMORY. */
 sf_status sf_found_lens_correct(sf_found_lens *found, const sf_picture *picture, const sf_picture **corrected);
+
+/* The focal length is `zoom` times as long; pictures are remapped as before. */
+void sf_found_lens_zoom(sf_found_lens *found, double zoom);
 
 /* Back to a lens that is not found. */
 void sf_found_lens_forget(sf_found_lens *found);

@@ -7,6 +7,7 @@
 
 #include "../base/clock.h"
 #include "../base/linear.h"
+#include "../base/statistics.h"
 #include "../fit/online.h"
 #include "../scene/neighbours.h"
 #include "deformation.h"
@@ -89,14 +90,15 @@ static sf_camera camera_at(const sf_live *live, const sf_rigid *pose) {
     return camera;
 }
 
-/* A keyframe's pose as it is known by now. */
-static sf_status correct(sf_live *live, sf_keyframe *k, const sf_rigid *pose) {
+/* A keyframe's pose and focal length as they are known by now. */
+static sf_status correct(sf_live *live, sf_keyframe *k, const sf_rigid *pose, double zoom) {
     sf_camera camera = camera_at(live, pose);
+    camera.fx *= zoom, camera.fy *= zoom;
     k->pose = *pose;
     sf_camera_center(&camera, k->center);
-    if (live->fitter && sf_online_has_view(live->fitter, k->id)) /* else it comes with the view */
-        (void)sf_fitter_set_pose(live->fitter, k->id, pose->R, pose->t);
-    return sf_scene_set_pose(live->scene, k->id, pose->R, pose->t);
+    sf_status status = SF_OK;
+    if (live->fitter) status = sf_online_set_camera(live->fitter, k->id, &camera);
+    return status ? status : sf_scene_set_camera(live->scene, k->id, &camera);
 }
 
 static int has_moved(const sf_live *live, const sf_rigid *from, const sf_rigid *to) {
@@ -106,19 +108,22 @@ static int has_moved(const sf_live *live, const sf_rigid *from, const sf_rigid *
            sqrt(sf_dot3(twist, twist)) > MOVED * live->localizer.distance;
 }
 
-/* All poses that are known better by now follow. corrections[count]: of the keyframes but the newest, which
- * nothing was fitted to yet. */
-static sf_status correct_all(sf_live *live, uint32_t newest, sf_correction *corrections, size_t *count) {
+/* All that is known better by now follows. corrections[count]: of the keyframes but the newest, which nothing
+ * was fitted to yet. */
+static sf_status correct_all(sf_live *live, uint32_t newest, double zoom, sf_correction *corrections,
+                             size_t *count) {
+    const sf_landmarks *landmarks = live->localizer.landmarks;
     sf_status status = SF_OK;
     *count = 0;
     for (size_t i = 0; !status && i < live->keyframes.count; i++) {
         sf_keyframe *k = &live->keyframes.list[i];
         sf_correction *c = &corrections[*count];
-        sf_rigid pose;
+        sf_rigid pose = k->pose;
         c->camera = camera_at(live, &k->pose);
-        if (sf_landmarks_pose(live->localizer.landmarks, k->id, &pose) && has_moved(live, &k->pose, &pose)) {
+        c->zoom = zoom;
+        if ((sf_landmarks_pose(landmarks, k->id, &pose) && has_moved(live, &k->pose, &pose)) || zoom != 1) {
             if (k->id == newest) sf_live_correct_pose(live, &k->pose, &pose);
-            status = correct(live, k, &pose);
+            status = correct(live, k, &pose, zoom);
         }
         c->to = k->pose;
         *count += k->id != newest;
@@ -126,21 +131,67 @@ static sf_status correct_all(sf_live *live, uint32_t newest, sf_correction *corr
     return status;
 }
 
-/* The newest keyframe joins the landmarks; poses, and the model with them, go where it moves them. */
+/* Whether a lens that was found is due to be adjusted: with half as many keyframes again. */
+static int is_lens_due(const sf_live *live) {
+    const size_t first = 12, last = 150, count = live->keyframes.count;
+    return live->lens.is_found && count >= first && count <= last && 2 * count >= 3 * live->lens.checked_at;
+}
+
+/* Adjusts the focal length that all keyframes share. depths [keyframes]: then what they show is so many times
+ * as far from them. */
+static sf_status calibrate(sf_live *live, double *depths, double *zoom) {
+    sf_landmarks *landmarks = live->localizer.landmarks;
+    sf_status status = SF_OK;
+    size_t count = live->keyframes.count;
+    for (size_t i = 0; !status && i < count; i++)
+        status = sf_landmarks_depth(landmarks, live->keyframes.list[i].id, &depths[i]);
+    if (!status) status = sf_landmarks_calibrate(landmarks, zoom);
+    for (size_t i = 0; !status && i < count; i++) {
+        double now;
+        status = sf_landmarks_depth(landmarks, live->keyframes.list[i].id, &now);
+        depths[i] = now > 0 && depths[i] > 0 ? now / depths[i] : 1;
+    }
+    if (status) return status;
+    sf_log(live->ctx, SF_LOG_INFO, "focal length %.1f px, by %zu keyframes", *zoom * live->lens.camera.fx, count);
+    live->lens.checked_at = count;
+    return SF_OK;
+}
+
+/* Pictures are known to be taken with another focal length, and what they show to be at another depth. */
+static void zoom_by(sf_live *live, double zoom, double stretch) {
+    sf_found_lens_zoom(&live->lens, zoom);
+    live->input.frame.camera.fx *= zoom, live->input.frame.camera.fy *= zoom;
+    live->localizer.distance *= stretch;
+}
+
+/* Moves poses, the lens, and the model with them, to where landmarks agree best. */
+static sf_status follow_landmarks(sf_live *live, uint32_t newest, sf_correction *corrections, double *depths) {
+    size_t count, keyframes = live->keyframes.count;
+    double zoom = 1;
+    sf_status status = sf_landmarks_adjust(live->localizer.landmarks, ADJUSTED);
+    for (size_t i = 0; i < keyframes; i++) depths[i] = 1;
+    if (!status && is_lens_due(live)) status = calibrate(live, depths, &zoom);
+    if (!status) status = correct_all(live, newest, zoom, corrections, &count);
+    for (size_t i = 0; !status && i < count; i++) corrections[i].stretch = depths[i]; /* the newest is last */
+    if (!status && live->fitter) status = sf_deform_fit(live->ctx, live->fitter, corrections, count);
+    if (!status && zoom != 1) zoom_by(live, zoom, sf_median(depths, keyframes));
+    return status;
+}
+
+/* The newest keyframe joins the landmarks. */
 static sf_status adjust(sf_live *live, uint32_t id) {
     const sf_fix *fix = &live->localizer.fix;
     /* Of a first map from pictures, one pose holds all: the others are what the pictures say. */
     int is_known = fix->from && (fix->from != SF_POSE_PICTURES || live->keyframes.count == 1);
-    const sf_track_prior *known = is_known ? &fix->prior : NULL;
-    sf_status status = sf_landmarks_keep(live->localizer.landmarks, id, &live->localizer.pose, known,
-                                         live->localizer.distance, live->input.picture->weight);
-    if (!status) status = sf_landmarks_adjust(live->localizer.landmarks, ADJUSTED);
+    sf_status status = sf_landmarks_keep(live->localizer.landmarks, id, &live->localizer.pose,
+                                         is_known ? &fix->prior : NULL, live->localizer.distance,
+                                         live->input.picture->weight);
+    if (status) return status;
     sf_correction *corrections = sf_alloc(live->ctx, live->keyframes.count, sizeof *corrections);
-    size_t count;
-    if (!status && !corrections) status = SF_ERR_MEMORY;
-    if (!status) status = correct_all(live, id, corrections, &count);
-    if (!status && live->fitter) status = sf_deform_fit(live->ctx, live->fitter, corrections, count);
+    double *depths = sf_alloc(live->ctx, live->keyframes.count, sizeof *depths);
+    status = corrections && depths ? follow_landmarks(live, id, corrections, depths) : SF_ERR_MEMORY;
     sf_free(live->ctx, corrections);
+    sf_free(live->ctx, depths);
     return status;
 }
 

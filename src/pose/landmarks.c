@@ -7,6 +7,7 @@
 
 #include "../base/linear.h"
 #include "../base/pool.h"
+#include "../base/statistics.h"
 #include "landmark_map.h"
 
 enum {
@@ -198,4 +199,21 @@ int sf_landmarks_pose(const sf_landmarks *l, uint32_t id, sf_rigid *pose) {
     if (at == l->keyframe_count) return 0;
     *pose = l->keyframes[at].view.pose;
     return 1;
+}
+
+sf_status sf_landmarks_depth(const sf_landmarks *l, uint32_t id, double *depth) {
+    size_t at = index_of(l, id), n = 0;
+    *depth = 0;
+    if (at == l->keyframe_count) return SF_OK;
+    double *depths = sf_alloc(l->ctx, l->observation_count + 1, sizeof *depths), p[3];
+    if (!depths) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < l->observation_count; i++) {
+        const sf_landmark_observation *s = &l->observations[i];
+        if (s->keyframe != at || l->all[s->landmark].state != SF_LANDMARK_KNOWN) continue;
+        sf_rigid_apply(&l->keyframes[at].view.pose, l->all[s->landmark].at, p);
+        depths[n++] = p[2];
+    }
+    *depth = sf_median(depths, n);
+    sf_free(l->ctx, depths);
+    return SF_OK;
 }

@@ -185,3 +185,45 @@ sf_status sf_landmarks_adjust(sf_landmarks *l, size_t most) {
     free_gathering(l, &g);
     return status;
 }
+
+/* Focal length */
+
+/* What a bundle of all keyframes may change of it at most: beyond, something else is wrong. */
+#define ZOOM_MOST 0.25
+/* What was known of it before, a part of it: it holds what a short way leaves open. */
+#define ZOOM_SIGMA 0.05
+
+static void zoom_by(sf_landmarks *l, double zoom) {
+    for (size_t k = 0; k <= l->keyframe_count; k++) {
+        sf_lens *lens = k < l->keyframe_count ? &l->keyframes[k].view.lens : &l->view.lens;
+        lens->fx *= zoom, lens->fy *= zoom;
+    }
+    for (size_t i = 0; i < l->count; i++) l->all[i].ray[0] /= zoom, l->all[i].ray[1] /= zoom;
+}
+
+sf_status sf_landmarks_calibrate(sf_landmarks *l, double *zoom) {
+    enum { CALIBRATION_ROUNDS = 20 };
+    gathering g = {0};
+    double spread;
+    *zoom = 1;
+    if (l->keyframe_count < 3) return SF_OK;
+    sf_bundle_camera camera = {.lens = l->keyframes[0].view.lens, .focal = 1};
+    const double before = camera.lens.fx;
+    camera.prior[0] = before, camera.information[0] = pow(ZOOM_SIGMA * before, -2);
+    sf_status status = make_gathering(l, &g) ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        sort_observations(l, &g);
+        memset(g.is_free, 1, l->keyframe_count);
+        gather(l, &g);
+        for (size_t k = 0; k < l->keyframe_count; k++) g.bundle.views[k].camera = 0;
+        g.bundle.cameras = &camera, g.bundle.camera_count = 1;
+        status = sf_bundle_adjust(l->ctx, &g.bundle, CALIBRATION_ROUNDS, &spread);
+    }
+    if (!status && fabs(log(camera.lens.fx / before)) < ZOOM_MOST) {
+        *zoom = camera.lens.fx / before;
+        zoom_by(l, *zoom);
+        accept(l, &g, spread);
+    }
+    free_gathering(l, &g);
+    return status;
+}

@@ -158,16 +158,14 @@ static sf_status copy_view(sf_view *from, const sf_camera *camera, sf_view **out
     return SF_OK;
 }
 
-sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], const double t_cw[3]) {
-    sf_view *old = sf_scene_retain_id(scene, id), *new = NULL;
-    if (!old) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
-    sf_camera camera = old->camera;
-    memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
-    memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
-    sf_status status = sf_camera_check(&camera)
+/* A view at another camera takes the place of the old one, which is released. */
+static sf_status replace_view(sf_scene *scene, sf_view *old, const sf_camera *camera) {
+    sf_view *new = NULL;
+    uint32_t id = old->id;
+    sf_status status = sf_camera_check(camera)
                            ? sf_fail(scene->ctx, SF_ERR_ARGUMENT,
                                      "pose: of view %u: not a rotation and a finite translation", id)
-                           : copy_view(old, &camera, &new);
+                           : copy_view(old, camera, &new);
     sf_view_release(old);
     if (status) return status;
     pthread_mutex_lock(&scene->lock);
@@ -177,6 +175,21 @@ sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], 
     pthread_mutex_unlock(&scene->lock);
     sf_view_release(old); /* or the new one, if the view was removed meanwhile */
     return SF_OK;
+}
+
+sf_status sf_scene_set_pose(sf_scene *scene, uint32_t id, const double R_cw[9], const double t_cw[3]) {
+    sf_view *old = sf_scene_retain_id(scene, id);
+    if (!old) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    sf_camera camera = old->camera;
+    memcpy(camera.R_cw, R_cw, sizeof camera.R_cw);
+    memcpy(camera.t_cw, t_cw, sizeof camera.t_cw);
+    return replace_view(scene, old, &camera);
+}
+
+sf_status sf_scene_set_camera(sf_scene *scene, uint32_t id, const sf_camera *camera) {
+    sf_view *old = sf_scene_retain_id(scene, id);
+    if (!old) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    return replace_view(scene, old, camera);
 }
 
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id) {

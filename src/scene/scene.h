@@ -68,6 +68,9 @@ sf_status sf_scene_take_view(sf_scene *scene, sf_view *view);
 
 /* A new reference to view `id`; NULL: no such view. */
 sf_view *sf_scene_retain_id(sf_scene *scene, uint32_t id);
+
+/* As sf_scene_set_pose, with intrinsics for a picture of the same size. */
+sf_status sf_scene_set_camera(sf_scene *scene, uint32_t id, const sf_camera *camera);
 /* Retains all views, or the training views, in order; sf_scene_release_all releases them, and may be called
  * after a failure, too. */
 sf_status sf_scene_retain_all(sf_scene *scene, sf_view ***views, size_t *count);
