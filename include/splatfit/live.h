@@ -46,8 +46,10 @@ typedef struct sf_live_options {
     int own_poses; /* 1: the frames' own cameras are used as poses from outside; 0: they are only reported, in
                       sf_live_frame.truth */
     int from_pictures; /* 1: where neither a board nor a pose from outside is seen, the first map is made from
-                          pictures alone. Its unit is the distance to what the first frame sees, its frame that of
-                          the first camera; 0: frames without a pose are passed over */
+                          pictures alone, in the frame of its first camera; 0: frames without a pose are passed
+                          over */
+    double scale; /* of such a map: the distance from its first camera to what that sees, in the unit that is
+                     wanted, 1e-9..1e9; 0: 1 */
     sf_lens lens;  /* of the frames; fx 0: that of the frames' own camera where they have one. Else it is found
                       with the first map from pictures; with a board or poses from outside it is a guess: a picture
                       60 degrees wide */
@@ -172,12 +174,18 @@ SF_API sf_status sf_live_snapshot(const sf_live *live, sf_model **model);
 /* Renders that model; as sf_render. SF_ERR_EMPTY: there is no model yet. */
 SF_API sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_out *out);
 
+/* The similarity that takes a map that began from pictures (sf_live_progress.own_world) to the world of the board or
+ * of the poses from outside that were seen since. Poses, scene and model stay in the map's own world: apply it to
+ * them (sf_camera_transform, sf_model_transform). It is adjusted as more is seen. SF_ERR_EMPTY: not known, or
+ * there is no map of that kind. */
+SF_API sf_status sf_live_get_world(const sf_live *live, sf_similarity *to_world);
+
 /* The current keyframes as a scene: pictures and tracked poses. The scene belongs to the object.
  * sf_scene_get_origin: where its coordinates, those of frames and the model's lie in the world; 0 unless
  * poses from outside are far from 0. */
 SF_API sf_scene *sf_live_scene(sf_live *live);
-/* Writes the keyframes' cameras, as refined by the fit, as INRIA's cameras.json, atomically; world as in
- * sf_scene_save_cameras. */
+/* Writes the keyframes' cameras, as refined by the fit, as INRIA's cameras.json, atomically: in the world that
+ * sf_live_get_world tells, if it is known; world as in sf_scene_save_cameras. */
 SF_API sf_status sf_live_save_cameras(sf_live *live, const char *path, int world);
 
 #ifdef __cplusplus

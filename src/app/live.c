@@ -17,13 +17,18 @@ static const arg_option own_options[] = {
     {"tag-size", 0, "MM",
      "the measured side of the board's black squares, if it was printed at another scale"},
     {"poses", 0, "FROM",
-     "where poses come from: board (see --board); frames (the frames' own, as simulated cameras have); "
-     "file:PATH, unix:PATH or udp:ADDRESS:PORT with lines of time x y z qx qy qz qw, camera to world "
-     "(board)"},
+     "where poses come from: pictures (the pictures alone); board (see --board); frames (the frames' own, as "
+     "simulated cameras have); file:PATH, unix:PATH or udp:ADDRESS:PORT with lines of time x y z qx qy qz qw, "
+     "camera to world; default: a board if one is seen, else pictures"},
+    {"scale", 0, "S",
+     "with poses from pictures alone: the distance from the first camera to what it sees, in the unit that is "
+     "wanted (1); a board that is seen later makes the unit metres"},
     {"pose-sigma", 0, "DEG,UNITS",
      "standard deviations of poses from outside: degrees, world units; default: 0.57 degrees and 0.01 of the "
      "distance to the scene"},
-    {"lens", 0, "FILE", "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP)"},
+    {"lens", 0, "FILE",
+     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, even "
+     "where the source tells one; default: as the source tells, else found"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
     {"track-rate", 0, "HZ", "most frames to track in a second (12)"},
     {"keyframe-gap", 0, "X",
@@ -59,7 +64,7 @@ static const arg_option own_options[] = {
 typedef struct live_run {
     const args *a;
     const char *output;
-    double seconds, save_every, next_save, tag_size, track_rate, gap;
+    double seconds, save_every, next_save, tag_size, track_rate, gap, scale;
     int downscale, keyframes, per_frame;
     sf_context *ctx, *source_ctx;
     sf_source *source;
@@ -111,6 +116,7 @@ static int read_options(live_run *r) {
     if (!error) error = read_real(r, "tag-size", 1, 1e4, &r->tag_size);
     if (!error) error = read_real(r, "track-rate", 0.1, 1000, &r->track_rate);
     if (!error) error = read_real(r, "keyframe-gap", 0.001, 1, &r->gap);
+    if (!error) error = read_real(r, "scale", 1e-9, 1e9, &r->scale);
     if (!error) error = args_int(r->a, "downscale", 1, 16, &r->downscale);
     if (!error) error = args_int(r->a, "keyframes", 8, 100000, &r->keyframes);
     if (!error) error = args_int(r->a, "steps-per-frame", 0, 1000000, &r->per_frame);
@@ -182,6 +188,16 @@ static int open_source(live_run *r) {
     return error;
 }
 
+/* Where nobody asked for a board, a build that finds none starts from pictures. */
+static int create(live_run *r) {
+    sf_status status = sf_live_create(r->ctx, r->source, &r->options, &r->live);
+    if (status == SF_ERR_UNSUPPORTED && r->options.from_pictures && !args_value(r->a, "board")) {
+        r->options.board = NULL;
+        status = sf_live_create(r->ctx, r->source, &r->options, &r->live);
+    }
+    return status ? app_fail(r->a, r->ctx) : 0;
+}
+
 static int prepare(live_run *r) {
     int error = app_context(r->a, &r->ctx);
     if (!error) error = read_options(r);
@@ -192,6 +208,7 @@ static int prepare(live_run *r) {
     r->options.track_rate = r->track_rate;
     r->options.keyframe_gap = r->gap;
     r->options.keyframes_most = r->keyframes;
+    r->options.scale = r->scale;
     r->options.steps_per_frame = r->per_frame;
     if (!error) error = read_thermal(r);
     if (!error) error = progress_start(&r->line, r->a, stdout);
@@ -202,7 +219,7 @@ static int prepare(live_run *r) {
     const char *lens = args_value(r->a, "lens");
     r->options.find_lens = lens && !strcmp(lens, "find");
     if (!error && !r->options.find_lens) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);
-    if (!error && sf_live_create(r->ctx, r->source, &r->options, &r->live)) error = app_fail(r->a, r->ctx);
+    if (!error) error = create(r);
     if (!error) error = page_open(&r->page, r->a, r->ctx);
     return error;
 }
@@ -259,7 +276,9 @@ static void show(live_run *r, const sf_live_progress *p, int now) {
 
 static int save_model(live_run *r) {
     sf_model *model = NULL;
+    sf_similarity world;
     sf_status status = sf_live_snapshot(r->live, &model);
+    if (!status && !sf_live_get_world(r->live, &world)) status = sf_model_transform(model, &world);
     if (!status) status = app_save_model(r->a, model, r->output);
     sf_model_destroy(&model);
     if (!status) return 0;
@@ -288,6 +307,17 @@ static json_t *log_json(live_run *r, const sf_live_progress *p) {
                      "curve", r->curve, "result", result);
 }
 
+static void print_own_world(const live_run *r, const sf_live_progress *p) {
+    sf_similarity world;
+    if (!sf_live_get_world(r->live, &world))
+        printf("unit and frame are those of the board");
+    else if (r->scale > 0)
+        printf("the first camera was %g units from what it saw", r->scale);
+    else
+        printf("the unit is the distance from the first camera to what it saw");
+    printf("; focal length %.1f px\n", p->focal_length);
+}
+
 static void print_result(const live_run *r, const sf_live_progress *p) {
     path_error error;
     if (args_value(r->a, "quiet") || r->line.kind == PROGRESS_JSON) return;
@@ -302,8 +332,7 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
         printf("held out, at the poses as tracked: PSNR %.2f dB (with exposure corrected: %.2f dB)\n",
                p->held_out_psnr, p->held_out_psnr_corrected);
     if (p->own_world)
-        printf("the unit is the distance to what the first frame saw; focal length %.1f px\n",
-               p->focal_length);
+        print_own_world(r, p);
     if (path_compare(&r->tracked, p->own_world, &error))
         printf("poses against the frames' own%s, medians: %.3f degrees, %.4g off\n",
                p->own_world ? " (after the similarity that fits best)" : "", error.degrees, error.distance);
@@ -322,11 +351,11 @@ static int finish(live_run *r) {
         error = app_say(
             r->a, r->a->positional[0],
             p.looked_at
-                ? "no model: no pose was found from enough places: show it the board of --board, or give "
-                  "--poses, and move sideways"
+                ? "no model: no pose was found from enough places: move sideways before something with depth, "
+                  "show it a board (splatfit board), or give --poses"
                 : "no frame came: is the camera there, and free? (splatfit devices)");
     if (!error) print_result(r, &p);
-    int written = path_write(&r->tracked, r->a, r->ctx);
+    int written = path_write(&r->tracked, r->a, r->ctx, r->live);
     if (!error) error = written;
     if (!error && cameras && sf_live_save_cameras(r->live, cameras, args_value(r->a, "world") != NULL))
         error = app_fail(r->a, r->ctx);

@@ -58,7 +58,7 @@ typedef struct path_error {
 /* Keeps the pose of the newest frame. 0 or an exit code. */
 int path_note(live_path *path, const args *a, sf_live *live);
 /* Writes --trajectory, if it is asked for. 0 or an exit code. */
-int path_write(const live_path *path, const args *a, sf_context *ctx);
+int path_write(const live_path *path, const args *a, sf_context *ctx, const sf_live *live);
 /* own_world: the path is compared after the similarity that fits best. Returns how many poses were compared.
  */
 size_t path_compare(const live_path *path, int own_world, path_error *error);

@@ -26,19 +26,23 @@ int path_note(live_path *p, const args *a, sf_live *live) {
     return 0;
 }
 
-int path_write(const live_path *p, const args *a, sf_context *ctx) {
+int path_write(const live_path *p, const args *a, sf_context *ctx, const sf_live *live) {
     const char *file = app_output(a, "trajectory");
+    sf_similarity world;
     if (!file) return 0;
     size_t room = APP_POSE_LINE * (p->count + 1), n = 0;
     char *text = malloc(room);
     if (!text) return app_say(a, file, "out of memory");
     n += app_pose_header(text);
+    int moves = !sf_live_get_world(live, &world);
     for (size_t i = 0; i < p->count; i++) {
         const path_step *s = &p->steps[i];
+        sf_camera camera = s->camera;
         double R_wc[9], quat[4], center[3];
-        for (int k = 0; k < 9; k++) R_wc[k] = s->camera.R_cw[3 * (k % 3) + k / 3];
+        if (moves) sf_camera_transform(&camera, &world);
+        for (int k = 0; k < 9; k++) R_wc[k] = camera.R_cw[3 * (k % 3) + k / 3];
         sf_rotation_to_quat(R_wc, quat);
-        sf_camera_center(&s->camera, center);
+        sf_camera_center(&camera, center);
         for (int k = 0; k < 3; k++) center[k] += s->origin[k]; /* the path is the world's */
         n += app_pose_line(text + n, s->time, center, quat);
     }

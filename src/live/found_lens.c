@@ -30,6 +30,7 @@ sf_status sf_found_lens_correct(sf_found_lens *f, const sf_picture *picture, con
     }
     f->picture = *picture;
     f->picture.camera = f->camera;
+    f->picture.is_lens_guessed = 0;
     *corrected = &f->picture;
     if (!f->remap) return SF_OK;
     for (size_t c = 0; c < 3; c++) f->picture.rgb[c] = f->planes + c * pixels;

@@ -6,6 +6,7 @@
 
 #include "../base/clock.h"
 #include "../fit/online.h"
+#include "../io/cameras_json.h"
 #include "throttling.h"
 
 enum {
@@ -71,6 +72,8 @@ static sf_status check(sf_context *ctx, const sf_live_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "steps_per_frame: %d is below 0", o->steps_per_frame);
     if (!(o->keyframe_gap >= 0.001 && o->keyframe_gap <= 1))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "keyframe_gap: %g is not in 0.001..1", o->keyframe_gap);
+    if (o->scale != 0 && !(o->scale >= 1e-9 && o->scale <= 1e9))
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "scale: %g is neither 0 nor in 1e-9..1e9", o->scale);
     if (o->find_lens && o->lens.fx > 0)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "find_lens: there is a lens");
     if (!o->board && !o->pose && !o->own_poses && !o->from_pictures)
@@ -190,6 +193,7 @@ static sf_status handle_again(sf_live *live) {
     int taken;
     sf_status status = sf_start_next(&live->start, &picture, &live->input.number, &pose);
     if (status || !picture) return status ? status : sf_live_begin(live);
+    for (int k = 0; k < 3; k++) pose.t[k] *= live->localizer.distance;
     status = sf_found_lens_correct(&live->lens, picture, &live->input.picture);
     live->input.first_pose = &pose;
     if (!status) status = handle_frame(live, &taken);
@@ -362,9 +366,22 @@ sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_
     return sf_fitter_render(live->fitter, camera, out);
 }
 
+sf_status sf_live_get_world(const sf_live *live, sf_similarity *to_world) {
+    if (!live->world.is_known) return sf_fail(live->ctx, SF_ERR_EMPTY, "live: no other world is known");
+    *to_world = live->world.similarity;
+    return SF_OK;
+}
+
 sf_scene *sf_live_scene(sf_live *live) { return live->scene; }
 
+/* A keyframe's camera as the fit refined it, in the world that is known. */
+static void save_camera(void *user, uint32_t id, sf_camera *camera) {
+    sf_live *live = user;
+    if (live->fitter && sf_online_has_view(live->fitter, id))
+        (void)sf_fitter_get_camera(live->fitter, id, camera);
+    if (live->world.is_known) sf_camera_transform(camera, &live->world.similarity);
+}
+
 sf_status sf_live_save_cameras(sf_live *live, const char *path, int world) {
-    return live->fitter ? sf_fitter_save_cameras(live->fitter, path, world)
-                        : sf_scene_save_cameras(live->scene, path, world);
+    return sf_save_cameras(live->scene, save_camera, live, path, world);
 }

@@ -15,6 +15,7 @@
 #include "localizer_state.h"
 #include "point_spawner.h"
 #include "start.h"
+#include "world.h"
 
 /* The frame in hand. */
 typedef struct sf_live_input {
@@ -49,6 +50,7 @@ struct sf_live {
     sf_live_input input;
     sf_start start;
     sf_found_lens lens;
+    sf_world world; /* where the map lies, if it began from pictures */
     sf_frame_quality quality;
     sf_localizer localizer;
     sf_keyframes keyframes;

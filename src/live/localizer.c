@@ -8,10 +8,10 @@
 #include "../base/linear.h"
 #include "../fit/online.h"
 #include "../scene/neighbours.h"
+#include "fix.h"
 #include "place_recognition.h"
 
 enum {
-    LEAST_CORNERS = 8, /* of a board: two tags */
     TURNS = 8,         /* a lost pose is searched for from the best keyframe, and in turn the next TURNS */
     FOUND_AFTER = 6,   /* good poses one after another, until a lost camera counts as found again */
     FIRST_POSES = 6    /* that a distance is guessed from */
@@ -29,19 +29,6 @@ enum {
 #define USUAL_MEMORY 0.05
 /* Standard deviation of the greys of a picture that shows nothing: the noise is averaged out. */
 #define BLANK 0.012
-/* Without the model: a board's pose. */
-#define AMBIGUOUS 0.7
-#define BOARD_RMS 1.5 /* px */
-/* A pose from outside that is known so well (rad) is held. */
-#define FIXED 0.004
-/* Standard deviation of the frames' own poses: rad, parts of the distance. */
-#define OWN 1e-4
-/* The same of poses from a caller who does not tell it, and of a first map from pictures. */
-#define OUTSIDE   0.01
-#define FIRST_MAP 0.01
-/* A board's covariance knows of the corners' scatter alone, not of the lens or the sheet, nor of what is
- * wrong of many pictures alike: a recording's poses were off by a degree for a second. */
-#define BOARD_DOUBT 16.0
 /* What a hand does to a steady motion in a tenth of a second: turns by this (rad), moves by this part of the
  * distance. */
 #define UNSTEADY 0.04
@@ -51,118 +38,7 @@ enum {
 #define JUMP_TURN 0.35
 #define JUMP_MOVE 0.3
 
-static int is_finite(const sf_rigid *pose) {
-    for (int k = 0; k < 9; k++)
-        if (!isfinite(pose->R[k])) return 0;
-    return isfinite(pose->t[0]) && isfinite(pose->t[1]) && isfinite(pose->t[2]);
-}
-
-/* 1. From outside the model */
-
-static void make_grey(const sf_picture *p, uint8_t *grey) {
-    size_t pixels = (size_t)p->camera.width * (size_t)p->camera.height;
-    for (size_t i = 0; i < pixels; i++)
-        grey[i] = (uint8_t)(255 * fminf(fmaxf(sf_picture_grey(p, i), 0), 1) + 0.5f);
-}
-
-/* information = (doubt covariance)^-1. 0: there is none. */
-static int invert_covariance(const double covariance[36], double doubt, double information[36]) {
-    double L[36];
-    for (int k = 0; k < 36; k++) L[k] = doubt * covariance[k];
-    if (!sf_cholesky(6, L)) return 0;
-    sf_cholesky_invert(6, L, information);
-    return 1;
-}
-
-static sf_status fix_by_board(sf_live *live, sf_fix *fix) {
-    const sf_picture *p = live->input.picture;
-    const sf_camera *c = &p->camera;
-    sf_lens lens = {.fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy};
-    sf_pose pose;
-    make_grey(p, live->input.bytes);
-    sf_status status =
-        sf_detector_find(live->localizer.detector, live->input.bytes, (size_t)c->width, c->width, c->height,
-                         &live->input.frame.corners, &live->input.frame.corner_count);
-    if (status || live->input.frame.corner_count < LEAST_CORNERS) return status;
-    status =
-        sf_board_pose(live->ctx, &lens, live->input.frame.corners, live->input.frame.corner_count, &pose);
-    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
-    if (pose.ambiguity > AMBIGUOUS || pose.rms > BOARD_RMS || pose.used < LEAST_CORNERS) return SF_OK;
-    memcpy(fix->prior.pose.R, pose.R_cb, sizeof pose.R_cb);
-    memcpy(fix->prior.pose.t, pose.t_cb, sizeof pose.t_cb);
-    if (invert_covariance(pose.covariance, BOARD_DOUBT, fix->prior.information)) fix->from = SF_POSE_BOARD;
-    if (fix->from && !(live->localizer.distance > 0))
-        live->localizer.distance = sqrt(sf_dot3(pose.t_cb, pose.t_cb)); /* until something is drawn */
-    return SF_OK;
-}
-
-/* Of a pose with a standard deviation in rad and parts of the distance. While the distance is not known,
- * nothing is there that the position could be weighed against. */
-static void tell_accuracy(sf_fix *fix, double distance) {
-    double far = distance > 0 ? distance : 1, *information = fix->prior.information;
-    if (!(fix->deviation > 0)) return;
-    for (int k = 0; k < 36; k++) information[k] = 0;
-    for (int k = 0; k < 6; k++) information[7 * k] = pow(fix->deviation * (k < 3 ? far : 1), -2);
-}
-
-static void fix_by_frame(const sf_live *live, sf_fix *fix) {
-    const sf_picture *p = live->input.picture;
-    if (!live->options.own_poses || !p->has_truth) return;
-    memcpy(fix->prior.pose.R, p->truth.R_cw, sizeof p->truth.R_cw);
-    memcpy(fix->prior.pose.t, p->truth.t_cw, sizeof p->truth.t_cw);
-    fix->deviation = OWN;
-    fix->from = SF_POSE_OUTSIDE;
-}
-
-static sf_status fix_by_caller(sf_live *live, sf_fix *fix) {
-    sf_track_prior *prior = &fix->prior;
-    int known = 0;
-    if (!live->options.pose) return SF_OK;
-    sf_status status = live->options.pose(live->options.pose_user, live->input.picture->time_ns,
-                                          prior->pose.R, prior->pose.t, prior->information);
-    if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
-    for (int k = 0; k < 36; k++) known |= prior->information[k] != 0;
-    if (!known) fix->deviation = OUTSIDE;
-    if (is_finite(&prior->pose)) fix->from = SF_POSE_OUTSIDE;
-    return SF_OK;
-}
-
-/* A pose relative to another origin. */
-static void shift(double R[9], double t[3], const double origin[3]) {
-    for (int k = 0; k < 3; k++) t[k] += sf_dot3(R + 3 * k, origin);
-}
-
-/* The first of a map from pictures stays where it is, the others may move. */
-static void fix_by_first_map(const sf_live *live, sf_fix *fix) {
-    fix->prior.pose = *live->input.first_pose;
-    fix->deviation = live->keyframes.count ? FIRST_MAP : OWN;
-    fix->from = SF_POSE_PICTURES;
-    tell_accuracy(fix, live->localizer.distance);
-}
-
-static sf_status find_fix(sf_live *live, sf_fix *fix) {
-    *fix = (sf_fix){0};
-    if (live->input.first_pose) {
-        fix_by_first_map(live, fix);
-        return SF_OK;
-    }
-    if (live->localizer.has_own_world) return SF_OK;
-    fix_by_frame(live, fix);
-    sf_status status = fix->from ? SF_OK : fix_by_caller(live, fix);
-    if (status) return status;
-    if (fix->from) shift(fix->prior.pose.R, fix->prior.pose.t, live->scene->origin);
-    tell_accuracy(fix, live->localizer.distance);
-    live->input.frame.corners = NULL, live->input.frame.corner_count = 0;
-    if (live->localizer.detector) {
-        sf_fix board = {0};
-        status = fix_by_board(live, &board);
-        if (status) return status;
-        if (board.from && !fix->from) *fix = board;
-    }
-    return SF_OK;
-}
-
-/* 2. By the model */
+/* 1. By the model */
 
 /* Where a steady motion leads; `spread`: how far from there a hand may be, rad. */
 static sf_rigid predict(const sf_live *live, double *spread) {
@@ -183,7 +59,7 @@ static sf_rigid predict(const sf_live *live, double *spread) {
 static int is_good(const sf_live *live, const sf_track *track) {
     int finds = live->localizer.doubts && (!live->quality.blurred || live->localizer.state == SF_LIVE_LOST);
     double least = fmax(AGREES, (finds ? FOUND : LIKE_BEFORE) * live->localizer.usual_agreement);
-    return track->agreement >= least && track->seen >= SEEN && is_finite(&track->pose) &&
+    return track->agreement >= least && track->seen >= SEEN && sf_pose_is_finite(&track->pose) &&
            isfinite(track->covariance[0]);
 }
 
@@ -313,9 +189,9 @@ static void choose_origin(sf_live *live) {
     sf_camera_center(frame, at);
     if (l->fix.from != SF_POSE_OUTSIDE || !sf_choose_origin(at, l->distance, origin)) return;
     sf_rigid *const poses[] = {&l->pose, &l->pose_before, &l->fix.prior.pose};
-    for (size_t i = 0; i < sizeof poses / sizeof *poses; i++) shift(poses[i]->R, poses[i]->t, origin);
-    shift(frame->R_cw, frame->t_cw, origin);
-    shift(truth->R_cw, truth->t_cw, origin);
+    for (size_t i = 0; i < sizeof poses / sizeof *poses; i++) sf_pose_shift(poses[i]->R, poses[i]->t, origin);
+    sf_pose_shift(frame->R_cw, frame->t_cw, origin);
+    sf_pose_shift(truth->R_cw, truth->t_cw, origin);
     memcpy(live->scene->origin, origin, sizeof origin);
     sf_log(live->ctx, SF_LOG_INFO,
            "poses from outside are far from 0: they are taken relative to the origin %.17g %.17g %.17g",
@@ -335,7 +211,7 @@ static void note_pose(sf_live *live, const sf_rigid *pose, sf_pose_from from) {
     memcpy(c->t_cw, pose->t, sizeof pose->t);
     live->input.frame.from = from;
     if (!live->fitter) guess_distance(&live->localizer, c);
-    if (!live->fitter) tell_accuracy(&live->localizer.fix, live->localizer.distance);
+    if (!live->fitter) sf_fix_tell_accuracy(&live->localizer.fix, live->localizer.distance);
     choose_origin(live);
     live->localizer.tracked++;
     sf_tick(&live->localizer.poses_found, sf_clock());
@@ -357,16 +233,6 @@ static void note_track(sf_localizer *l, const sf_track *track) {
     l->usual_agreement = usual + USUAL_MEMORY * (track->agreement - usual);
 }
 
-/* Whether a pose from outside leaves the model nothing to say. */
-static int is_fixed(const sf_fix *fix) {
-    double L[36], covariance[36];
-    if (!fix->from) return 0;
-    memcpy(L, fix->prior.information, sizeof L);
-    if (!sf_cholesky(6, L)) return 0;
-    sf_cholesky_invert(6, L, covariance);
-    return covariance[21] + covariance[28] + covariance[35] < FIXED * FIXED;
-}
-
 /* What the pose shows of landmarks. */
 static sf_status note_landmarks(sf_localizer *l) {
     sf_status status = SF_OK;
@@ -381,7 +247,7 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     sf_rigid alone;
     int good = 0, follows = 0;
     sf_status status = SF_OK;
-    live->localizer.fixed = is_fixed(fix);
+    live->localizer.fixed = sf_fix_is_held(fix);
     live->localizer.followed = (sf_followed){0};
     if (fix->from) live->localizer.doubts = 0;
     if (live->fitter && !live->quality.blank) {
@@ -432,12 +298,22 @@ static sf_status collect(sf_live *live) {
     const sf_first_map *map = &live->start.map;
     if (p->is_lens_guessed) status = sf_found_lens_set(&live->lens, &map->lens, c->width, c->height);
     live->localizer.has_own_world = live->localizer.has_origin = 1;
-    live->localizer.distance = 1;
+    live->localizer.misses = 0;
+    live->localizer.distance = live->options.scale > 0 ? live->options.scale : 1;
     sf_log(live->ctx, SF_LOG_INFO,
            "the first map: %zu of %zu frames, %zu points seen %.1f degrees wide, %.2f px, focal length %.1f px",
            map->placed, live->start.count, map->points, map->angle * 57.29577951308232, map->error,
            map->lens.fx);
     return status;
+}
+
+/* A map that began from pictures, where a board is seen or a pose comes from outside. */
+static void note_world(sf_live *live, const sf_fix *seen) {
+    const sf_live_frame *f = &live->input.frame;
+    if (!live->localizer.has_own_world || !seen->from || f->from == SF_POSE_NONE || !live->localizer.sure) return;
+    if (sf_world_note(&live->world, &f->camera, &seen->prior.pose, live->localizer.distance))
+        sf_log(live->ctx, SF_LOG_INFO, "the world of %s: 1 unit of the map is %.4g there",
+               seen->from == SF_POSE_BOARD ? "the board" : "poses from outside", live->world.similarity.scale);
 }
 
 sf_status sf_live_localize(sf_live *live) {
@@ -449,8 +325,16 @@ sf_status sf_live_localize(sf_live *live) {
                                         .has_truth = p->has_truth && !live->options.own_poses,
                                         .truth = p->truth,
                                         .rgb = {p->rgb[0], p->rgb[1], p->rgb[2]}};
-    shift(live->input.frame.truth.R_cw, live->input.frame.truth.t_cw, live->scene->origin);
-    sf_status status = find_fix(live, &live->localizer.fix);
+    sf_pose_shift(live->input.frame.truth.R_cw, live->input.frame.truth.t_cw, live->scene->origin);
+    sf_fix seen = {0}, *fix = &live->localizer.fix;
+    sf_status status = SF_OK;
+    *fix = seen;
+    if (again)
+        sf_fix_by_first_map(live, fix);
+    else
+        status = sf_fix_find(live, &seen);
+    /* A pose that a guessed lens gives a board would be wrong: the pictures tell the lens first. */
+    if (!live->localizer.has_own_world && !(live->options.from_pictures && p->is_lens_guessed)) *fix = seen;
     if (!status)
         status = sf_tracker_take(live->localizer.tracker, &p->camera, p->rgb, (size_t)p->camera.width);
     if (!status)
@@ -459,6 +343,7 @@ sf_status sf_live_localize(sf_live *live) {
     live->quality.sharpness = sf_picture_sharpness(p);
     if (!status) status = look(live, &live->localizer.fix);
     live->localizer.looked_at += !again;
+    if (!status && !again) note_world(live, &seen);
     return status || again ? status : collect(live);
 }
 
@@ -468,6 +353,7 @@ void sf_live_forget_pose(sf_live *live) {
     live->localizer.usual_agreement = live->quality.usual_detail = live->quality.usual_sharpness = 0;
     live->localizer.distance = 0;
     live->localizer.has_own_world = live->localizer.has_origin = 0;
+    live->world = (sf_world){0};
     live->localizer.first_count = 0;
     memset(live->scene->origin, 0, sizeof live->scene->origin);
 }
