@@ -46,15 +46,15 @@ typedef struct sf_live_options {
     int own_poses; /* 1: the frames' own cameras are used as poses from outside; 0: they are only reported, in
                       sf_live_frame.truth */
     int from_pictures; /* 1: where neither a board nor a pose from outside is seen, the first map is made from
-                          pictures alone, in the frame of its first camera; 0: frames without a pose are passed
-                          over */
+                          pictures alone, in the frame of its first camera; 0: frames without a pose are
+                          passed over */
     double scale; /* of such a map: the distance from its first camera to what that sees, in the unit that is
                      wanted, 1e-9..1e9; 0: 1 */
-    sf_lens lens;  /* of the frames; fx 0: that of the frames' own camera where they have one. Else it is found
-                      with the first map from pictures; with a board or poses from outside it is a guess: a picture
-                      60 degrees wide */
-    int find_lens; /* 1: a lens of the frames' own camera is not used; lens.fx must be 0 */
-    int downscale; /* box-average the frames by this, 1..16 */
+    sf_lens lens; /* of the frames; fx 0: that of the frames' own camera where they have one. Else it is found
+                     with the first map from pictures; with a board or poses from outside it is a guess: a
+                     picture 60 degrees wide */
+    int find_lens;          /* 1: a lens of the frames' own camera is not used; lens.fx must be 0 */
+    int downscale;          /* box-average the frames by this, 1..16 */
     double track_rate;      /* most frames to track in a second, 0.1..1000 */
     int steps_per_frame;    /* training steps after each frame, for sources that are not in real time: every
                                frame    is tracked, and the run can be repeated to the byte; 0: as time allows */
@@ -75,7 +75,8 @@ SF_API sf_live_options sf_live_options_default(void);
 
 /* Begins with the frames of `source`. The caller closes the source after sf_live_destroy and does not use it
  * before; it is best opened with a separate context. SF_ERR_ARGUMENT: an option out of range (named), no
- * start from pictures, no board and no other poses; SF_ERR_UNSUPPORTED: a board, without libapriltag. On failure *live is NULL. */
+ * start from pictures, no board and no other poses; SF_ERR_UNSUPPORTED: a board, without libapriltag. On
+ * failure *live is NULL. */
 SF_API sf_status sf_live_create(sf_context *context, sf_source *source, const sf_live_options *options,
                                 sf_live **live);
 SF_API void sf_live_destroy(sf_live **live);
@@ -120,11 +121,11 @@ typedef enum sf_live_trouble {
 
 /* The progress of a live fit, between two calls of sf_live_step. */
 typedef struct sf_live_progress {
-    sf_live_state state;        /* after the newest frame that was tracked */
-    sf_live_trouble trouble;    /* now; a warning is logged when it begins */
-    int paused;                 /* by sf_live_pause */
+    sf_live_state state;     /* after the newest frame that was tracked */
+    sf_live_trouble trouble; /* now; a warning is logged when it begins */
+    int paused;              /* by sf_live_pause */
     int own_world; /* 1: the poses began with a first map from pictures: unit and frame are that map's own */
-    double focal_length; /* px: of the pictures that are fitted; 0 before the first frame */
+    double focal_length;        /* px: of the pictures that are fitted; 0 before the first frame */
     int exposure_locked;        /* 1: by sf_live_lock_exposure; 0: it is not; -1: the source cannot be told */
     double seconds;             /* since the first frame */
     sf_source_counts frames;    /* of the source, as sf_source_count gives them */
@@ -174,18 +175,18 @@ SF_API sf_status sf_live_snapshot(const sf_live *live, sf_model **model);
 /* Renders that model; as sf_render. SF_ERR_EMPTY: there is no model yet. */
 SF_API sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf_image_out *out);
 
-/* The similarity that takes a map that began from pictures (sf_live_progress.own_world) to the world of the board or
- * of the poses from outside that were seen since. Poses, scene and model stay in the map's own world: apply it to
- * them (sf_camera_transform, sf_model_transform). It is adjusted as more is seen. SF_ERR_EMPTY: not known, or
- * there is no map of that kind. */
+/* The similarity that takes a map that began from pictures (sf_live_progress.own_world) to the world of the
+ * board or of the poses from outside that were seen since. Poses, scene and model stay in the map's own
+ * world: apply it to them (sf_camera_transform, sf_model_transform). It is adjusted as more is seen.
+ * SF_ERR_EMPTY: not known, or there is no map of that kind. */
 SF_API sf_status sf_live_get_world(const sf_live *live, sf_similarity *to_world);
 
 /* The current keyframes as a scene: pictures and tracked poses. The scene belongs to the object.
  * sf_scene_get_origin: where its coordinates, those of frames and the model's lie in the world; 0 unless
  * poses from outside are far from 0. */
 SF_API sf_scene *sf_live_scene(sf_live *live);
-/* Writes the keyframes' cameras, as refined by the fit, as INRIA's cameras.json, atomically: in the world that
- * sf_live_get_world tells, if it is known; world as in sf_scene_save_cameras. */
+/* Writes the keyframes' cameras, as refined by the fit, as INRIA's cameras.json, atomically: in the world
+ * that sf_live_get_world tells, if it is known; world as in sf_scene_save_cameras. */
 SF_API sf_status sf_live_save_cameras(sf_live *live, const char *path, int world);
 
 #ifdef __cplusplus

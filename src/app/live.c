@@ -18,16 +18,19 @@ static const arg_option own_options[] = {
      "the measured side of the board's black squares, if it was printed at another scale"},
     {"poses", 0, "FROM",
      "where poses come from: pictures (the pictures alone); board (see --board); frames (the frames' own, as "
-     "simulated cameras have); file:PATH, unix:PATH or udp:ADDRESS:PORT with lines of time x y z qx qy qz qw, "
+     "simulated cameras have); file:PATH, unix:PATH or udp:ADDRESS:PORT with lines of time x y z qx qy qz "
+     "qw, "
      "camera to world; default: a board if one is seen, else pictures"},
     {"scale", 0, "S",
-     "with poses from pictures alone: the distance from the first camera to what it sees, in the unit that is "
+     "with poses from pictures alone: the distance from the first camera to what it sees, in the unit that "
+     "is "
      "wanted (1); a board that is seen later makes the unit metres"},
     {"pose-sigma", 0, "DEG,UNITS",
      "standard deviations of poses from outside: degrees, world units; default: 0.57 degrees and 0.01 of the "
      "distance to the scene"},
     {"lens", 0, "FILE",
-     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, even "
+     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, "
+     "even "
      "where the source tells one; default: as the source tells, else found"},
     {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
     {"track-rate", 0, "HZ", "most frames to track in a second (12)"},
@@ -331,8 +334,7 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
     if (isfinite(p->held_out_psnr))
         printf("held out, at the poses as tracked: PSNR %.2f dB (with exposure corrected: %.2f dB)\n",
                p->held_out_psnr, p->held_out_psnr_corrected);
-    if (p->own_world)
-        print_own_world(r, p);
+    if (p->own_world) print_own_world(r, p);
     if (path_compare(&r->tracked, p->own_world, &error))
         printf("poses against the frames' own%s, medians: %.3f degrees, %.4g off\n",
                p->own_world ? " (after the similarity that fits best)" : "", error.degrees, error.distance);
@@ -348,12 +350,11 @@ static int finish(live_run *r) {
     if (p.has_fit)
         error = save_model(r);
     else
-        error = app_say(
-            r->a, r->a->positional[0],
-            p.looked_at
-                ? "no model: no pose was found from enough places: move sideways before something with depth, "
-                  "show it a board (splatfit board), or give --poses"
-                : "no frame came: is the camera there, and free? (splatfit devices)");
+        error = app_say(r->a, r->a->positional[0],
+                        p.looked_at ? "no model: no pose was found from enough places: move sideways before "
+                                      "something with depth, "
+                                      "show it a board (splatfit board), or give --poses"
+                                    : "no frame came: is the camera there, and free? (splatfit devices)");
     if (!error) print_result(r, &p);
     int written = path_write(&r->tracked, r->a, r->ctx, r->live);
     if (!error) error = written;

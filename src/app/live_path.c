@@ -18,10 +18,8 @@ int path_note(live_path *p, const args *a, sf_live *live) {
         p->steps = steps, p->capacity = more;
     }
     path_step *s = &p->steps[p->count++];
-    *s = (path_step){.time = 1e-9 * (double)f.time_ns,
-                     .camera = f.camera,
-                     .truth = f.truth,
-                     .has_truth = f.has_truth};
+    *s = (path_step){
+        .time = 1e-9 * (double)f.time_ns, .camera = f.camera, .truth = f.truth, .has_truth = f.has_truth};
     sf_scene_get_origin(sf_live_scene(live), s->origin);
     return 0;
 }
@@ -62,8 +60,8 @@ static void compare(const sf_camera *camera, const sf_camera *truth, double *deg
 }
 
 /* The n steps with a truth: cameras of both worlds, and room for the errors. */
-static size_t measure(const live_path *p, int own_world, sf_camera *cameras, sf_camera *truths, double *errors,
-                      path_error *error) {
+static size_t measure(const live_path *p, int own_world, sf_camera *cameras, sf_camera *truths,
+                      double *errors, path_error *error) {
     size_t n = 0;
     for (size_t i = 0; i < p->count; i++)
         if (p->steps[i].has_truth) cameras[n] = p->steps[i].camera, truths[n++] = p->steps[i].truth;

@@ -12,14 +12,14 @@
 
 enum {
     PAIRS_MOST = SF_FIRST_MAP_MOST * (SF_FIRST_MAP_MOST - 1) / 2,
-    PLACED_LEAST = 6,    /* frames */
-    GENERAL_LEAST = 3,   /* pairs that show a scene with depth, from two places */
-    FIRST_POINTS = 40,   /* of the first pair */
+    PLACED_LEAST = 6,  /* frames */
+    GENERAL_LEAST = 3, /* pairs that show a scene with depth, from two places */
+    FIRST_POINTS = 40, /* of the first pair */
     POINTS_LEAST = 60
 };
 
-#define FOCAL_GUESS 0.9  /* of a webcam, a phone or a board's camera, in widths of its picture; */
-#define FOCAL_SIGMA 0.25 /* a part of it */
+#define FOCAL_GUESS 0.9   /* of a webcam, a phone or a board's camera, in widths of its picture; */
+#define FOCAL_SIGMA 0.25  /* a part of it */
 #define VOTE_MOST   0.5   /* the logarithm of a factor between the two */
 #define PAIR_ANGLE  0.035 /* rad, between the rays of a pair: the camera has moved */
 #define WIDE_ENOUGH 0.05  /* rad: the median over the points of the widest angle between two rays */
@@ -59,10 +59,8 @@ static double focal_guess(const maker *m) {
 
 static void take_camera(maker *m) {
     const sf_first_map_input *in = m->input;
-    m->camera = (sf_map_camera){.width = in->width,
-                                .height = in->height,
-                                .lens = in->lens,
-                                .is_fixed = in->is_lens_known};
+    m->camera = (sf_map_camera){
+        .width = in->width, .height = in->height, .lens = in->lens, .is_fixed = in->is_lens_known};
     if (in->is_lens_known) return;
     m->camera.lens.fx = m->camera.lens.fy = m->camera.focal_prior = focal_guess(m);
     m->camera.focal_sigma = FOCAL_SIGMA;
@@ -77,7 +75,8 @@ static sf_status take_pairs(maker *m) {
             if (from->count < least) continue;
             uint32_t *to = m->items[m->pair_count] = sf_alloc(m->ctx, from->count, 2 * sizeof *to);
             if (!to) return SF_ERR_MEMORY;
-            for (size_t k = 0; k < from->count; k++) to[2 * k] = from->items[k].a, to[2 * k + 1] = from->items[k].b;
+            for (size_t k = 0; k < from->count; k++)
+                to[2 * k] = from->items[k].a, to[2 * k + 1] = from->items[k].b;
             m->raw[m->pair_count] = from->count;
             m->pairs[m->pair_count++] =
                 (sf_matched_pair){.first = a, .second = b, .matches = to, .count = from->count};
@@ -93,8 +92,8 @@ static double error_px(const maker *m) {
 
 /* 1. What pairs tell, before there is a map */
 
-/* Few pairs of one short way may vote for any focal length: what they vote for is where the search begins, if it
- * is likely, and what is likely holds on. */
+/* Few pairs of one short way may vote for any focal length: what they vote for is where the search begins, if
+ * it is likely, and what is likely holds on. */
 static void doubt_vote(maker *m) {
     sf_map_camera *c = &m->camera;
     if (m->input->is_lens_known) return;
@@ -157,7 +156,8 @@ static double median_depth(const sf_map *map, size_t picture, double *scratch, s
     return sf_median(scratch, n);
 }
 
-/* Of the sightings in placed pictures: the part that points were made from. A wrong map loses many of them. */
+/* Of the sightings in placed pictures: the part that points were made from. A wrong map loses many of them.
+ */
 static double used_part(const sf_map *map) {
     double all = 0, used = 0;
     for (size_t t = 0; t < map->tracks.count; t++)
@@ -242,7 +242,8 @@ static sf_status run_mapper(maker *m, sf_first_map *map) {
     double *scratch = sf_alloc(m->ctx, m->map->tracks.count + 1, sizeof *scratch);
     if (!scratch) return SF_ERR_MEMORY;
     measure(m, map, scratch);
-    map->verdict = is_good(m, map) && take_poses(m, map, scratch) ? SF_FIRST_MAP_FOUND : SF_FIRST_MAP_DOUBTFUL;
+    map->verdict =
+        is_good(m, map) && take_poses(m, map, scratch) ? SF_FIRST_MAP_FOUND : SF_FIRST_MAP_DOUBTFUL;
     sf_free(m->ctx, scratch);
     return SF_OK;
 }

@@ -25,10 +25,10 @@ typedef sf_matches sf_frame_matches[SF_FIRST_MAP_MOST][SF_FIRST_MAP_MOST];
 
 /* Frames of one camera, in the order in which they came. */
 typedef struct sf_first_map_input {
-    int32_t width, height; /* px, of the pictures */
-    sf_lens lens;          /* px; where it is not known, what the search begins with */
-    int is_lens_known;     /* 1: the lens stays as it is */
-    size_t count;          /* 2..SF_FIRST_MAP_MOST */
+    int32_t width, height;       /* px, of the pictures */
+    sf_lens lens;                /* px; where it is not known, what the search begins with */
+    int is_lens_known;           /* 1: the lens stays as it is */
+    size_t count;                /* 2..SF_FIRST_MAP_MOST */
     const sf_features *features; /* [count]: positions in px of the pictures */
     sf_frame_matches *matches;
 } sf_first_map_input;
@@ -37,8 +37,9 @@ typedef struct sf_first_map {
     sf_first_map_verdict verdict; /* all below is valid where it is SF_FIRST_MAP_FOUND */
     sf_lens lens;                 /* as given or as found: one focal length, up to two radial parameters */
     uint8_t is_placed[SF_FIRST_MAP_MOST];
-    sf_rigid poses[SF_FIRST_MAP_MOST]; /* of those that are placed, world to camera: the first of them stands at
-                                          the origin, looks along +z, and sees points at a median depth of 1 */
+    sf_rigid
+        poses[SF_FIRST_MAP_MOST]; /* of those that are placed, world to camera: the first of them stands at
+                                     the origin, looks along +z, and sees points at a median depth of 1 */
     size_t placed, points;
     double used;         /* the part of what matches in placed frames that points were made from */
     double error, angle; /* px: root mean square distance of points from where they are seen; rad: the median

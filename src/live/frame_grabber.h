@@ -31,9 +31,9 @@ typedef struct sf_frame_grabber sf_frame_grabber;
 /* s: a warning is logged after this time without a frame. */
 #define SF_FRAME_SILENCE 2.0
 
-/* Takes frames of `source`, through `lens` (fx 0: their own, unless it is to be found, or a guess), smaller by `downscale`, for who
- * wants `rate` a second. Of a source in real time the newest waits, and older ones are passed over; of
- * another each waits for its turn. */
+/* Takes frames of `source`, through `lens` (fx 0: their own, unless it is to be found, or a guess), smaller
+ * by `downscale`, for who wants `rate` a second. Of a source in real time the newest waits, and older ones
+ * are passed over; of another each waits for its turn. */
 sf_status sf_frame_grabber_create(sf_context *ctx, sf_source *source, const sf_lens *lens, int find_lens,
                                   int downscale, double rate, sf_frame_grabber **grabber);
 /* Waits for the thread to end: a fraction of a second. */

@@ -152,7 +152,8 @@ static sf_status calibrate(sf_live *live, double *depths, double *zoom) {
         depths[i] = now > 0 && depths[i] > 0 ? now / depths[i] : 1;
     }
     if (status) return status;
-    sf_log(live->ctx, SF_LOG_INFO, "focal length %.1f px, by %zu keyframes", *zoom * live->lens.camera.fx, count);
+    sf_log(live->ctx, SF_LOG_INFO, "focal length %.1f px, by %zu keyframes", *zoom * live->lens.camera.fx,
+           count);
     live->lens.checked_at = count;
     return SF_OK;
 }
@@ -165,7 +166,8 @@ static void zoom_by(sf_live *live, double zoom, double stretch) {
 }
 
 /* Moves poses, the lens, and the model with them, to where landmarks agree best. */
-static sf_status follow_landmarks(sf_live *live, uint32_t newest, sf_correction *corrections, double *depths) {
+static sf_status follow_landmarks(sf_live *live, uint32_t newest, sf_correction *corrections,
+                                  double *depths) {
     size_t count, keyframes = live->keyframes.count;
     double zoom = 1;
     sf_status status = sf_landmarks_adjust(live->localizer.landmarks, ADJUSTED);
@@ -183,9 +185,9 @@ static sf_status adjust(sf_live *live, uint32_t id) {
     const sf_fix *fix = &live->localizer.fix;
     /* Of a first map from pictures, one pose holds all: the others are what the pictures say. */
     int is_known = fix->from && (fix->from != SF_POSE_PICTURES || live->keyframes.count == 1);
-    sf_status status = sf_landmarks_keep(live->localizer.landmarks, id, &live->localizer.pose,
-                                         is_known ? &fix->prior : NULL, live->localizer.distance,
-                                         live->input.picture->weight);
+    sf_status status =
+        sf_landmarks_keep(live->localizer.landmarks, id, &live->localizer.pose, is_known ? &fix->prior : NULL,
+                          live->localizer.distance, live->input.picture->weight);
     if (status) return status;
     sf_correction *corrections = sf_alloc(live->ctx, live->keyframes.count, sizeof *corrections);
     double *depths = sf_alloc(live->ctx, live->keyframes.count, sizeof *depths);

@@ -74,8 +74,7 @@ static sf_status check(sf_context *ctx, const sf_live_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "keyframe_gap: %g is not in 0.001..1", o->keyframe_gap);
     if (o->scale != 0 && !(o->scale >= 1e-9 && o->scale <= 1e9))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "scale: %g is neither 0 nor in 1e-9..1e9", o->scale);
-    if (o->find_lens && o->lens.fx > 0)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "find_lens: there is a lens");
+    if (o->find_lens && o->lens.fx > 0) return sf_fail(ctx, SF_ERR_ARGUMENT, "find_lens: there is a lens");
     if (!o->board && !o->pose && !o->own_poses && !o->from_pictures)
         return sf_fail(ctx, SF_ERR_ARGUMENT,
                        "poses: neither a start from pictures nor a board nor poses from outside are given");

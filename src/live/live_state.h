@@ -20,9 +20,9 @@
 /* The frame in hand. */
 typedef struct sf_live_input {
     const sf_picture *picture;
-    sf_live_frame frame;           /* what sf_live_get_frame tells of it */
-    const sf_rigid *first_pose;    /* the frame's in the first map from pictures; NULL: it is not of that map */
-    uint64_t number;               /* of such a frame */
+    sf_live_frame frame;        /* what sf_live_get_frame tells of it */
+    const sf_rigid *first_pose; /* the frame's in the first map from pictures; NULL: it is not of that map */
+    uint64_t number;            /* of such a frame */
     float thumbnail[SF_THUMBNAIL]; /* of the picture */
     uint8_t *bytes;                /* [height][width][3], and a mask or grey */
     size_t byte_capacity;

@@ -12,9 +12,9 @@
 #include "place_recognition.h"
 
 enum {
-    TURNS = 8,         /* a lost pose is searched for from the best keyframe, and in turn the next TURNS */
-    FOUND_AFTER = 6,   /* good poses one after another, until a lost camera counts as found again */
-    FIRST_POSES = 6    /* that a distance is guessed from */
+    TURNS = 8,       /* a lost pose is searched for from the best keyframe, and in turn the next TURNS */
+    FOUND_AFTER = 6, /* good poses one after another, until a lost camera counts as found again */
+    FIRST_POSES = 6  /* that a distance is guessed from */
 };
 
 /* A pose is trusted from here on. */
@@ -281,8 +281,8 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     return live->input.frame.from == SF_POSE_NONE ? SF_OK : note_landmarks(&live->localizer);
 }
 
-/* Without a board and poses from outside: frames are collected until they give a first map. A board that is seen, or
- * a pose that comes, is the better start. */
+/* Without a board and poses from outside: frames are collected until they give a first map. A board that is
+ * seen, or a pose that comes, is the better start. */
 static sf_status collect(sf_live *live) {
     const sf_picture *p = live->input.picture;
     const sf_camera *c = &p->camera;
@@ -291,8 +291,8 @@ static sf_status collect(sf_live *live) {
     if (live->fitter || live->localizer.has_own_world || !live->options.from_pictures) return SF_OK;
     if (live->input.frame.from != SF_POSE_NONE) sf_start_clear(&live->start);
     if (live->input.frame.from != SF_POSE_NONE || live->quality.blank || live->quality.blurred) return SF_OK;
-    sf_status status = sf_start_take(&live->start, p, live->input.frame.number,
-                                     p->is_lens_guessed ? NULL : &lens, &found);
+    sf_status status =
+        sf_start_take(&live->start, p, live->input.frame.number, p->is_lens_guessed ? NULL : &lens, &found);
     live->localizer.state = live->start.count ? SF_LIVE_STARTING : SF_LIVE_WAITING;
     if (status || !found) return status;
     const sf_first_map *map = &live->start.map;
@@ -300,20 +300,23 @@ static sf_status collect(sf_live *live) {
     live->localizer.has_own_world = live->localizer.has_origin = 1;
     live->localizer.misses = 0;
     live->localizer.distance = live->options.scale > 0 ? live->options.scale : 1;
-    sf_log(live->ctx, SF_LOG_INFO,
-           "the first map: %zu of %zu frames, %zu points seen %.1f degrees wide, %.2f px, focal length %.1f px",
-           map->placed, live->start.count, map->points, map->angle * 57.29577951308232, map->error,
-           map->lens.fx);
+    sf_log(
+        live->ctx, SF_LOG_INFO,
+        "the first map: %zu of %zu frames, %zu points seen %.1f degrees wide, %.2f px, focal length %.1f px",
+        map->placed, live->start.count, map->points, map->angle * 57.29577951308232, map->error,
+        map->lens.fx);
     return status;
 }
 
 /* A map that began from pictures, where a board is seen or a pose comes from outside. */
 static void note_world(sf_live *live, const sf_fix *seen) {
     const sf_live_frame *f = &live->input.frame;
-    if (!live->localizer.has_own_world || !seen->from || f->from == SF_POSE_NONE || !live->localizer.sure) return;
+    if (!live->localizer.has_own_world || !seen->from || f->from == SF_POSE_NONE || !live->localizer.sure)
+        return;
     if (sf_world_note(&live->world, &f->camera, &seen->prior.pose, live->localizer.distance))
         sf_log(live->ctx, SF_LOG_INFO, "the world of %s: 1 unit of the map is %.4g there",
-               seen->from == SF_POSE_BOARD ? "the board" : "poses from outside", live->world.similarity.scale);
+               seen->from == SF_POSE_BOARD ? "the board" : "poses from outside",
+               live->world.similarity.scale);
 }
 
 sf_status sf_live_localize(sf_live *live) {

@@ -7,13 +7,13 @@
 #include "../base/statistics.h"
 
 enum {
-    FEATURES = 800,     /* of a frame at most */
-    SIDE = 800,         /* px: of larger pictures, features are found in a reduced one */
+    FEATURES = 800,      /* of a frame at most */
+    SIDE = 800,          /* px: of larger pictures, features are found in a reduced one */
     FEATURES_LEAST = 40, /* of a frame that shows something */
-    ALIKE = 20,         /* matches of two frames that show the same place, at least */
-    STRANGERS = 5,      /* frames of another place, until the collection begins anew */
-    ATTEMPT_LEAST = 8,  /* frames, for a map to be tried */
-    NEWS_LEAST = 2      /* new frames from one attempt to the next; or a sixth of the frames */
+    ALIKE = 20,          /* matches of two frames that show the same place, at least */
+    STRANGERS = 5,       /* frames of another place, until the collection begins anew */
+    ATTEMPT_LEAST = 8,   /* frames, for a map to be tried */
+    NEWS_LEAST = 2       /* new frames from one attempt to the next; or a sixth of the frames */
 };
 
 /* Widths of the picture: what a feature moves at least from one frame that is kept to the next. */
@@ -68,8 +68,8 @@ static sf_status find_features(const sf_start *s, const sf_picture *p, sf_featur
 /* 2. The collection */
 
 /* The median way of the matched features, in widths of the picture. */
-static sf_status median_way(const sf_start *s, const sf_features *a, const sf_features *b, const sf_matches *m,
-                            double width, double *way) {
+static sf_status median_way(const sf_start *s, const sf_features *a, const sf_features *b,
+                            const sf_matches *m, double width, double *way) {
     double *ways = sf_alloc(s->ctx, m->count + 1, sizeof *ways);
     if (!ways) return SF_ERR_MEMORY;
     for (size_t i = 0; i < m->count; i++) {
@@ -128,8 +128,8 @@ static sf_status keep_frame(sf_start *s, const sf_picture *p, uint64_t number, s
         sf_free(s->ctx, rgb);
         return status;
     }
-    s->frames[s->count++] = (sf_start_frame){
-        .picture = *p, .rgb = rgb, .features = *features, .moved = moved, .number = number};
+    s->frames[s->count++] =
+        (sf_start_frame){.picture = *p, .rgb = rgb, .features = *features, .moved = moved, .number = number};
     *features = (sf_features){0};
     s->news++;
     return SF_OK;
@@ -154,8 +154,7 @@ static sf_status is_wanted(sf_start *s, const sf_picture *p, const sf_features *
     sf_status status = sf_match_pair(s->ctx, last, features, &options, &matches);
     if (status) return status;
     s->strangers = matches.count < ALIKE ? s->strangers + 1 : 0;
-    if (matches.count >= ALIKE)
-        status = median_way(s, last, features, &matches, p->camera.width, moved);
+    if (matches.count >= ALIKE) status = median_way(s, last, features, &matches, p->camera.width, moved);
     *wanted = *moved > MOVED;
     if (s->strangers >= STRANGERS) {
         sf_start_clear(s);

@@ -30,7 +30,8 @@ typedef struct sf_start {
 } sf_start;
 
 /* Takes the frame with this number, whose pose nobody knows, and tries to find a map when some have come.
- * lens: of the pictures, where it is known; NULL: it is to be found. *found: there is a map. SF_ERR_MEMORY. */
+ * lens: of the pictures, where it is known; NULL: it is to be found. *found: there is a map. SF_ERR_MEMORY.
+ */
 sf_status sf_start_take(sf_start *start, const sf_picture *picture, uint64_t number, const sf_lens *lens,
                         int *found);
 

@@ -16,8 +16,8 @@ typedef struct sf_world {
     sf_similarity similarity; /* from the map to the world */
 } sf_world;
 
-/* Takes a pose that is known in both, if it is far enough from the newest one, and works out the similarity when
- * there are enough from places far enough apart. distance: to what the camera sees, in the map. Returns
+/* Takes a pose that is known in both, if it is far enough from the newest one, and works out the similarity
+ * when there are enough from places far enough apart. distance: to what the camera sees, in the map. Returns
  * whether the similarity is known for the first time. */
 int sf_world_note(sf_world *world, const sf_camera *in_map, const sf_rigid *in_world, double distance);
 

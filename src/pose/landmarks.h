@@ -47,8 +47,8 @@ void sf_landmarks_drop(sf_landmarks *landmarks, uint32_t id);
 sf_status sf_landmarks_adjust(sf_landmarks *landmarks, size_t most);
 
 /* Moves all keyframes, all landmarks and the focal length that the keyframes share to where they agree best.
- * *zoom: the focal length, in what it was; 1: it stays, and so does all else. The next pictures must come with it.
- * SF_ERR_MEMORY: all stay. */
+ * *zoom: the focal length, in what it was; 1: it stays, and so does all else. The next pictures must come
+ * with it. SF_ERR_MEMORY: all stay. */
 sf_status sf_landmarks_calibrate(sf_landmarks *landmarks, double *zoom);
 
 /* The median depth of the landmarks of known place that a keyframe sees; 0: it sees none. SF_ERR_MEMORY. */

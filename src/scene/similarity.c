@@ -6,8 +6,8 @@
 
 #include "../base/linear.h"
 
-/* The mean of the rotations R'^T R: the quaternion whose squared products with all of theirs have the greatest
- * sum, so that their signs do not matter. */
+/* The mean of the rotations R'^T R: the quaternion whose squared products with all of theirs have the
+ * greatest sum, so that their signs do not matter. */
 static void mean_rotation(const sf_camera *from, const sf_camera *to, size_t count, double R[9]) {
     double sum[16] = {0}, mean[4];
     for (size_t n = 0; n < count; n++) {
@@ -51,7 +51,6 @@ void sf_camera_transform(sf_camera *camera, const sf_similarity *s) {
     double R[9];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) R[3 * i + j] = sf_dot3(camera->R_cw + 3 * i, s->R + 3 * j);
-    for (int i = 0; i < 3; i++)
-        camera->t_cw[i] = s->scale * camera->t_cw[i] - sf_dot3(R + 3 * i, s->move);
+    for (int i = 0; i < 3; i++) camera->t_cw[i] = s->scale * camera->t_cw[i] - sf_dot3(R + 3 * i, s->move);
     memcpy(camera->R_cw, R, sizeof R);
 }

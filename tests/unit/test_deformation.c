@@ -41,7 +41,9 @@ static sf_correction correction_of(const double at[3], const double twist[SF_TWI
                                   .fy = SIDE,
                                   .cx = SIDE / 2.0,
                                   .cy = SIDE / 2.0,
-                                  .R_cw = {1, 0, 0, 0, 1, 0, 0, 0, 1}}};
+                                  .R_cw = {1, 0, 0, 0, 1, 0, 0, 0, 1}},
+                       .zoom = 1,
+                       .stretch = 1};
     memcpy(c.camera.t_cw, at, sizeof c.camera.t_cw);
     memcpy(c.to.R, c.camera.R_cw, sizeof c.to.R);
     memcpy(c.to.t, at, sizeof c.to.t);
@@ -77,6 +79,28 @@ static void what_one_sees_stays_in_its_picture(void **state) {
         }
     }
     assert_true(moved > 0.04);
+    sf_model_destroy(&model);
+    sf_context_destroy(&ctx);
+}
+
+/* With another focal length, and what it shows at another depth: each place keeps its pixel. */
+static void pixels_stay_where_the_focal_length_changes(void **state) {
+    (void)state;
+    static float before[3 * COUNT], after[3 * COUNT];
+    const double twist[SF_TWIST] = {0.03, -0.02, 0.05, 0.01, 0.02, -0.015};
+    sf_context *ctx = test_context_threads(2);
+    sf_model *model = model_of(ctx, before);
+    sf_correction c = correction_of(EVERYWHERE, twist);
+    c.zoom = 1.1, c.stretch = 0.9;
+    assert_ok(ctx, sf_deform_map(ctx, model, &c, 1));
+    get_means(model, after);
+    for (int i = 0; i < COUNT; i++) {
+        double p[3], q[3];
+        seen_at(&c, 0, before + 3 * i, p);
+        seen_at(&c, 1, after + 3 * i, q);
+        assert_true(fabs(q[2] - 0.9 * p[2]) < 4e-6);
+        for (int k = 0; k < 2; k++) assert_true(fabs(1.1 * q[k] / q[2] - p[k] / p[2]) < 2e-6);
+    }
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
 }
@@ -193,6 +217,7 @@ static void all_of_a_fit_goes_along(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_one_sees_stays_in_its_picture),
+        cmocka_unit_test(pixels_stay_where_the_focal_length_changes),
         cmocka_unit_test(near_ones_count_more),
         cmocka_unit_test(one_motion_of_all_is_the_models),
         cmocka_unit_test(all_of_a_fit_goes_along),

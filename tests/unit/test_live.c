@@ -347,10 +347,14 @@ static void refuses_options_by_name(void **state) {
                  {offsetof(sf_live_options, hold_out), 1, 0, "hold_out"},
                  {offsetof(sf_live_options, keyframe_gap), 2, 1, "keyframe_gap"},
                  {offsetof(sf_live_options, steps_per_frame), -1, 0, "steps_per_frame"},
+                 {offsetof(sf_live_options, scale), -1, 1, "scale"},
+                 {offsetof(sf_live_options, find_lens), 1, 0, "find_lens"},
                  {offsetof(sf_live_options, own_poses), 0, 0, "poses"}};
     run r = open_run(1, NULL);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         sf_live_options o = options_for(1);
+        o.from_pictures = 0;
+        o.lens.fx = 60;
         char *at = (char *)&o + cases[i].offset;
         if (cases[i].kind == 0) *(int *)at = (int)cases[i].value;
         if (cases[i].kind == 1) *(double *)at = cases[i].value;
