@@ -6,6 +6,7 @@
 
 #include "../base/clock.h"
 #include "../fit/online.h"
+#include "place_recognition.h"
 #include "throttling.h"
 
 enum { IDLE_MS = 20, FIRST_MS = 100 };
@@ -127,6 +128,8 @@ void sf_live_destroy(sf_live **live_pointer) {
     sf_landmarks_destroy(&live->localizer.landmarks);
     sf_renderer_destroy(&live->evaluation.renderer);
     sf_scene_destroy(&live->scene);
+    sf_places_free(live->ctx, &live->keyframes);
+    sf_place_free(live->ctx, &live->input.place);
     sf_free(live->ctx, live->keyframes.list);
     sf_free(live->ctx, live->input.bytes);
     sf_free(live->ctx, live);
@@ -146,6 +149,7 @@ void sf_live_reset(sf_live *live) {
     for (size_t i = 0; i < live->keyframes.count; i++)
         (void)sf_scene_remove_view(live->scene, live->keyframes.list[i].id);
     sf_landmarks_clear(live->localizer.landmarks);
+    sf_places_free(live->ctx, &live->keyframes);
     live->keyframes.count = 0;
     live->keyframes.made = 0;
     live->spawning.spawned = 0;

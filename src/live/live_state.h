@@ -17,9 +17,10 @@
 /* The frame in hand. */
 typedef struct sf_live_input {
     const sf_picture *picture;
-    sf_live_frame frame;           /* what sf_live_get_frame tells of it */
-    float thumbnail[SF_THUMBNAIL]; /* of the picture */
-    uint8_t *bytes;                /* [height][width][3], and a mask or grey */
+    sf_live_frame frame; /* what sf_live_get_frame tells of it */
+    sf_place place;      /* of the picture, */
+    int has_place;       /* where it was asked for */
+    uint8_t *bytes;      /* [height][width][3], and a mask or grey */
     size_t byte_capacity;
 } sf_live_input;
 

@@ -69,7 +69,7 @@ static void clean(sf_sim *sim) {
     const sf_sim_span never = {-1, -1};
     sim->sensor = sim->blur = sim->auto_exposure = 0;
     sim->noise = sim->jitter_s = 0;
-    sim->black = sim->smear = sim->unplug = sim->mover = never;
+    sim->black = sim->smear = sim->unplug = sim->mover = sim->away = never;
     sim->jump_s = -1;
 }
 
@@ -90,6 +90,7 @@ enum {
     BLACK,
     SMEAR,
     UNPLUG,
+    AWAY,
     JUMP,
     MOVER,
     OPTIONS
@@ -97,7 +98,8 @@ enum {
 
 /* What options are texts. */
 typedef struct texts {
-    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT];
+    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT],
+        away[SPAN_TEXT];
 } texts;
 
 static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
@@ -121,6 +123,7 @@ static sf_status take_texts(sf_context *ctx, const char *name, const texts *text
     if (status == SF_OK) status = read_span(ctx, name, "black", text->black, &sim->black);
     if (status == SF_OK) status = read_span(ctx, name, "smear", text->smear, &sim->smear);
     if (status == SF_OK) status = read_span(ctx, name, "unplug", text->unplug, &sim->unplug);
+    if (status == SF_OK) status = read_span(ctx, name, "away", text->away, &sim->away);
     return status == SF_OK ? read_mover(ctx, name, text->mover, &sim->mover) : status;
 }
 
@@ -145,6 +148,7 @@ static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim 
         [BLACK] = {.name = "black", .text = text.black, .text_size = sizeof text.black},
         [SMEAR] = {.name = "smear", .text = text.smear, .text_size = sizeof text.smear},
         [UNPLUG] = {.name = "unplug", .text = text.unplug, .text_size = sizeof text.unplug},
+        [AWAY] = {.name = "away", .text = text.away, .text_size = sizeof text.away},
         [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
         [MOVER] = {.name = "mover", .text = text.mover, .text_size = sizeof text.mover},
     };

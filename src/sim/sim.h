@@ -34,7 +34,7 @@ typedef struct sf_sim {
     int sensor;      /* frames tell their exposure */
     int blur, auto_exposure;
     double noise, jitter_s;
-    sf_sim_span black, smear, unplug, mover;
+    sf_sim_span black, smear, unplug, mover, away;
     double jump_s; /* -1: never */
 } sf_sim;
 

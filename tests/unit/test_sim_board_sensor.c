@@ -125,6 +125,9 @@ static void test_faults(void **state) {
         if (black) assert_true(odd[i].mean < 1);
         if (jump) assert_memory_equal(odd[i].eye, usual[(i + 12) % FRAMES].eye, sizeof odd[i].eye);
     }
+    take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&away=3:6", 8, odd);
+    for (int i = 0; i < 8; i++)
+        assert_memory_equal(odd[i].eye, usual[i + (i >= 3 && i < 6 ? 30 : 0)].eye, sizeof odd[i].eye);
     take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&mover=1", 5, odd);
     for (int i = 0; i < 5; i++) assert_true(odd[i].hash != usual[i].hash);
     take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&mover=2:3", 5, odd);
