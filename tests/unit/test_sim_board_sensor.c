@@ -239,7 +239,7 @@ static void test_names(void **state) {
                {BOARD "?jump=-3", "jump: -3"},
                {BOARD "?mover=2", "mover: \"2\" is not A:B"},
                {BOARD "?noise=11", "noise: 11"},
-               {"sim:studio-boards", "known: sim:studio, sim:studio-board"}};
+               {"sim:studio-boards", "known: sim:studio, sim:studio-board, sim:corridor"}};
     sf_context *ctx = test_context();
     sf_source *source;
     sf_source_info info;
