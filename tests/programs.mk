@@ -91,6 +91,6 @@ $(O)/tests/capture/guest $(O)/tests/capture/uvcsim:
 
 TEST_PROGRAM_OBJ := $(patsubst %,%.o,$(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES) $(FEED) $(FUZZER)) \
                     $(O)/tests/preview/browser.o
-ALL_OBJ := $(sort $(LIB_OBJ) $(PROGRAM_PARTS) $(REF_OBJ) $(TEST_OBJ) $(PROGRAM_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) \
+ALL_OBJ := $(sort $(LIB_OBJ) $(PROGRAM_PARTS) $(REF_OBJ) $(TEST_OBJ) $(PROGRAM_OBJ) $(CHECK_OBJ) $(FUZZ_OBJ) $(STAB_OBJ) $(FIXTURE_OBJ) \
              $(BOARD_GUEST) $(BOARD_UVCSIM) $(TEST_PROGRAM_OBJ))
 -include $(ALL_OBJ:.o=.d)

@@ -30,6 +30,8 @@ static void sim_close(void *self) {
     sf_free(s->ctx, s);
 }
 
+static int is_corridor(const sim_source *s) { return s->frames.sim.walks && !s->frames.sim.has_board; }
+
 static void sim_describe(const void *self, sf_source_info *info) {
     const sim_source *s = self;
     info->width = s->frames.sim.width;
@@ -40,13 +42,13 @@ static void sim_describe(const void *self, sf_source_info *info) {
     info->has_poses = 1;
     info->live = s->frames.sim.fps > 0;
     info->can_lock_exposure = s->frames.sim.auto_exposure;
-    snprintf(info->name, sizeof info->name, "simulated studio%s, %dx%d",
+    snprintf(info->name, sizeof info->name, "simulated %s%s, %dx%d", is_corridor(s) ? "corridor" : "studio",
              s->frames.sim.has_board ? " with a board" : "", (int)s->frames.sim.width,
              (int)s->frames.sim.height);
 }
 
 static const char *scheme_name(const sim_source *s) {
-    return s->frames.sim.has_board ? "sim:studio-board" : "sim:studio";
+    return s->frames.sim.has_board ? "sim:studio-board" : is_corridor(s) ? "sim:corridor" : "sim:studio";
 }
 
 /* Frames that are due while the camera is unplugged are lost, also those that nobody had taken by then. It
@@ -83,7 +85,7 @@ static sf_status sim_next(void *self, int timeout_ms, int newest, sf_frame *fram
     int64_t time_ns = due.time_ns;
     int slot = s->taken[0] ? 1 : 0;
     sf_sim_moment m = sf_sim_moment_of(&s->frames, number);
-    if (s->frames.sim.has_board && s->pace.fps == 0)
+    if (s->frames.sim.walks && s->pace.fps == 0)
         time_ns = (int64_t)((double)number * sf_sim_period(&s->frames.sim) * 1e9 + 0.5);
     frame->plane[0] = s->buffer[slot];
     frame->stride[0] = 3 * (size_t)s->frames.sim.width;

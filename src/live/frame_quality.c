@@ -25,6 +25,22 @@ double sf_picture_sharpness(const sf_picture *p) {
     return variance > 1e-6 ? edges / count / variance : 0;
 }
 
+double sf_picture_contrast(const sf_picture *p) {
+    enum { ACROSS = 32, DOWN = 24, CELLS = ACROSS * DOWN };
+    size_t width = (size_t)p->camera.width, height = (size_t)p->camera.height;
+    double mean = 0, squares = 0;
+    for (size_t cell = 0; cell < CELLS; cell++) {
+        size_t x0 = cell % ACROSS * width / ACROSS, x1 = (cell % ACROSS + 1) * width / ACROSS;
+        size_t y0 = cell / ACROSS * height / DOWN, y1 = (cell / ACROSS + 1) * height / DOWN;
+        float sum = 0, count = 0;
+        for (size_t y = y0; y < y1; y++)
+            for (size_t x = x0; x < x1; x++, count++) sum += sf_picture_grey(p, y * width + x);
+        double grey = count > 0 ? (double)(sum / count) : 0;
+        mean += grey / CELLS, squares += grey * grey / CELLS;
+    }
+    return sqrt(fmax(squares - mean * mean, 0));
+}
+
 /* Two measures of blur: sharpness next to that of the frames before, and detail in that of the model where
  * the frame was tracked. A wall has little of the first, and new ground may have little detail in the model:
  * both must fall for blur to begin; the first alone decides when it is over. Blurred frames change the

@@ -23,6 +23,10 @@ typedef struct sf_frame_quality {
  * not matter. */
 double sf_picture_sharpness(const sf_picture *picture);
 
+/* Standard deviation of the greys, 0..1, of means over a 32nd of the width and a 24th of the height: without
+ * the noise. */
+double sf_picture_contrast(const sf_picture *picture);
+
 /* Decides whether the frame is blurred, from its sharpness and, where it was tracked, the detail in that of
  * the model (NULL: it was not), and updates the averages. */
 void sf_judge_sharpness(sf_frame_quality *quality, const sf_track *track);

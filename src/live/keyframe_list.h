@@ -5,25 +5,29 @@
 #include <splatfit/live.h>
 
 #include "../pose/view.h"
+#include "../sfm/features.h"
 #include "frame_grabber.h"
 
-enum {
-    SF_THUMBNAIL_WIDTH = 32,
-    SF_THUMBNAIL_HEIGHT = 24,
-    SF_THUMBNAIL = SF_THUMBNAIL_WIDTH * SF_THUMBNAIL_HEIGHT
-};
+/* What a place is found again by: 150 bytes a feature of the picture and 128 of each of the few, so 110 KB a
+ * keyframe at most. */
+typedef struct sf_place {
+    sf_features features;
+    sf_features few;  /* descriptors of those of the largest scales */
+    float *depths;    /* [features.count] camera z, world units; 0: not known; NULL: not drawn yet */
+    int64_t drawn_at; /* step of the fit that `depths` are from */
+} sf_place;
 
 /* The picture of a keyframe is a view of the scene. */
 typedef struct sf_keyframe {
-    uint32_t id;                   /* of the view */
-    int held_out;                  /* never trained on */
-    int hold, told;                /* its pose is to be held; the fit knows of it */
-    int searched;                  /* for points */
-    double light;                  /* as sf_picture has it */
-    sf_rigid pose;                 /* world to camera, as it is known by now */
-    double center[3];              /* of the camera */
-    float thumbnail[SF_THUMBNAIL]; /* grey, mean 0, norm 1 */
-    double psnr, psnr_corrected;   /* dB, when last evaluated; NAN */
+    uint32_t id;                 /* of the view */
+    int held_out;                /* never trained on */
+    int hold, told;              /* its pose is to be held; the fit knows of it */
+    int searched;                /* for points */
+    double light;                /* as sf_picture has it */
+    sf_rigid pose;               /* world to camera, as it is known by now */
+    double center[3];            /* of the camera */
+    sf_place place;              /* the keyframe's own */
+    double psnr, psnr_corrected; /* dB, when last evaluated; NAN */
 } sf_keyframe;
 
 typedef struct sf_keyframes {

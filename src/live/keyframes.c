@@ -12,6 +12,7 @@
 #include "../scene/neighbours.h"
 #include "deformation.h"
 #include "localizer.h"
+#include "place_recognition.h"
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
@@ -63,6 +64,7 @@ static sf_status make_room(sf_live *live) {
         sf_status status = sf_scene_remove_view(live->scene, live->keyframes.list[gone].id);
         if (status) return status;
         sf_landmarks_drop(live->localizer.landmarks, live->keyframes.list[gone].id);
+        sf_place_free(live->ctx, &live->keyframes.list[gone].place);
         live->keyframes.count--;
         memmove(live->keyframes.list + gone, live->keyframes.list + gone + 1,
                 (live->keyframes.count - gone) * sizeof *live->keyframes.list);
@@ -204,11 +206,13 @@ static sf_status take_keyframe(sf_live *live) {
     sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->localizer.pose};
     k.held_out = every > 0 && live->keyframes.made % every == every / 2;
     sf_camera_center(&live->input.frame.camera, k.center);
-    memcpy(k.thumbnail, live->input.thumbnail, sizeof k.thumbnail);
-    status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
+    status = sf_live_find_features(live);
+    if (!status) status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
     k.hold = live->localizer.fixed;
     k.light = live->input.picture->light;
+    k.place = live->input.place;
+    live->input.place = (sf_place){.depths = NULL};
     live->keyframes.list[live->keyframes.count++] = k;
     live->keyframes.made++;
     live->keyframes.wanted = 0;

@@ -7,6 +7,7 @@
 #include "../base/clock.h"
 #include "../fit/online.h"
 #include "../io/cameras_json.h"
+#include "place_recognition.h"
 #include "throttling.h"
 
 enum {
@@ -140,6 +141,8 @@ void sf_live_destroy(sf_live **live_pointer) {
     sf_scene_destroy(&live->scene);
     sf_start_free(&live->start);
     sf_found_lens_free(&live->lens);
+    sf_places_free(live->ctx, &live->keyframes);
+    sf_place_free(live->ctx, &live->input.place);
     sf_free(live->ctx, live->keyframes.list);
     sf_free(live->ctx, live->input.bytes);
     sf_free(live->ctx, live);
@@ -159,6 +162,7 @@ void sf_live_reset(sf_live *live) {
     for (size_t i = 0; i < live->keyframes.count; i++)
         (void)sf_scene_remove_view(live->scene, live->keyframes.list[i].id);
     sf_landmarks_clear(live->localizer.landmarks);
+    sf_places_free(live->ctx, &live->keyframes);
     live->keyframes.count = 0;
     live->keyframes.made = 0;
     live->spawning.spawned = 0;

@@ -23,8 +23,9 @@ typedef struct sf_live_input {
     sf_live_frame frame;        /* what sf_live_get_frame tells of it */
     const sf_rigid *first_pose; /* the frame's in the first map from pictures; NULL: it is not of that map */
     uint64_t number;            /* of such a frame */
-    float thumbnail[SF_THUMBNAIL]; /* of the picture */
-    uint8_t *bytes;                /* [height][width][3], and a mask or grey */
+    sf_place place;             /* of the picture, */
+    int has_place;              /* where it was asked for */
+    uint8_t *bytes;             /* [height][width][3], and a mask or grey */
     size_t byte_capacity;
 } sf_live_input;
 

@@ -10,9 +10,9 @@
 #include "../scene/neighbours.h"
 #include "fix.h"
 #include "place_recognition.h"
+#include "relocalization.h"
 
 enum {
-    TURNS = 8,       /* a lost pose is searched for from the best keyframe, and in turn the next TURNS */
     FOUND_AFTER = 6, /* good poses one after another, until a lost camera counts as found again */
     FIRST_POSES = 6  /* that a distance is guessed from */
 };
@@ -140,17 +140,14 @@ static sf_status follow_alone(sf_live *live, sf_rigid *pose, int *good) {
     return SF_OK;
 }
 
-/* From the keyframes that look most like the picture. */
+/* From what the picture shares with keyframes. */
 static sf_status find_again(sf_live *live, sf_track *track, int *good) {
-    for (int turn = 0; turn < 2 && !*good; turn++) {
-        const sf_keyframe *like = sf_recognize_place(&live->keyframes, live->input.thumbnail,
-                                                     turn ? 1 + live->localizer.misses % TURNS : 0);
-        if (!like) continue;
-        sf_status status = track_from(live, &like->pose, NULL, SF_GUESS_FAR, track);
-        if (status) return status;
-        *good = is_good(live, track) && !jumps(&live->localizer, &like->pose, &track->pose);
-    }
-    return SF_OK;
+    sf_place_pose place;
+    sf_status status = sf_live_relocalize(live, &place);
+    if (status || !place.found) return status;
+    status = track_from(live, &place.pose, NULL, SF_GUESS_NEAR, track);
+    *good = !status && is_good(live, track) && !jumps(&live->localizer, &place.pose, &track->pose);
+    return status;
 }
 
 /* Before anything is drawn, what cameras look at is where their axes meet, or far off, compared with how far
@@ -322,6 +319,8 @@ static void note_world(sf_live *live, const sf_fix *seen) {
 sf_status sf_live_localize(sf_live *live) {
     const sf_picture *p = live->input.picture;
     int again = live->input.first_pose != NULL; /* it was counted when it came */
+    sf_place_free(live->ctx, &live->input.place);
+    live->input.has_place = 0;
     live->input.frame = (sf_live_frame){.number = again ? live->input.number : live->localizer.looked_at + 1,
                                         .time_ns = p->time_ns,
                                         .camera = p->camera,
@@ -342,7 +341,7 @@ sf_status sf_live_localize(sf_live *live) {
         status = sf_tracker_take(live->localizer.tracker, &p->camera, p->rgb, (size_t)p->camera.width);
     if (!status)
         status = sf_landmarks_take(live->localizer.landmarks, &p->camera, p->rgb, (size_t)p->camera.width);
-    live->quality.blank = sf_make_thumbnail(p, live->input.thumbnail) < BLANK ? live->quality.blank + 1 : 0;
+    live->quality.blank = sf_picture_contrast(p) < BLANK ? live->quality.blank + 1 : 0;
     live->quality.sharpness = sf_picture_sharpness(p);
     if (!status) status = look(live, &live->localizer.fix);
     live->localizer.looked_at += !again;

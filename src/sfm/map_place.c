@@ -2,20 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "../base/linear.h"
-#include "absolute_pose.h"
 #include "map.h"
-#include "ransac.h"
-
-/* Points and where a picture sees them. */
-typedef struct sightings {
-    sf_sightings all;
-    double *points, *pixels, *rays; /* [count][3], [count][2], [count][2] */
-    double *scratch;                /* [2 count] */
-    uint32_t *members;              /* [count] */
-    sf_lens lens;
-    double scale; /* px: of the weights of a refinement */
-} sightings;
+#include "pose_search.h"
 
 size_t sf_map_count_seen(const sf_map *map, size_t picture, size_t *cells) {
     enum { SIDE = 16 };
@@ -35,92 +23,27 @@ size_t sf_map_count_seen(const sf_map *map, size_t picture, size_t *cells) {
     return seen;
 }
 
-static int make_sightings(const sf_map *map, size_t picture, sightings *s) {
+static int make_sightings(const sf_map *map, size_t picture, sf_pose_search *s) {
     const sf_map_picture *p = &map->pictures[picture];
-    size_t count = sf_map_count_seen(map, picture, NULL), n = 0;
-    s->lens = map->cameras[p->camera].lens;
-    s->points = sf_alloc(map->ctx, 9 * count + 1, sizeof *s->points);
-    s->members = sf_alloc(map->ctx, count + 1, sizeof *s->members);
-    if (!s->points || !s->members) return 0;
-    s->pixels = s->points + 3 * count, s->rays = s->pixels + 2 * count, s->scratch = s->rays + 2 * count;
+    const sf_lens *lens = &map->cameras[p->camera].lens;
+    if (!sf_pose_search_make(map->ctx, sf_map_count_seen(map, picture, NULL), lens, s)) return 0;
     for (size_t k = 0; k < p->count; k++) {
         uint32_t track = p->track_of[k];
         if (track == UINT32_MAX || !map->has_point[track]) continue;
-        memcpy(s->points + 3 * n, map->at[track], sizeof map->at[track]);
-        memcpy(s->pixels + 2 * n, p->keypoints + 2 * k, 2 * sizeof *s->pixels);
-        n++;
+        sf_pose_search_add(s, map->at[track], p->keypoints + 2 * k);
     }
-    s->all = (sf_sightings){s->points, s->pixels, n};
     return 1;
 }
 
-/* The rays through the lens; a pixel without one gets that of a pinhole. */
-static void make_rays(sightings *s) {
-    for (size_t i = 0; i < s->all.count; i++) {
-        const double *pixel = s->pixels + 2 * i;
-        if (sf_lens_ray(&s->lens, pixel, s->rays + 2 * i)) continue;
-        s->rays[2 * i] = (pixel[0] - s->lens.cx) / s->lens.fx;
-        s->rays[2 * i + 1] = (pixel[1] - s->lens.cy) / s->lens.fy;
-    }
+static sf_pose_search_options options_for(const sf_map *map, size_t picture) {
+    return (sf_pose_search_options){.error_px = map->options.error_px,
+                                    .least = map->options.least_seen,
+                                    .seed = map->options.seed + picture};
 }
 
-/* The model of the search: a pose, as sf_rigid. */
-
-static int solve(const void *user, const uint32_t *sample, double *models) {
-    const sightings *s = user;
-    sf_rigid poses[SF_P3P_MOST];
-    int count = sf_pose_from_3(s->points, s->rays, sample, poses);
-    for (int k = 0; k < count; k++) {
-        memcpy(models + (size_t)(12 * k), poses[k].R, sizeof poses[k].R);
-        memcpy(models + (size_t)(12 * k + 9), poses[k].t, sizeof poses[k].t);
-    }
-    return count;
-}
-
-static sf_rigid pose_of(const double *model) {
-    sf_rigid T;
-    memcpy(T.R, model, sizeof T.R);
-    memcpy(T.t, model + 9, sizeof T.t);
-    return T;
-}
-
-static int refit(const void *user, double *weights, double *model) {
-    const sightings *s = user;
-    sf_rigid T = pose_of(model);
-    sf_lens lens = s->lens;
-    size_t count = 0;
-    for (uint32_t i = 0; i < s->all.count; i++)
-        if (weights[i] != 0) s->members[count++] = i;
-    if (count < 4 || !isfinite(sf_pose_refine(&s->all, s->members, count, s->scale, 0, &lens, &T))) return 0;
-    memcpy(model, T.R, sizeof T.R);
-    memcpy(model + 9, T.t, sizeof T.t);
-    return 1;
-}
-
-static void errors(const void *user, const double *model, size_t begin, size_t end, double *squared) {
-    const sightings *s = user;
-    const sf_rigid T = pose_of(model);
-    for (size_t i = begin; i < end; i++) {
-        double p[3], pixel[2];
-        sf_rigid_apply(&T, s->points + 3 * i, p);
-        squared[i - begin] = INFINITY;
-        if (!sf_lens_project(&s->lens, p, pixel, NULL, NULL)) continue;
-        double x = pixel[0] - s->pixels[2 * i], y = pixel[1] - s->pixels[2 * i + 1];
-        squared[i - begin] = x * x + y * y;
-    }
-}
-
-static void search(const sf_map *map, size_t picture, sightings *s, sf_ransac_result *found) {
-    const sf_ransac_problem problem = {s, s->all.count, 3, 12, solve, refit, errors};
-    const sf_ransac_options options = {.threshold = map->options.error_px,
-                                       .confidence = 0.9999,
-                                       .least = 10,
-                                       .most = 2000,
-                                       .least_count = map->options.least_seen,
-                                       .seed = map->options.seed + picture};
-    make_rays(s);
-    s->scale = map->options.error_px / 2;
-    sf_ransac(&problem, &options, s->scratch, NULL, found);
+static void search(const sf_map *map, size_t picture, sf_pose_search *s, sf_ransac_result *found) {
+    const sf_pose_search_options options = options_for(map, picture);
+    sf_pose_search_run(s, &options, found);
 }
 
 /* A camera that no placed picture has, and that nobody vouches for: its focal length is looked for as well.
@@ -134,7 +57,7 @@ static int is_new_camera(const sf_map *map, size_t picture) {
 }
 
 /* The pose of least cost over factors of the focal length from a third to three. */
-static void search_focal(const sf_map *map, size_t picture, sightings *s, sf_ransac_result *found) {
+static void search_focal(const sf_map *map, size_t picture, sf_pose_search *s, sf_ransac_result *found) {
     enum { STEPS = 6 };
     const sf_lens guess = s->lens;
     sf_lens best = guess;
@@ -151,7 +74,7 @@ static void search_focal(const sf_map *map, size_t picture, sightings *s, sf_ran
 
 /* With what files tell, unless another focal length explains the points clearly better. Returns whether that
  * is so. */
-static int search_doubtful(const sf_map *map, size_t picture, sightings *s, sf_ransac_result *found) {
+static int search_doubtful(const sf_map *map, size_t picture, sf_pose_search *s, sf_ransac_result *found) {
     const double most = 0.7, clearly = 0.8;
     const sf_lens told = s->lens;
     sf_ransac_result other;
@@ -166,26 +89,10 @@ static int search_doubtful(const sf_map *map, size_t picture, sightings *s, sf_r
     return 0;
 }
 
-/* The last refinement, over the inliers, with the focal length of a new camera. Returns how many there are.
- */
-static size_t refine(const sf_map *map, sightings *s, int with_focal, sf_rigid *T, double *model) {
-    size_t count = 0;
-    for (int round = 0; round < 3; round++) {
-        double most = map->options.error_px * map->options.error_px;
-        memcpy(model, T->R, sizeof T->R), memcpy(model + 9, T->t, sizeof T->t);
-        errors(s, model, 0, s->all.count, s->scratch);
-        count = 0;
-        for (uint32_t i = 0; i < s->all.count; i++)
-            if (s->scratch[i] <= most) s->members[count++] = i;
-        if (count < map->options.least_seen) return 0;
-        sf_pose_refine(&s->all, s->members, count, s->scale, with_focal, &s->lens, T);
-    }
-    return count;
-}
-
 sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed) {
     sf_map_picture *p = &map->pictures[picture];
-    sightings s = {.scale = 1};
+    const sf_pose_search_options options = options_for(map, picture);
+    sf_pose_search s;
     sf_ransac_result found = {.count = 0};
     int with_focal = is_new_camera(map, picture), ready = make_sightings(map, picture, &s);
     *is_placed = 0;
@@ -199,8 +106,8 @@ sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed) {
             search(map, picture, &s, &found);
     }
     if (found.count) {
-        sf_rigid T = pose_of(found.model);
-        size_t count = refine(map, &s, with_focal, &T, found.model);
+        sf_rigid T = sf_pose_search_pose(&found);
+        size_t count = sf_pose_search_refine(&s, &options, with_focal, &T);
         *is_placed = count >= map->options.least_seen && 4 * count >= s.all.count;
         if (*is_placed) {
             p->is_placed = 1, p->pose = T;
@@ -208,7 +115,6 @@ sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed) {
             if (with_focal) map->cameras[p->camera].lens = s.lens, map->cameras[p->camera].focal_prior = 0;
         }
     }
-    sf_free(map->ctx, s.points);
-    sf_free(map->ctx, s.members);
+    sf_pose_search_free(map->ctx, &s);
     return ready ? SF_OK : SF_ERR_MEMORY;
 }

@@ -169,8 +169,8 @@ static sf_status bake(sf_baked *baked, int object, int face, double texel) {
 
 /* The least distance of the cameras to an object. */
 static double nearest(const sf_studio *studio, int object, const sf_vec3 *eyes, size_t count) {
-    const double room = 4.2, least = 0.4; /* the walls at hand are behind the camera */
-    if (object == ROOM) return room;
+    const double least = 0.4;
+    if (object == ROOM) return studio->wall_near;
     double near = 100;
     for (size_t i = 0; i < count; i++) {
         const sf_object *o = &studio->objects[object];

@@ -26,8 +26,9 @@ static double early(const sf_sim_frames *f, uint64_t number) {
 
 /* The place on the path, in frames, of `place` frames after the first, where the camera does not jump. */
 static double on_path(const sf_sim *sim, double place) {
-    double frames = (double)sim->frames;
-    if (sim->jump_s >= 0 && place * sf_sim_period(sim) >= sim->jump_s) place += 0.2 * frames;
+    double frames = (double)sim->frames, seconds = place * sf_sim_period(sim);
+    if (sf_span_holds(sim->away, seconds)) place += 0.5 * frames;
+    if (sim->jump_s >= 0 && seconds >= sim->jump_s) place += 0.2 * frames;
     place = fmod(place, frames);
     return place < 0 ? place + frames : place;
 }

@@ -33,6 +33,7 @@ typedef struct arrangement {
 static void furnish(sf_studio *studio, const arrangement *a) {
     static const double yaws[4] = {0.35, 0.6, 0.1, -0.5};
     memset(studio, 0, sizeof *studio);
+    studio->wall_near = 4.2; /* those at hand are behind the camera */
     box(studio, SF_PAINT_PARQUET, vec3(0, 0, TOP / 2), vec3(1.9, 1.9, TOP / 2), 0.25);
 
     ball(studio, SF_PAINT_GLAZE, vec3(0.12, 0.15, TOP + 0.52), 0.52, 0.06);
@@ -87,4 +88,27 @@ void sf_studio_init_board(sf_studio *studio, sf_board_place *board) {
     double c = cos(yaw), s = sin(yaw);
     *board = (sf_board_place){
         .unit_m = unit_m, .origin = {middle.x, middle.y, TOP + thick}, .R_wb = {c, s, 0, s, -c, 0, 0, 0, -1}};
+}
+
+/* Things in a row along the outer walls, each on what stands on the floor. */
+void sf_studio_init_corridor(sf_studio *studio) {
+    enum { STANDS = 14 };
+    static const sf_paint boxes[] = {SF_PAINT_CRATE, SF_PAINT_TARTAN, SF_PAINT_BLOCK, SF_PAINT_BOOK,
+                                     SF_PAINT_DIE},
+                          balls[] = {SF_PAINT_GLOBE, SF_PAINT_DOTS, SF_PAINT_STRIPES};
+    const double turn = 6.283185307179586 / STANDS;
+    memset(studio, 0, sizeof *studio);
+    studio->wall_near = 2;
+    box(studio, SF_PAINT_TARTAN, vec3(0, 0, 1.25), vec3(1.8, 1.8, 1.25), 0.06);
+    for (int i = 0; i < STANDS; i++) {
+        double angle = turn * (i + 0.2 * sin(5.0 * i)), radius = 4.45 + 0.15 * cos(3.0 * i);
+        double half = 0.3 + 0.1 * cos(7.0 * i), size = 0.2 + 0.06 * sin(4.0 * i);
+        sf_vec3 at = {radius * sin(angle), -radius * cos(angle), half};
+        box(studio, boxes[i * 3 % 5], at, vec3(half, half, half), 0.7 * i);
+        at.z = 2 * half + size;
+        if (i % 2)
+            ball(studio, balls[i / 2 % 3], at, size, 0);
+        else
+            box(studio, boxes[(i / 2 + 2) % 5], at, vec3(size, size, size), 1.1 * i);
+    }
 }

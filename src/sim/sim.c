@@ -13,13 +13,16 @@ static const double pi = 3.141592653589793;
 
 /* 1. The name */
 
-static const char plain[] = "sim:studio", with_board[] = "sim:studio-board";
+typedef enum scene { STUDIO, WITH_BOARD, CORRIDOR, SCENES } scene;
+static const char *const scenes[SCENES] = {"sim:studio", "sim:studio-board", "sim:corridor"};
 
-/* Which scene a name begins with: 0, 1 with the board, -1 none. */
-static int which_scene(const char *name) {
+/* Which scene a name begins with; SCENES: none. */
+static scene which_scene(const char *name) {
     size_t length = strcspn(name, "?");
-    if (length == strlen(plain) && memcmp(name, plain, length) == 0) return 0;
-    return length == strlen(with_board) && memcmp(name, with_board, length) == 0 ? 1 : -1;
+    scene which = STUDIO;
+    while (which < SCENES && (length != strlen(scenes[which]) || memcmp(name, scenes[which], length) != 0))
+        which++;
+    return which;
 }
 
 enum { SPAN_TEXT = 40 };
@@ -53,13 +56,15 @@ static sf_status read_exposure(sf_context *ctx, const char *name, const char *te
     return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: exposure: \"%s\" is neither auto nor fixed", name, text);
 }
 
-static void furnish(sf_sim *sim) {
+static void furnish(sf_sim *sim, scene which) {
     sf_rng rng;
     sf_rng_seed(&rng, sim->seed);
     for (int i = 0; i < 6; i++) sim->phase[i] = 2 * pi * sf_rng_uniform(&rng);
-    sf_walk_init(&sim->walk, sim->seed);
-    if (sim->has_board)
+    sf_walk_init(&sim->walk, which == CORRIDOR ? SF_WALK_CORRIDOR : SF_WALK_TABLE, sim->seed);
+    if (which == WITH_BOARD)
         sf_studio_init_board(&sim->studio, &sim->board);
+    else if (which == CORRIDOR)
+        sf_studio_init_corridor(&sim->studio);
     else
         sf_studio_init(&sim->studio);
 }
@@ -69,7 +74,7 @@ static void clean(sf_sim *sim) {
     const sf_sim_span never = {-1, -1};
     sim->sensor = sim->blur = sim->auto_exposure = 0;
     sim->noise = sim->jitter_s = 0;
-    sim->black = sim->smear = sim->unplug = sim->mover = never;
+    sim->black = sim->smear = sim->unplug = sim->mover = sim->away = never;
     sim->jump_s = -1;
 }
 
@@ -90,6 +95,7 @@ enum {
     BLACK,
     SMEAR,
     UNPLUG,
+    AWAY,
     JUMP,
     MOVER,
     OPTIONS
@@ -97,7 +103,8 @@ enum {
 
 /* What options are texts. */
 typedef struct texts {
-    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT];
+    char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT],
+        away[SPAN_TEXT];
 } texts;
 
 static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
@@ -113,7 +120,7 @@ static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
     sim->blur = options[BLUR].value != 0;
     sim->jitter_s = options[JITTER].value * 1e-3;
     sim->jump_s = options[JUMP].value;
-    sim->sensor = sim->has_board || sim->blur || sim->auto_exposure || sim->noise > 0;
+    sim->sensor = sim->walks || sim->blur || sim->auto_exposure || sim->noise > 0;
 }
 
 static sf_status take_texts(sf_context *ctx, const char *name, const texts *text, sf_sim *sim) {
@@ -121,30 +128,33 @@ static sf_status take_texts(sf_context *ctx, const char *name, const texts *text
     if (status == SF_OK) status = read_span(ctx, name, "black", text->black, &sim->black);
     if (status == SF_OK) status = read_span(ctx, name, "smear", text->smear, &sim->smear);
     if (status == SF_OK) status = read_span(ctx, name, "unplug", text->unplug, &sim->unplug);
+    if (status == SF_OK) status = read_span(ctx, name, "away", text->away, &sim->away);
     return status == SF_OK ? read_mover(ctx, name, text->mover, &sim->mover) : status;
 }
 
-/* With a board the live source's values are the defaults: sf_sim_project_name has those of a project. */
-static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim *sim) {
+/* Of a walk the live source's values are the defaults: sf_sim_project_name has those of a project. */
+static sf_status read_name(sf_context *ctx, const char *name, scene which, sf_sim *sim) {
+    int walks = which != STUDIO;
     texts text = {.exposure = "fixed"};
-    if (board) snprintf(text.exposure, sizeof text.exposure, "auto");
+    if (walks) snprintf(text.exposure, sizeof text.exposure, "auto");
     sf_query_option options[OPTIONS] = {
         [WIDTH] = {.name = "width", .value = 320, .least = 16, .most = 4096, .whole = 1},
         [HEIGHT] = {.name = "height", .value = 240, .least = 16, .most = 4096, .whole = 1},
-        [FRAMES] = {.name = "frames", .value = board ? 1800 : 60, .least = 1, .most = 10000, .whole = 1},
+        [FRAMES] = {.name = "frames", .value = walks ? 1800 : 60, .least = 1, .most = 10000, .whole = 1},
         [SEED] = {.name = "seed", .value = 1, .most = 0x1p53, .whole = 1},
-        [FOV] = {.name = "fov", .value = 50, .least = 10, .most = 120},
-        [FPS] = {.name = "fps", .value = board ? 30 : 0, .most = 1000},
+        [FOV] = {.name = "fov", .value = which == CORRIDOR ? 65 : 50, .least = 10, .most = 120},
+        [FPS] = {.name = "fps", .value = walks ? 30 : 0, .most = 1000},
         [LOOP] = {.name = "loop", .most = 1, .whole = 1},
-        [EXACT] = {.name = "exact", .value = !board, .most = 1, .whole = 1},
+        [EXACT] = {.name = "exact", .value = !walks, .most = 1, .whole = 1},
         [CLEAN] = {.name = "clean", .most = 1, .whole = 1},
-        [NOISE] = {.name = "noise", .value = board, .most = 10},
-        [BLUR] = {.name = "blur", .value = board, .most = 1, .whole = 1},
+        [NOISE] = {.name = "noise", .value = walks, .most = 10},
+        [BLUR] = {.name = "blur", .value = walks, .most = 1, .whole = 1},
         [EXPOSURE] = {.name = "exposure", .text = text.exposure, .text_size = sizeof text.exposure},
-        [JITTER] = {.name = "jitter", .value = board ? 20 : 0, .most = 1000},
+        [JITTER] = {.name = "jitter", .value = walks ? 20 : 0, .most = 1000},
         [BLACK] = {.name = "black", .text = text.black, .text_size = sizeof text.black},
         [SMEAR] = {.name = "smear", .text = text.smear, .text_size = sizeof text.smear},
         [UNPLUG] = {.name = "unplug", .text = text.unplug, .text_size = sizeof text.unplug},
+        [AWAY] = {.name = "away", .text = text.away, .text_size = sizeof text.away},
         [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
         [MOVER] = {.name = "mover", .text = text.mover, .text_size = sizeof text.mover},
     };
@@ -157,25 +167,26 @@ static sf_status read_name(sf_context *ctx, const char *name, int board, sf_sim 
 }
 
 sf_status sf_sim_init(sf_context *ctx, const char *name, sf_sim *sim) {
-    int board = which_scene(name);
+    scene which = which_scene(name);
     memset(sim, 0, sizeof *sim);
-    if (board < 0)
-        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: %s, %s", name, plain,
-                       with_board);
-    sim->has_board = board;
-    sf_status status = read_name(ctx, name, board, sim);
-    if (status == SF_OK) furnish(sim);
+    if (which == SCENES)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown simulated scene; known: %s, %s, %s", name,
+                       scenes[STUDIO], scenes[WITH_BOARD], scenes[CORRIDOR]);
+    sim->has_board = which == WITH_BOARD;
+    sim->walks = which != STUDIO;
+    sf_status status = read_name(ctx, name, which, sim);
+    if (status == SF_OK) furnish(sim, which);
     return status;
 }
 
 sf_status sf_sim_project_name(sf_context *ctx, const char *name, char **project) {
     /* The last of two options of one name counts. */
     static const char before[] = "?frames=120&fps=0&exact=1", after[] = "&clean=1";
-    size_t size = strlen(name) + sizeof before + sizeof after, scene = strcspn(name, "?");
+    size_t size = strlen(name) + sizeof before + sizeof after, length = strcspn(name, "?");
     if (!(*project = sf_alloc(ctx, size, 1))) return SF_ERR_MEMORY;
-    if (which_scene(name) == 1)
-        snprintf(*project, size, "%.*s%s%s%s%s", (int)scene, name, before, name[scene] ? "&" : "",
-                 name + scene + (name[scene] != 0), after);
+    if (which_scene(name) != STUDIO)
+        snprintf(*project, size, "%.*s%s%s%s%s", (int)length, name, before, name[length] ? "&" : "",
+                 name + length + (name[length] != 0), after);
     else
         snprintf(*project, size, "%s", name);
     return SF_OK;
@@ -200,7 +211,7 @@ static void circle_pose(const sf_sim *sim, double turn, sf_camera *camera) {
 
 double sf_sim_period(const sf_sim *sim) {
     if (sim->fps > 0) return 1 / sim->fps;
-    return sim->has_board ? (double)SF_WALK_SECONDS / (double)sim->frames : 1.0 / 30;
+    return sim->walks ? (double)SF_WALK_SECONDS / (double)sim->frames : 1.0 / 30;
 }
 
 void sf_sim_studio_camera(const sf_sim *sim, double frame, sf_camera *camera) {
@@ -211,7 +222,7 @@ void sf_sim_studio_camera(const sf_sim *sim, double frame, sf_camera *camera) {
                           .fy = focal,
                           .cx = sim->width / 2.0,
                           .cy = sim->height / 2.0};
-    if (sim->has_board)
+    if (sim->walks)
         sf_walk_pose(&sim->walk, SF_WALK_SECONDS * frame / (double)sim->frames, camera);
     else
         circle_pose(sim, 2 * pi * frame / (double)sim->frames, camera);

@@ -22,8 +22,9 @@ static inline int sf_span_holds(sf_sim_span span, double seconds) {
 typedef struct sf_sim {
     sf_studio studio;
     int has_board; /* "sim:studio-board": the world is the board's frame, in metres */
+    int walks;     /* the path is that of `walk`, in its time: all scenes but "sim:studio" */
     sf_board_place board;
-    sf_walk walk;          /* where has_board */
+    sf_walk walk;          /* where walks */
     int32_t width, height; /* px */
     uint64_t frames, seed;
     double fps;      /* in real time; 0: not */
@@ -34,7 +35,7 @@ typedef struct sf_sim {
     int sensor;      /* frames tell their exposure */
     int blur, auto_exposure;
     double noise, jitter_s;
-    sf_sim_span black, smear, unplug, mover;
+    sf_sim_span black, smear, unplug, mover, away;
     double jump_s; /* -1: never */
 } sf_sim;
 
@@ -51,7 +52,7 @@ double sf_sim_period(const sf_sim *sim);
 
 /* The camera of frame 0 .. frames-1 in the source's world. sim:studio: once around a loop in front of the
  * scene's middle, 200 degrees wide, low on the way out to the right and back from the left, high in between,
- * with a hand's sway. sim:studio-board: a walk (walk.h). */
+ * with a hand's sway. Others: a walk (walk.h). */
 void sf_sim_camera(const sf_sim *sim, uint64_t frame, sf_camera *camera);
 
 /* The same in the studio's world, also between frames. */

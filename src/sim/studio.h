@@ -28,6 +28,7 @@ typedef struct sf_object {
 } sf_object;
 
 typedef struct sf_studio {
+    double wall_near; /* world units: the least distance that walls are looked at from */
     sf_object objects[SF_STUDIO_MAX_OBJECTS];
     int count;
 } sf_studio;
@@ -57,6 +58,10 @@ typedef struct sf_board_place {
  * that its tags are SF_STUDIO_TAG_M wide. */
 #define SF_STUDIO_TAG_M 0.08
 void sf_studio_init_board(sf_studio *studio, sf_board_place *place);
+
+/* Furnishes it as a corridor that leads around a block in the middle, 3 units wide. Its walls to the front
+ * and the back are alike. */
+void sf_studio_init_corridor(sf_studio *studio);
 
 /* What a ray meets first. */
 typedef struct sf_hit {

@@ -1,4 +1,4 @@
-/* walk.c - how somebody carries a camera around a board on a table, in a minute. */
+/* walk.c - see walk.h. */
 #include "walk.h"
 
 #include <string.h>
@@ -47,9 +47,18 @@ static void on_way(double place, sf_vec3 *eye, sf_vec3 *at) {
     }
 }
 
-void sf_walk_init(sf_walk *walk, uint64_t seed) {
+/* Around the block in the middle of the corridor. */
+static void in_corridor(double turns, sf_vec3 *eye, sf_vec3 *at) {
+    const double radius = 3.35, height = 1.5, ahead = pi / 6, far = 5, low = 1.1;
+    double angle = 2 * pi * turns, next = angle + ahead;
+    *eye = vec3(radius * sin(angle), -radius * cos(angle), height);
+    *at = vec3(far * sin(next), -far * cos(next), low);
+}
+
+void sf_walk_init(sf_walk *walk, sf_walk_way which, uint64_t seed) {
     const double most_turn = 0.045, most_by = 0.03; /* radians, world units */
     sf_rng rng;
+    walk->way = which;
     sf_rng_seed(&rng, seed);
     for (int i = 0; i < SF_WALK_WAVES; i++) walk->phase[i] = 2 * pi * sf_rng_uniform(&rng);
     for (int i = 0; i < SF_WALK_JERKS; i++) {
@@ -99,7 +108,10 @@ void sf_walk_pose(const sf_walk *walk, double seconds, sf_camera *camera) {
     double turns = seconds / SF_WALK_SECONDS;
     turns -= floor(turns);
     sf_vec3 eye, at, turn, by;
-    on_way(turns * WAY, &eye, &at);
+    if (walk->way == SF_WALK_CORRIDOR)
+        in_corridor(turns, &eye, &at);
+    else
+        on_way(turns * WAY, &eye, &at);
     shake(walk, turns * SF_WALK_SECONDS, &turn, &by);
     sf_camera_aim(camera, vadd(eye, by), at, 0);
     double phi[3] = {turn.x, turn.y, turn.z}, Q[9], R[9], t[3];

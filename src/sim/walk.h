@@ -1,4 +1,4 @@
-/* walk.h - how somebody carries a camera around a board on a table, in a minute. */
+/* walk.h - how somebody carries a camera, in a minute: around a board on a table, or through a corridor. */
 #ifndef SF_SIM_WALK_H
 #define SF_SIM_WALK_H
 
@@ -8,8 +8,12 @@
 
 enum { SF_WALK_SECONDS = 60, SF_WALK_WAVES = 18, SF_WALK_JERKS = 12 };
 
-/* The random part of one walk: the sway and the jerks of the hand. */
+/* SF_WALK_CORRIDOR: a circle of 21 units about the middle of the room, looking ahead and outwards. */
+typedef enum sf_walk_way { SF_WALK_TABLE, SF_WALK_CORRIDOR } sf_walk_way;
+
+/* The way, and the random part of one walk: the sway and the jerks of the hand. */
 typedef struct sf_walk {
+    sf_walk_way way;
     double phase[SF_WALK_WAVES];
     struct {
         double at;        /* s */
@@ -17,7 +21,7 @@ typedef struct sf_walk {
     } jerk[SF_WALK_JERKS];
 } sf_walk;
 
-void sf_walk_init(sf_walk *walk, uint64_t seed);
+void sf_walk_init(sf_walk *walk, sf_walk_way which, uint64_t seed);
 
 /* The pose at a time, s; the walk closes after SF_WALK_SECONDS. Sets R_cw and t_cw alone: the world is the
  * studio's. */

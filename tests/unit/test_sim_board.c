@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/linear.h"
 #include "sim/baked.h"
@@ -203,12 +204,36 @@ static void test_baked(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* The corridor's walk closes after 21 m, and never comes near a wall, the block or what stands there. */
+static void test_corridor(void **state) {
+    (void)state;
+    enum { TIMES = 240 };
+    sf_context *ctx = test_context();
+    sf_sim sim = sim_board_make_sim(ctx, "sim:corridor?frames=240");
+    double way = 0, nearest = INFINITY, eye[3], before[3], first[3];
+    for (uint64_t i = 0; i <= TIMES; i++) {
+        sf_camera camera;
+        sf_vec3 point;
+        double distance;
+        sf_sim_camera(&sim, i, &camera);
+        sf_camera_center(&camera, eye);
+        if (!i) memcpy(first, eye, sizeof first);
+        if (i) way += sim_board_distance_between(eye, before);
+        memcpy(before, eye, sizeof before);
+        sf_sim_look(&sim, &camera, camera.width / 2.0, camera.height / 2.0, &point, &distance);
+        nearest = fmin(nearest, distance);
+    }
+    assert_true(way > 20 && way < 23);
+    assert_true(sim_board_distance_between(eye, first) < 1e-9);
+    assert_true(nearest > 0.8);
+    assert_true(sim.walks && !sim.has_board);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_walk),
-        cmocka_unit_test(test_board_is_found),
-        cmocka_unit_test(test_cells),
-        cmocka_unit_test(test_baked),
+        cmocka_unit_test(test_walk),  cmocka_unit_test(test_corridor), cmocka_unit_test(test_board_is_found),
+        cmocka_unit_test(test_cells), cmocka_unit_test(test_baked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

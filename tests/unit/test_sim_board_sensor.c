@@ -125,6 +125,9 @@ static void test_faults(void **state) {
         if (black) assert_true(odd[i].mean < 1);
         if (jump) assert_memory_equal(odd[i].eye, usual[(i + 12) % FRAMES].eye, sizeof odd[i].eye);
     }
+    take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&away=3:6", 8, odd);
+    for (int i = 0; i < 8; i++)
+        assert_memory_equal(odd[i].eye, usual[i + (i >= 3 && i < 6 ? 30 : 0)].eye, sizeof odd[i].eye);
     take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&mover=1", 5, odd);
     for (int i = 0; i < 5; i++) assert_true(odd[i].hash != usual[i].hash);
     take_notes(ctx, SMALL "&frames=60&noise=0&exposure=fixed&jitter=0&mover=2:3", 5, odd);
@@ -236,7 +239,7 @@ static void test_names(void **state) {
                {BOARD "?jump=-3", "jump: -3"},
                {BOARD "?mover=2", "mover: \"2\" is not A:B"},
                {BOARD "?noise=11", "noise: 11"},
-               {"sim:studio-boards", "known: sim:studio, sim:studio-board"}};
+               {"sim:studio-boards", "known: sim:studio, sim:studio-board, sim:corridor"}};
     sf_context *ctx = test_context();
     sf_source *source;
     sf_source_info info;

@@ -51,7 +51,7 @@ _splatfit() {
         _splatfit_files
         if [[ -n $cur && sim:studio == "$cur"* ]]; then COMPREPLY+=(sim:studio); fi
         ;;
-    calibrate | capture | live) _splatfit_words 'v4l2: libcamera: folder: pipe:- sim:studio sim:studio-board' ;;
+    calibrate | capture | live) _splatfit_words 'v4l2: libcamera: folder: pipe:- sim:studio sim:studio-board sim:corridor' ;;
     *) _splatfit_files ;;
     esac
 }

@@ -1,0 +1,181 @@
+/* relocalization.c - where a picture was taken: features that it shares with keyframes, at their depths, and
+ * the pose that sees them there. */
+#include "relocalization.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/clock.h"
+#include "../base/linear.h"
+#include "../base/pool.h"
+#include "../sfm/match.h"
+#include "../sfm/pose_search.h"
+#include "place_recognition.h"
+
+enum {
+    ALIKE = 5,        /* keyframes that a picture is compared with in full */
+    DRAWINGS = 3,     /* of the model, for depths, in a frame */
+    LEAST_SHARED = 4, /* of the few features, for a keyframe to be like the picture */
+    LEAST = 15,       /* features that agree, for a pose */
+    CELLS = 4,        /* along each side of the picture: */
+    LEAST_CELLS = 4,  /* cells with such features */
+    TURNS = 3         /* misses after which the same keyframes are tried again */
+};
+
+#define ERROR     0.0125 /* of the picture's longer side: the greatest error of a feature that agrees */
+#define RIVAL     0.5 /* of the features that agree: as many that agree with another place make it doubtful */
+#define ELSEWHERE 0.35 /* rad, parts of the distance to the scene */
+
+typedef struct comparison {
+    sf_live *live;
+    const size_t *chosen;
+    size_t count;
+    sf_matches *matches; /* [count] */
+    sf_status *statuses;
+    uint32_t *feature; /* [sightings]: of the picture */
+    uint8_t *agrees;   /* [features] */
+    sf_pose_search search;
+} comparison;
+
+static void match_task(void *pointer, size_t at, int thread) {
+    const comparison *c = pointer;
+    const sf_features *of = &c->live->keyframes.list[c->chosen[at]].place.features;
+    sf_match_options options = sf_match_options_default();
+    (void)thread;
+    c->statuses[at] =
+        sf_match_pair(c->live->ctx, &c->live->input.place.features, of, &options, &c->matches[at]);
+}
+
+/* A feature of a keyframe that the picture shows as well, as a point of the world. */
+static void add_sighting(comparison *c, const sf_keyframe *k, const sf_match *match) {
+    const sf_keypoint *there = &k->place.features.points[match->b];
+    const sf_keypoint *here = &c->live->input.place.features.points[match->a];
+    const sf_lens *lens = &c->search.lens;
+    double z = (double)k->place.depths[match->b], at[3];
+    if (!(z > 0)) return;
+    const double p[3] = {z * ((double)there->x - lens->cx) / lens->fx,
+                         z * ((double)there->y - lens->cy) / lens->fy, z};
+    const double pixel[2] = {(double)here->x, (double)here->y};
+    sf_rigid_apply_back(&k->pose, p, at);
+    c->feature[c->search.all.count] = match->a;
+    sf_pose_search_add(&c->search, at, pixel);
+}
+
+static sf_status gather(comparison *c, int drawings) {
+    const sf_camera *camera = &c->live->input.picture->camera;
+    const sf_lens lens = {.fx = camera->fx, .fy = camera->fy, .cx = camera->cx, .cy = camera->cy};
+    size_t most = 0;
+    sf_pool_run(c->live->ctx->pool, c->count, match_task, c);
+    for (size_t i = 0; i < c->count; i++) {
+        if (c->statuses[i]) return c->statuses[i];
+        most += c->matches[i].count;
+    }
+    c->feature = sf_alloc(c->live->ctx, most + 1, sizeof *c->feature);
+    c->agrees = sf_alloc(c->live->ctx, c->live->input.place.features.count + 1, 1);
+    if (!sf_pose_search_make(c->live->ctx, most, &lens, &c->search) || !c->feature || !c->agrees)
+        return SF_ERR_MEMORY;
+    for (size_t i = 0; i < c->count; i++) {
+        sf_keyframe *k = &c->live->keyframes.list[c->chosen[i]];
+        int drawn = 0;
+        if (!c->matches[i].count) continue;
+        sf_status status = drawings > 0 ? sf_live_draw_depths(c->live, k, &drawn) : SF_OK;
+        if (status) return status;
+        drawings -= drawn;
+        for (size_t m = 0; k->place.depths && m < c->matches[i].count; m++)
+            add_sighting(c, k, &c->matches[i].items[m]);
+    }
+    return SF_OK;
+}
+
+/* How many features of the picture agree, each counted once, marked in agrees[], if they are spread over the
+ * picture; else 0. */
+static size_t count_features(const comparison *c, size_t members) {
+    const sf_camera *camera = &c->live->input.picture->camera;
+    uint8_t cells[CELLS * CELLS] = {0};
+    size_t count = 0, filled = 0;
+    memset(c->agrees, 0, c->live->input.place.features.count);
+    for (size_t i = 0; i < members; i++) {
+        uint32_t at = c->search.members[i], feature = c->feature[at];
+        const double *pixel = c->search.pixels + 2 * at;
+        int x = (int)(CELLS * pixel[0] / camera->width), y = (int)(CELLS * pixel[1] / camera->height);
+        count += !c->agrees[feature];
+        c->agrees[feature] = 1;
+        if (x >= 0 && y >= 0 && x < CELLS && y < CELLS) cells[CELLS * y + x] = 1;
+    }
+    for (int i = 0; i < CELLS * CELLS; i++) filled += cells[i];
+    return filled >= LEAST_CELLS ? count : 0;
+}
+
+/* Leaves the sightings that agree with no pose yet. members[] ascends. */
+static void leave_others(comparison *c, size_t members) {
+    size_t kept = 0, next = 0;
+    for (size_t i = 0; i < c->search.all.count; i++) {
+        if (next < members && c->search.members[next] == i) {
+            next++;
+            continue;
+        }
+        memmove(c->search.points + 3 * kept, c->search.points + 3 * i, 3 * sizeof *c->search.points);
+        memmove(c->search.pixels + 2 * kept, c->search.pixels + 2 * i, 2 * sizeof *c->search.pixels);
+        c->feature[kept++] = c->feature[i];
+    }
+    c->search.all.count = kept;
+}
+
+/* Returns how many features agree with the pose, 0: there is none; *members: sightings. */
+static size_t search(comparison *c, size_t least, sf_rigid *pose, size_t *members) {
+    const sf_camera *camera = &c->live->input.picture->camera;
+    sf_ransac_result found;
+    const sf_pose_search_options options = {.error_px = ERROR * fmax(camera->width, camera->height),
+                                            .least = least,
+                                            .seed = c->live->localizer.looked_at};
+    sf_pose_search_run(&c->search, &options, &found);
+    if (!found.count) return 0;
+    *pose = sf_pose_search_pose(&found);
+    *members = sf_pose_search_refine(&c->search, &options, 0, pose);
+    size_t count = count_features(c, *members);
+    return count >= least ? count : 0;
+}
+
+static int is_elsewhere(const sf_rigid *a, const sf_rigid *b, double distance) {
+    double twist[6], here[3], there[3], moved = 0;
+    sf_rigid_twist(a, b, twist);
+    sf_rigid_center(a, here), sf_rigid_center(b, there);
+    for (int k = 0; k < 3; k++) moved += pow(here[k] - there[k], 2);
+    return sqrt(sf_dot3(twist + 3, twist + 3)) > ELSEWHERE || sqrt(moved) > ELSEWHERE * distance;
+}
+
+sf_status sf_live_find_place(sf_live *live, const size_t *chosen, size_t count, int drawings,
+                             sf_place_pose *found) {
+    comparison c = {.live = live, .chosen = chosen, .count = count};
+    sf_rigid other;
+    double began = sf_clock();
+    size_t members;
+    *found = (sf_place_pose){0};
+    c.matches = sf_calloc(live->ctx, count + 1, sizeof *c.matches);
+    c.statuses = sf_calloc(live->ctx, count + 1, sizeof *c.statuses);
+    sf_status status = c.matches && c.statuses ? gather(&c, drawings) : SF_ERR_MEMORY;
+    if (!status && (found->agree = search(&c, LEAST, &found->pose, &members)) > 0) {
+        size_t least = (size_t)fmax(RIVAL * (double)found->agree, LEAST / 2);
+        leave_others(&c, members);
+        size_t rivals = search(&c, least, &other, &members);
+        found->found = !rivals || !is_elsewhere(&found->pose, &other, live->localizer.distance);
+    }
+    for (size_t i = 0; c.matches && i < count; i++) sf_matches_free(live->ctx, &c.matches[i]);
+    sf_pose_search_free(live->ctx, &c.search);
+    void *const blocks[] = {c.matches, c.statuses, c.feature, c.agrees};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(live->ctx, blocks[i]);
+    found->seconds = sf_clock() - began;
+    return status;
+}
+
+sf_status sf_live_relocalize(sf_live *live, sf_place_pose *found) {
+    size_t chosen[ALIKE], count = 0, skipped = live->localizer.misses % TURNS == 2 ? ALIKE : 0;
+    *found = (sf_place_pose){0};
+    sf_place_score *scores = sf_alloc(live->ctx, live->keyframes.count + 1, sizeof *scores);
+    sf_status status = scores ? sf_live_find_features(live) : SF_ERR_MEMORY;
+    if (!status) status = sf_live_score_places(live, NULL, scores);
+    for (size_t i = skipped; !status && i < live->keyframes.count && count < ALIKE; i++)
+        if (scores[i].shared >= LEAST_SHARED) chosen[count++] = scores[i].keyframe;
+    sf_free(live->ctx, scores);
+    return status || !count ? status : sf_live_find_place(live, chosen, count, DRAWINGS, found);
+}
