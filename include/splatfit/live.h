@@ -189,6 +189,13 @@ SF_API sf_scene *sf_live_scene(sf_live *live);
  * that sf_live_get_world tells, if it is known; world as in sf_scene_save_cameras. */
 SF_API sf_status sf_live_save_cameras(sf_live *live, const char *path, int world);
 
+/* Writes the keyframes as a COLMAP project, which sf_scene_load reads: sparse/0 with their cameras, as
+ * refined by the fit, and the landmarks that two keyframes or more see, as points; images with their
+ * pictures, undistorted, as JPEG; masks where undistorted pictures have empty parts. In the coordinates of
+ * the world. Folders are made where they are missing, but for those above `folder`; files of the same name
+ * are replaced. SF_ERR_EMPTY: there is no keyframe yet; SF_ERR_IO; SF_ERR_MEMORY. */
+SF_API sf_status sf_live_save_project(sf_live *live, const char *folder);
+
 #ifdef __cplusplus
 }
 #endif

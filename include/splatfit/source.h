@@ -2,9 +2,10 @@
  *
  * A source is opened by a name, SCHEME:WHICH?option=value&option=value:
  *     v4l2:/dev/video0?size=640x480&format=YUYV&fps=30&exposure=manual:120
- *     libcamera:0?size=1280x720          folder:DIR          pipe:-
+ *     libcamera:0?size=1280x720          folder:DIR          video:FILE          pipe:-
  *     sim:studio?width=320&height=240&frames=60&seed=1          sim:studio-board
- * src/capture/README.md lists the options of each, src/sim/README.md those of sim:.
+ * The path of a folder or a video is a name, too. src/capture/README.md lists the options of each,
+ * src/sim/README.md those of sim:.
  */
 #ifndef SPLATFIT_SOURCE_H
 #define SPLATFIT_SOURCE_H

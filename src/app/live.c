@@ -6,6 +6,8 @@
 #include <sys/stat.h>
 
 #include "live.h"
+#include "live_progress.h"
+#include "live_source.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE",
@@ -29,17 +31,17 @@ static const arg_option own_options[] = {
      "standard deviations of poses from outside: degrees, world units; default: 0.57 degrees and 0.01 of the "
      "distance to the scene"},
     {"lens", 0, "FILE",
-     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, "
-     "even "
+     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, even "
      "where the source tells one; default: as the source tells, else found"},
-    {"downscale", 0, "N", "box-average the frames by N, 1..16 (1)"},
-    {"track-rate", 0, "HZ", "most frames to track in a second (12)"},
+    {"downscale", 0, "N",
+     "box-average the frames by N, 1..16 (1; of folders so that no side is longer than 640 px)"},
+    {"track-rate", 0, "HZ", "most frames to track in a second (12; of a video's own seconds 15)"},
     {"keyframe-gap", 0, "X",
      "a frame becomes a keyframe where, compared with every keyframe, the camera has moved by this fraction "
      "of the distance to the scene or turned by this angle in rad, 0.001..1; the first 60 need less (0.07)"},
     {"steps-per-frame", 0, "N",
      "for a source that is not in real time: track every frame and do N training steps after each; such a "
-     "run can be repeated; 0: as time allows (0)"},
+     "run can be repeated; 0: as time allows (0; of videos and folders 6, unless --seconds is given)"},
     {"keyframes", 0, "N", "most keyframes (300)"},
     {"thermal", 0, "DIR",
      "folder of the kernel's thermal state; while the kernel throttles the processor, the fit rests for a "
@@ -47,8 +49,10 @@ static const arg_option own_options[] = {
     {"save-every", 0, "S", "seconds between two writings of the model; 0: only at the end (60)"},
     {"trajectory", 0, "FILE",
      "write the camera's path: time x y z qx qy qz qw a line, camera to world (TUM)"},
-    {"cameras", 0, "FILE",
-     "write the keyframes' cameras, as refined, to this cameras.json at the end; none: write no such file"},
+    {"cameras", 0, "FILE|PROJECT",
+     "write the keyframes' cameras, as refined, at the end: to this cameras.json, or with points and "
+     "pictures as "
+     "a COLMAP project, which fit reads; none: write no such file"},
     {"listen", 0, "ADDRESS:PORT",
      "serve a page with pictures, figures and the model there; none: serve no page (127.0.0.1:8090 where "
      "that is free)"},
@@ -66,7 +70,7 @@ static const arg_option own_options[] = {
 
 typedef struct live_run {
     const args *a;
-    const char *output;
+    const char *output, *project; /* project NULL: none is written */
     double seconds, save_every, next_save, tag_size, track_rate, gap, scale;
     int downscale, keyframes, per_frame;
     sf_context *ctx, *source_ctx;
@@ -186,8 +190,7 @@ static int read_thermal(live_run *r) {
 
 static int open_source(live_run *r) {
     int error = app_context(r->a, &r->source_ctx); /* its own: it fails on another thread */
-    if (!error && sf_source_open(r->source_ctx, r->a->positional[0], &r->source))
-        error = app_fail(r->a, r->source_ctx);
+    if (!error) error = live_open_source(r->a, r->source_ctx, &r->options, &r->source);
     return error;
 }
 
@@ -199,6 +202,13 @@ static int create(live_run *r) {
         status = sf_live_create(r->ctx, r->source, &r->options, &r->live);
     }
     return status ? app_fail(r->a, r->ctx) : 0;
+}
+
+/* The project is a folder, and any cameras.json a file as the others are. */
+static int check_outputs(const live_run *r) {
+    static const char *const outputs[] = {"trajectory", "log", "cameras"};
+    int error = app_check_outputs(r->a, r->ctx, r->output, outputs, r->project ? 2 : 3);
+    return !error && r->project ? live_check_project(r->a, r->project) : error;
 }
 
 static int prepare(live_run *r) {
@@ -215,67 +225,16 @@ static int prepare(live_run *r) {
     r->options.steps_per_frame = r->per_frame;
     if (!error) error = read_thermal(r);
     if (!error) error = progress_start(&r->line, r->a, stdout);
-    static const char *const outputs[] = {"trajectory", "cameras", "log"};
-    if (!error) error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
+    r->project = live_project(r->a);
+    if (!error) error = check_outputs(r);
     if (!error) error = read_poses(r);
     if (!error) error = open_source(r);
-    const char *lens = args_value(r->a, "lens");
-    r->options.find_lens = lens && !strcmp(lens, "find");
-    if (!error && !r->options.find_lens) error = app_lens(r->a, r->ctx, r->source, &r->options.lens);
     if (!error) error = create(r);
     if (!error) error = page_open(&r->page, r->a, r->ctx);
     return error;
 }
 
-/* 2. On the way */
-
-static const char *state_word(const sf_live_progress *p) {
-    static const char *const words[SF_LIVE_STATE_COUNT] = {[SF_LIVE_WAITING] = "waiting for a first pose",
-                                                           [SF_LIVE_STARTING] = "starting: move sideways",
-                                                           [SF_LIVE_TRACKING] = "tracking",
-                                                           [SF_LIVE_LOST] = "lost: go back to where it was"};
-    static const char *const troubles[SF_LIVE_TROUBLE_COUNT] = {
-        [SF_LIVE_SILENT] = "no frame comes: wait, is the camera there?",
-        [SF_LIVE_BLANK] = "lost: is the lens covered?",
-        [SF_LIVE_BLURRED] = "wait: the pictures are blurred"};
-    return p->paused ? "paused" : troubles[p->trouble] ? troubles[p->trouble] : words[p->state];
-}
-
-/* For the log, --progress json and the page alike. */
-static json_t *number(double value) { return isfinite(value) ? json_real(value) : json_null(); }
-
-static json_t *progress_json(const sf_live_progress *p) {
-    return json_pack(
-        "{s:s, s:f, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:I, s:I, s:f}",
-        "state", state_word(p), "seconds", p->seconds, "gaussians", (json_int_t)p->fit.gaussians, "steps",
-        (json_int_t)p->fit.step, "steps_per_second", p->fit.steps_per_second, "frames_per_second",
-        p->frame_rate, "tracked_per_second", p->track_rate, "track_ms", p->track_ms, "dropped",
-        (json_int_t)(p->frames.dropped + p->frames.skipped), "passed_over", (json_int_t)p->passed_over,
-        "keyframes", (json_int_t)p->keyframes, "held_out", (json_int_t)p->held_out, "lost",
-        (json_int_t)p->lost, "held_out_psnr", number(p->held_out_psnr), "held_out_psnr_corrected",
-        number(p->held_out_psnr_corrected), "first_psnr", number(p->first_psnr), "looked_at",
-        (json_int_t)p->looked_at, "tracked", (json_int_t)p->tracked, "duty", p->duty);
-}
-
-static void show(live_run *r, const sf_live_progress *p, int now) {
-    if (!progress_due(&r->line, p->seconds, now)) return;
-    if (r->line.kind == PROGRESS_JSON) {
-        json_t *json = progress_json(p);
-        char *text = json ? json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
-        if (text) progress_text(&r->line, text);
-        free(text);
-        json_decref(json);
-        return;
-    }
-    char text[256], psnr[48] = "";
-    if (isfinite(p->held_out_psnr_corrected))
-        snprintf(psnr, sizeof psnr, "  held out %.2f dB", p->held_out_psnr_corrected);
-    snprintf(text, sizeof text, "%.0f s  %s  %.0f poses/s  %zu keyframes  N %zu  %.3g steps/s%s", p->seconds,
-             state_word(p), p->track_rate, p->keyframes, p->fit.gaussians, p->fit.steps_per_second, psnr);
-    progress_text(&r->line, text);
-}
-
-/* 3. What is written */
+/* 2. What is written */
 
 static int save_model(live_run *r) {
     sf_model *model = NULL;
@@ -297,7 +256,7 @@ static void save_now_and_then(live_run *r, const sf_live_progress *p) {
 
 static json_t *log_json(live_run *r, const sf_live_progress *p) {
     path_error error;
-    json_t *result = progress_json(p);
+    json_t *result = live_progress_json(p);
     json_object_set_new(result, "peak_memory_mb", json_real(app_peak_memory()));
     if (path_compare(&r->tracked, p->own_world, &error)) {
         json_object_set_new(result, "pose_error_degrees", json_real(error.degrees));
@@ -358,7 +317,9 @@ static int finish(live_run *r) {
     if (!error) print_result(r, &p);
     int written = path_write(&r->tracked, r->a, r->ctx, r->live);
     if (!error) error = written;
-    if (!error && cameras && sf_live_save_cameras(r->live, cameras, args_value(r->a, "world") != NULL))
+    if (!error && r->project && sf_live_save_project(r->live, r->project)) error = app_fail(r->a, r->ctx);
+    if (!error && cameras && !r->project &&
+        sf_live_save_cameras(r->live, cameras, args_value(r->a, "world") != NULL))
         error = app_fail(r->a, r->ctx);
     if (log) {
         written = app_write_json(r->a, r->ctx, log, log_json(r, &p));
@@ -399,9 +360,9 @@ static int loop(live_run *r) {
         sf_status status = sf_live_step(r->live);
         int error = path_note(&r->tracked, r->a, r->live);
         sf_live_get_progress(r->live, &p);
-        show(r, &p, status != SF_OK);
+        live_show(&r->line, &p, status != SF_OK);
         if (p.seconds >= r->next_sample) {
-            json_array_append_new(r->curve, progress_json(&p));
+            json_array_append_new(r->curve, live_progress_json(&p));
             r->next_sample = p.seconds + 0.5;
         }
         if (status == SF_ERR_CANCELLED) r->stopped = app_stopped_by();
@@ -409,7 +370,7 @@ static int loop(live_run *r) {
         if (status && status != SF_ERR_END && status != SF_ERR_CANCELLED) error = app_fail(r->a, r->ctx);
         if (status || error) return error;
         obey(r);
-        if (page_due(&r->page, p.seconds)) page_show(&r->page, r->live, progress_json(&p));
+        if (page_due(&r->page, p.seconds)) page_show(&r->page, r->live, live_progress_json(&p));
         save_now_and_then(r, &p);
     }
 }
@@ -445,7 +406,9 @@ const command command_live = {
     .synopsis = "SOURCE -o scene.ply [OPTIONS]",
     .summary =
         "Fits the scene in front of a camera while it moves. SOURCE is v4l2:/dev/video0, libcamera:0, a "
-        "folder:DIR, a pipe: or a simulated camera (splatfit capture --help). SIGINT and SIGTERM end it "
+        "pipe:, a simulated camera (splatfit capture --help), a video that ffmpeg reads or a folder of "
+        "frames "
+        "in order. SIGINT and SIGTERM end it "
         "and write the model. Defaults of a live fit that differ from splatfit fit: exposure 1, "
         "validate 0, size cap, max_gaussians 40000.",
     .tables = tables,

@@ -4,6 +4,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../io/no_project.h"
+#include "../io/paths.h"
+#include "film.h"
 #include "folder.h"
 #include "libcamera.h"
 #include "pipe.h"
@@ -15,11 +18,9 @@ typedef struct scheme {
     sf_status (*open)(sf_context *ctx, const char *name, sf_source *source);
 } scheme;
 
-static const scheme schemes[] = {{"v4l2:", sf_v4l2_open},
-                                 {"libcamera:", sf_libcamera_open},
-                                 {"folder:", sf_folder_open},
-                                 {"pipe:", sf_pipe_open},
-                                 {"sim:", sf_sim_open}};
+static const scheme schemes[] = {{"v4l2:", sf_v4l2_open},     {"libcamera:", sf_libcamera_open},
+                                 {"folder:", sf_folder_open}, {"video:", sf_film_open},
+                                 {"pipe:", sf_pipe_open},     {"sim:", sf_sim_open}};
 enum { SCHEMES = sizeof schemes / sizeof *schemes };
 
 static const scheme *scheme_of(const char *name) {
@@ -28,23 +29,42 @@ static const scheme *scheme_of(const char *name) {
     return NULL;
 }
 
+/* What a path without a scheme is: a video, or a folder of pictures. NULL: neither. *full (sf_free it): the
+ * name with its scheme; NULL: no memory. */
+static const scheme *scheme_of_path(sf_context *ctx, const char *name, char **full) {
+    size_t length = strcspn(name, "?");
+    char *path = sf_alloc(ctx, strlen(name) + sizeof "folder:", 1);
+    const scheme *found = NULL;
+    *full = path;
+    if (!path) return NULL;
+    snprintf(path, length + 1, "%s", name);
+    if (sf_names_video(path))
+        found = scheme_of("video:");
+    else if (sf_is_folder(path))
+        found = scheme_of("folder:");
+    if (found) sprintf(path, "%s%s", found->prefix, name);
+    return found;
+}
+
 static sf_status unknown(sf_context *ctx, const char *name) {
     char known[128] = "";
     for (size_t i = 0; i < SCHEMES; i++) {
         size_t used = strlen(known);
         snprintf(known + used, sizeof known - used, " %s", schemes[i].prefix);
     }
-    return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source; known:%s", name, known);
+    return sf_fail(ctx, SF_ERR_ARGUMENT, "%s: unknown source, and no video or folder; known:%s", name, known);
 }
 
 sf_status sf_source_open(sf_context *ctx, const char *name, sf_source **source) {
     *source = NULL;
+    char *full = NULL;
     const scheme *known = scheme_of(name);
-    if (!known) return unknown(ctx, name);
-    sf_source *s = sf_calloc(ctx, 1, sizeof *s);
-    if (!s) return SF_ERR_MEMORY;
-    s->ctx = ctx;
-    sf_status status = known->open(ctx, name, s);
+    if (!known) known = scheme_of_path(ctx, name, &full);
+    sf_source *s = known ? sf_calloc(ctx, 1, sizeof *s) : NULL;
+    sf_status status = SF_ERR_MEMORY;
+    if (s) s->ctx = ctx, status = known->open(ctx, full ? full : name, s);
+    if (!known && full) status = unknown(ctx, name);
+    sf_free(ctx, full);
     if (status != SF_OK) {
         sf_free(ctx, s);
         return status;

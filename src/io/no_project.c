@@ -172,6 +172,8 @@ int sf_is_video(const char *path) {
     return sf_is_file(path) && (ends_with_one_of(path, videos) || begins_as_video(path));
 }
 
+int sf_names_video(const char *path) { return ends_with_one_of(path, videos) || sf_is_video(path); }
+
 sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
     char name[NAME_MAX + 1];
     char *images = sf_path_join(ctx, folder, "images");

@@ -13,5 +13,7 @@ sf_status sf_no_project_file(sf_context *ctx, const char *path);
 
 /* Whether a file is a video, by its ending or its first bytes. */
 int sf_is_video(const char *path);
+/* The same of a file that need not be there: its name may be enough. */
+int sf_names_video(const char *path);
 
 #endif

@@ -2,9 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "../base/file.h"
 #include "../base/linear.h"
-#include "../io/paths.h"
+#include "../io/colmap_write.h"
 #include "../pose/lens.h"
 #include "photo_cameras.h"
 #include "reasons.h"
@@ -89,30 +88,11 @@ sf_status sf_reconstruction_get_photo(const sf_reconstruction *r, size_t index,
 
 /* ---- Files ---- */
 
-static void put_uint(sf_writer *w, uint64_t value, int bytes) {
-    uint8_t data[8];
-    for (int i = 0; i < bytes; i++) data[i] = (uint8_t)(value >> (8 * i));
-    sf_writer_put(w, data, (size_t)bytes);
-}
-
-static void put_double(sf_writer *w, double value) {
-    uint64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    put_uint(w, bits, 8);
-}
-
-/* RADIAL where that is all there is, else OPENCV, or FULL_OPENCV with k3. */
 static void put_camera(sf_writer *w, uint32_t id, const sf_map_camera *camera, uint32_t is_turned) {
-    const sf_lens lens = sf_photo_lens(camera, is_turned != 0), *l = &lens;
-    const double of_radial[] = {l->fx, l->cx, l->cy, l->k1, l->k2},
-                 of_opencv[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, 0, 0, 0};
-    int radial = l->fx == l->fy && l->p1 == 0 && l->p2 == 0 && l->k3 == 0, full = l->k3 != 0;
-    const double *values = radial ? of_radial : of_opencv;
-    put_uint(w, id, 4);
-    put_uint(w, radial ? 3 : full ? 6 : 4, 4);
-    put_uint(w, (uint64_t)(is_turned ? camera->height : camera->width), 8);
-    put_uint(w, (uint64_t)(is_turned ? camera->width : camera->height), 8);
-    for (size_t i = 0; i < (radial ? 5 : full ? 12 : 8); i++) put_double(w, values[i]);
+    const sf_lens lens = sf_photo_lens(camera, is_turned != 0);
+    int32_t width = is_turned ? camera->height : camera->width,
+            height = is_turned ? camera->width : camera->height;
+    sf_colmap_put_camera(w, id, width, height, &lens);
 }
 
 /* Whether a camera has photos upright, or on their side. */
@@ -127,10 +107,11 @@ static uint32_t id_of(const sf_reconstruction *r, uint32_t camera, uint32_t is_t
     return camera + 1 + (is_turned ? (uint32_t)r->camera_count : 0);
 }
 
-static void put_cameras(sf_writer *w, const sf_reconstruction *r) {
+static void put_cameras(sf_writer *w, const void *reconstruction) {
+    const sf_reconstruction *r = reconstruction;
     uint32_t count = 0, both = 2 * (uint32_t)r->camera_count;
     for (uint32_t c = 0; c < both; c++) count += (uint32_t)has_photos(r, c / 2, c % 2);
-    put_uint(w, count, 8);
+    sf_colmap_put_count(w, count);
     for (uint32_t c = 0; c < both; c++)
         if (has_photos(r, c / 2, c % 2))
             put_camera(w, id_of(r, c / 2, c % 2), &r->map->cameras[c / 2], c % 2);
@@ -147,26 +128,22 @@ static uint64_t point_of(const sf_map *map, size_t picture, size_t feature) {
     return UINT64_MAX;
 }
 
-static void put_images(sf_writer *w, const sf_reconstruction *r) {
-    put_uint(w, r->map->placed_count, 8);
+static void put_images(sf_writer *w, const void *reconstruction) {
+    const sf_reconstruction *r = reconstruction;
+    sf_colmap_put_count(w, r->map->placed_count);
     for (size_t i = 0; i < r->list.count; i++) {
         const sf_map_picture *p = &r->map->pictures[i];
         const sf_features *f = &r->list.photos[i].features;
-        double q[4];
         if (!p->is_placed) continue;
         const sf_rigid pose = sf_photo_pose(r, i, &p->pose);
-        sf_rotation_to_quat(pose.R, q);
-        put_uint(w, i + 1, 4);
-        for (int k = 0; k < 4; k++) put_double(w, q[k]);
-        for (int k = 0; k < 3; k++) put_double(w, pose.t[k]);
-        put_uint(w, id_of(r, p->camera, r->is_turned[i]), 4);
-        sf_writer_put(w, r->list.photos[i].name, strlen(r->list.photos[i].name) + 1);
-        put_uint(w, p->count, 8);
-        for (size_t k = 0; k < p->count; k++) {
-            put_double(w, (double)f->points[k].x);
-            put_double(w, (double)f->points[k].y);
-            put_uint(w, point_of(r->map, i, k), 8);
-        }
+        sf_colmap_put_image(w, &(sf_colmap_image){.id = (uint32_t)i + 1,
+                                                  .camera = id_of(r, p->camera, r->is_turned[i]),
+                                                  .R_cw = pose.R,
+                                                  .t_cw = pose.t,
+                                                  .name = r->list.photos[i].name,
+                                                  .features = p->count});
+        for (size_t k = 0; k < p->count; k++)
+            sf_colmap_put_feature(w, (double)f->points[k].x, (double)f->points[k].y, point_of(r->map, i, k));
     }
 }
 
@@ -178,23 +155,21 @@ static void put_point(sf_writer *w, const sf_reconstruction *r, size_t track, si
         if (!map->is_used[i] || !map->pictures[s->picture].is_placed) continue;
         for (int c = 0; c < 3; c++) rgb[c] += r->list.photos[s->picture].colors[s->keypoint][c];
     }
-    put_uint(w, track + 1u, 8);
-    for (int k = 0; k < 3; k++) put_double(w, map->at[track][k]);
-    for (int c = 0; c < 3; c++) put_uint(w, (rgb[c] + count / 2) / count, 1);
-    put_double(w, error);
-    put_uint(w, count, 8);
+    sf_colmap_point point = {.id = track + 1u, .at = map->at[track], .error = error, .sightings = count};
+    for (int c = 0; c < 3; c++) point.rgb[c] = (uint8_t)((rgb[c] + count / 2) / count);
+    sf_colmap_put_point(w, &point);
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
         const sf_sighting *s = &map->tracks.sightings[i];
         if (!map->is_used[i] || !map->pictures[s->picture].is_placed) continue;
-        put_uint(w, s->picture + 1u, 4);
-        put_uint(w, s->keypoint, 4);
+        sf_colmap_put_sighting(w, (uint32_t)s->picture + 1u, (uint32_t)s->keypoint);
     }
 }
 
-static void put_points(sf_writer *w, const sf_reconstruction *r) {
+static void put_points(sf_writer *w, const void *reconstruction) {
+    const sf_reconstruction *r = reconstruction;
     sf_reconstruction_info info;
     sf_reconstruction_get_info(r, &info);
-    put_uint(w, info.points, 8);
+    sf_colmap_put_count(w, info.points);
     for (size_t track = 0; track < r->map->tracks.count; track++) {
         double squares = 0;
         size_t count = used(r->map, track, &squares);
@@ -203,20 +178,6 @@ static void put_points(sf_writer *w, const sf_reconstruction *r) {
 }
 
 sf_status sf_reconstruction_save_colmap(const sf_reconstruction *r, const char *folder) {
-    static const struct {
-        const char *name;
-        void (*put)(sf_writer *w, const sf_reconstruction *r);
-    } files[] = {{"cameras.bin", put_cameras}, {"images.bin", put_images}, {"points3D.bin", put_points}};
-    sf_status status = SF_OK;
-    for (size_t i = 0; i < sizeof files / sizeof *files && !status; i++) {
-        sf_writer w;
-        char *path = sf_path_join(r->ctx, folder, files[i].name);
-        status = path ? sf_writer_open(&w, r->ctx, path) : SF_ERR_MEMORY;
-        if (!status) {
-            files[i].put(&w, r);
-            status = sf_writer_commit(&w);
-        }
-        sf_free(r->ctx, path);
-    }
-    return status;
+    static const sf_colmap_put puts[] = {put_cameras, put_images, put_points};
+    return sf_colmap_save(r->ctx, folder, puts, r);
 }

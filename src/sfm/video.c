@@ -7,17 +7,16 @@
 #include <unistd.h>
 
 #include "../base/file.h"
+#include "../io/ffmpeg.h"
 #include "../io/no_project.h"
 #include "../io/paths.h"
 #include "../io/picture.h"
-#include "ffmpeg.h"
 #include "frame_choice.h"
 
 #include <splatfit/sfm.h>
 
 enum {
     LOOK_SIDE = 640,   /* px, of frames that are judged */
-    HD_HEIGHT = 720,   /* lines from which on videos that do not say it are in BT.709 */
     MOST_TAKEN = 5000, /* frames: what the filter's text holds */
     FAULT = 256
 };
@@ -56,15 +55,6 @@ static int tell(const video *v, sf_film_stage stage, size_t done, size_t all) {
     return v->options->progress && v->options->progress(v->options->user, stage, done, all);
 }
 
-/* The filter that reduces frames, with pixels that are not square made so. */
-static int scale_filter(const video *v, int side, const char *how, char *text, size_t size) {
-    const char *matrix = v->facts.has_matrix || v->facts.height < HD_HEIGHT ? "auto" : "bt709";
-    return snprintf(text, size,
-                    "scale=w='max(1,round(iw*sar*min(1,%d/max(iw*sar,ih))))':"
-                    "h='max(1,round(ih*min(1,%d/max(iw*sar,ih))))':in_color_matrix=%s:flags=%s,setsar=1",
-                    side, side, matrix, how);
-}
-
 /* ---- 1. all frames ---- */
 
 static sf_status judge_frames(video *v, sf_frame_pipe *pipe) {
@@ -88,7 +78,7 @@ static sf_status judge_frames(video *v, sf_frame_pipe *pipe) {
 static sf_status look(video *v) {
     char filters[512];
     sf_frame_pipe pipe;
-    scale_filter(v, LOOK_SIDE, "area", filters, sizeof filters);
+    sf_ffmpeg_scale(&v->facts, LOOK_SIDE, "area", filters, sizeof filters);
     sf_status status = sf_frame_pipe_open(&pipe, v->ctx, v->path, filters, 1);
     if (status) return status;
     status = judge_frames(v, &pipe);
@@ -173,8 +163,8 @@ static char *take_filters(const video *v) {
     size_t n = (size_t)sprintf(text, "select='");
     n += put_terms(v->chosen, v->chosen_count, text + n);
     n += (size_t)sprintf(text + n, "',");
-    scale_filter(v, v->options->side, "lanczos+accurate_rnd+full_chroma_int+full_chroma_inp", text + n,
-                 size - n);
+    sf_ffmpeg_scale(&v->facts, v->options->side, "lanczos+accurate_rnd+full_chroma_int+full_chroma_inp",
+                    text + n, size - n);
     return text;
 }
 

@@ -1,6 +1,6 @@
 /* ffmpeg.h - the programs ffprobe and ffmpeg, which read videos: what a video is, and its frames. */
-#ifndef SF_SFM_FFMPEG_H
-#define SF_SFM_FFMPEG_H
+#ifndef SF_IO_FFMPEG_H
+#define SF_IO_FFMPEG_H
 
 #include <stdio.h>
 #include <sys/types.h>
@@ -13,11 +13,16 @@ typedef struct sf_film_facts {
     int has_matrix;    /* whether it says how its colours are coded */
     int is_hdr;        /* of a high dynamic range (PQ or HLG) */
     double frames;     /* about; 0: not known */
+    double rate;       /* frames a second, in the mean; 0: not known */
 } sf_film_facts;
 
 /* SF_ERR_IO: there is no such file, or no ffprobe; SF_ERR_FORMAT: no video (sf_last_error says what ffprobe
  * does). */
 sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *facts);
+
+/* The filter (libavfilter's text, at most `size` bytes of it) that reduces frames until no side is longer
+ * than `side`, by swscale's flags `how`, with pixels that are not square made so. Returns its length. */
+int sf_ffmpeg_scale(const sf_film_facts *facts, int side, const char *how, char *text, size_t size);
 
 /* Frames as they come from ffmpeg. */
 typedef struct sf_frame_pipe {

@@ -12,8 +12,8 @@
 #include <unistd.h>
 
 #include "../base/pool.h"
-#include "../io/paths.h"
-#include "../io/picture.h"
+#include "paths.h"
+#include "picture.h"
 
 extern char **environ;
 
@@ -99,7 +99,7 @@ static char *file_of(sf_context *ctx, const char *video) {
 /* ---- ffprobe ---- */
 
 /* One line "name=value". */
-static void take_fact(const char *line, double *rate, double *seconds, sf_film_facts *facts) {
+static void take_fact(const char *line, double *seconds, sf_film_facts *facts) {
     char name[64], value[64];
     double n, d;
     if (sscanf(line, "%63[^=]=%63s", name, value) != 2) return;
@@ -110,14 +110,16 @@ static void take_fact(const char *line, double *rate, double *seconds, sf_film_f
         facts->is_hdr = !strcmp(value, "smpte2084") || !strcmp(value, "arib-std-b67");
     if (!strcmp(name, "nb_frames")) facts->frames = atof(value);
     if (!strcmp(name, "duration") && atof(value) > 0) *seconds = atof(value);
-    if (!strcmp(name, "avg_frame_rate") && sscanf(value, "%lf/%lf", &n, &d) == 2 && d > 0) *rate = n / d;
+    if (!strcmp(name, "avg_frame_rate") && sscanf(value, "%lf/%lf", &n, &d) == 2 && d > 0)
+        facts->rate = n / d;
 }
 
 static void take_facts(FILE *out, sf_film_facts *facts) {
     char line[256];
-    double rate = 0, seconds = 0;
-    while (fgets(line, sizeof line, out)) take_fact(line, &rate, &seconds, facts);
-    if (!(facts->frames > 0)) facts->frames = rate * seconds;
+    double seconds = 0;
+    while (fgets(line, sizeof line, out)) take_fact(line, &seconds, facts);
+    if (!(facts->rate > 0 && facts->rate < 1e6)) facts->rate = 0;
+    if (!(facts->frames > 0)) facts->frames = facts->rate * seconds;
     if (!(facts->frames > 0 && facts->frames < 1e9)) facts->frames = 0;
 }
 
@@ -157,6 +159,15 @@ sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *fac
 
 /* ---- ffmpeg ---- */
 
+int sf_ffmpeg_scale(const sf_film_facts *facts, int side, const char *how, char *text, size_t size) {
+    enum { HD_HEIGHT = 720 }; /* lines from which on videos that do not say it are in BT.709 */
+    const char *matrix = facts->has_matrix || facts->height < HD_HEIGHT ? "auto" : "bt709";
+    return snprintf(text, size,
+                    "scale=w='max(1,round(iw*sar*min(1,%d/max(iw*sar,ih))))':"
+                    "h='max(1,round(ih*min(1,%d/max(iw*sar,ih))))':in_color_matrix=%s:flags=%s,setsar=1",
+                    side, side, matrix, how);
+}
+
 /* Frames get times one after another, at the rate that they are asked for: otherwise ffmpeg would drop and
  * repeat frames of a video whose rate varies. */
 enum { RATE = 30 };
@@ -171,7 +182,8 @@ sf_status sf_frame_pipe_open(sf_frame_pipe *p, sf_context *ctx, const char *vide
     snprintf(threads, sizeof threads, "%d", sf_pool_threads(ctx->pool));
     snprintf(rate, sizeof rate, "%d", RATE);
     if (file && all)
-        snprintf(all, size, "%s,setpts=N/(%d*TB),format=%s", filters, RATE, channels == 1 ? "gray" : "rgb24");
+        snprintf(all, size, "%s,settb=1/%d,setpts=N,format=%s", filters, RATE,
+                 channels == 1 ? "gray" : "rgb24");
     const char *command[] = {
         "ffmpeg", "-nostdin",   "-v",     "error", "-threads", threads, "-i",   file,
         "-map",   "0:V:0",      "-vf",    all,     "-r",       rate,    "-c:v", channels == 1 ? "pgm" : "ppm",
