@@ -25,6 +25,7 @@ typedef struct entry {
 typedef struct project {
     sf_context *ctx;
     const sf_landmarks *map;
+    const sf_world *world; /* where the map lies, if it began from pictures */
     double origin[3];
     entry *entries;
     size_t count;
@@ -56,6 +57,7 @@ static sf_status take_keyframes(project *p, sf_live *live) {
         p->count++;
         e->camera = e->view->camera;
         if (live->fitter) (void)sf_fitter_get_camera(live->fitter, e->view->id, &e->camera);
+        if (p->world->is_known) sf_camera_transform(&e->camera, &p->world->similarity);
         for (int k = 0; k < 3; k++) e->camera.t_cw[k] -= sf_dot3(e->camera.R_cw + 3 * k, p->origin);
         snprintf(e->name, sizeof e->name, "frame_%06u.jpg", (unsigned)e->view->id);
         number_camera(p, e);
@@ -82,7 +84,7 @@ static void number_features(project *p) {
 
 static sf_status prepare(project *p, sf_live *live) {
     const sf_landmarks *map = live->localizer.landmarks;
-    *p = (project){.ctx = live->ctx, .map = map};
+    *p = (project){.ctx = live->ctx, .map = map, .world = &live->world};
     sf_scene_get_origin(live->scene, p->origin);
     p->entries = sf_calloc(p->ctx, live->keyframes.count + 1, sizeof *p->entries);
     p->entry_of = sf_calloc(p->ctx, map->keyframe_count + 1, sizeof *p->entry_of);
@@ -176,7 +178,12 @@ static void sort_observations(const project *p, by_landmark *by) {
 static void put_point(sf_writer *w, const project *p, size_t landmark, const size_t *list) {
     size_t count = p->sightings[landmark];
     double at[3], rgb[3] = {0}, squares = 0;
-    for (int k = 0; k < 3; k++) at[k] = p->map->all[landmark].at[k] + p->origin[k];
+    const sf_similarity *s = &p->world->similarity;
+    memcpy(at, p->map->all[landmark].at, sizeof at);
+    if (p->world->is_known)
+        for (int k = 0; k < 3; k++)
+            at[k] = s->scale * sf_dot3(s->R + 3 * k, p->map->all[landmark].at) + s->move[k];
+    for (int k = 0; k < 3; k++) at[k] += p->origin[k];
     for (size_t i = 0; i < count; i++) {
         const sf_landmark_observation *o = &p->map->observations[list[i]];
         const entry *e = &p->entries[p->entry_of[o->keyframe]];
