@@ -112,11 +112,13 @@ compile_commands.json:
 # ---- measurements ------------------------------------------------------------------------------------------
 
 .PHONY: bench bench-quick charts charts-quick stability demo
-# Instructions are counted first, where valgrind is there, and go into the report. BENCH_FLAGS, e.g. --quick.
+# Instructions are counted first, where valgrind is there, and go into the report. BENCH_FLAGS, e.g. --quick. Last come cameras from photos,
+# beside COLMAP where that is there; SPLATFIT_DATA as above.
 bench: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/callgrind.sh build/bench-instructions.txt $(LEVELS)
 	$(RUN) $(PROGRAM) bench --json build/bench.json --svg build --instructions build/bench-instructions.txt \
 	    $(BENCH_FLAGS)
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/sfm.sh >build/bench-sfm.txt && cat build/bench-sfm.txt
 bench-quick: $(PROGRAM)
 	$(RUN) $(PROGRAM) bench --quick --json build/bench-quick.json >build/bench-quick.txt
 charts: $(PROGRAM)

@@ -157,7 +157,7 @@ sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *v
 
 /* cameras.c: finds the cameras of photos (sf_sfm_find_photos says that there are some) or of a video
  * (sf_film_is) and writes them to a project, whose path the caller frees: the folder itself where the photos
- * are in its folder images, else PATH.project, without the ending of a video. What is there from before
+ * are in its folder images, else PATH.project. What is there from before
  * stays. 0 or an exit code. */
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project);
 

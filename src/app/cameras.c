@@ -54,15 +54,53 @@ static int make_folder(const job *j, const char *path) {
     return app_say(j->a, path, strerror(errno));
 }
 
+/* What PROJECT/NAME is for a link to a folder. */
+typedef enum link_state { LINK_FAILED, LINK_WANTED, LINK_THERE } link_state;
+
+static link_state look_at_link(const job *j, const char *folder, const char *name, char target[PATH_MAX]) {
+    char path[PATH_MAX], there[PATH_MAX];
+    if (!realpath(folder, target)) {
+        app_say(j->a, folder, strerror(errno));
+        return LINK_FAILED;
+    }
+    snprintf(path, sizeof path, "%s/%s", j->project, name);
+    if (!realpath(path, there)) return LINK_WANTED;
+    if (!strcmp(target, there)) return LINK_THERE;
+    app_say(j->a, path, "is there, and is another folder: remove it, or name another project");
+    return LINK_FAILED;
+}
+
 /* PROJECT/NAME: a link to a folder, unless that is there. */
 static int link_folder(const job *j, const char *folder, const char *name, char *path) {
-    char target[PATH_MAX], there[PATH_MAX];
+    char target[PATH_MAX];
+    link_state state = look_at_link(j, folder, name, target);
+    if (state != LINK_WANTED) return state == LINK_FAILED ? EXIT_FAILED : 0;
     sprintf(path, "%s/%s", j->project, name);
-    if (!strcmp(path, folder)) return 0;
-    if (!realpath(folder, target)) return app_say(j->a, folder, strerror(errno));
-    if (realpath(path, there))
-        return strcmp(target, there) ? app_say(j->a, path, "is there, and is another folder: remove it") : 0;
+    unlink(path); /* a link to nothing */
     return symlink(target, path) ? app_say(j->a, path, strerror(errno)) : 0;
+}
+
+/* A link to masks that this run does not use, and that an earlier one made; what lies beside the project's
+ * own photos is the user's. */
+static void drop_masks(const job *j, char *path) {
+    char photos[PATH_MAX], project[PATH_MAX];
+    struct stat st;
+    sprintf(path, "%s/masks", j->project);
+    if (lstat(path, &st) || !S_ISLNK(st.st_mode)) return;
+    if (!realpath(j->photos, photos) || !realpath(j->project, project)) return;
+    size_t length = strlen(project);
+    if (strncmp(photos, project, length) || photos[length] != '/') unlink(path);
+}
+
+/* What save would refuse, before minutes of work. */
+static int check_project(const job *j, const sf_sfm_options *options) {
+    char target[PATH_MAX];
+    struct stat st;
+    if (!stat(j->project, &st) && !S_ISDIR(st.st_mode)) return app_say(j->a, j->project, strerror(ENOTDIR));
+    if (sf_sfm_find_photos(j->photos) == SF_PHOTOS_NONE) return 0; /* which says more */
+    if (look_at_link(j, j->photos, "images", target) == LINK_FAILED) return EXIT_FAILED;
+    if (!options->masks || options->no_masks) return 0;
+    return look_at_link(j, options->masks, "masks", target) == LINK_FAILED ? EXIT_FAILED : 0;
 }
 
 static int save(const job *j) {
@@ -73,6 +111,7 @@ static int save(const job *j) {
     sf_reconstruction_get_info(j->result, &info);
     if (!error) error = link_folder(j, j->photos, "images", path);
     if (!error && info.masks) error = link_folder(j, info.masks, "masks", path);
+    if (!error && !info.masks) drop_masks(j, path);
     sprintf(path, "%s/sparse", j->project);
     if (!error) error = make_folder(j, path);
     sprintf(path, "%s/sparse/0", j->project);
@@ -124,7 +163,8 @@ static void print_result(const job *j) {
 
 /* Finds and writes the cameras. */
 static int find(job *j, const sf_sfm_options *options) {
-    int error = 0;
+    int error = check_project(j, options);
+    if (error) return error;
     if (sf_sfm_run(j->ctx, j->photos, options, &j->result)) error = app_fail(j->a, j->ctx);
     progress_break(&j->line);
     if (!error) error = save(j);

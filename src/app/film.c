@@ -25,10 +25,8 @@ static int tell(void *user, sf_film_stage stage, size_t done, size_t all) {
 }
 
 char *film_project(const char *video) {
-    const char *slash = strrchr(video, '/'), *dot = strrchr(slash ? slash : video, '.');
-    size_t length = dot && dot > (slash ? slash + 1 : video) ? (size_t)(dot - video) : strlen(video);
-    char *path = malloc(length + 16);
-    if (path) sprintf(path, "%.*s.project", (int)length, video);
+    char *path = malloc(strlen(video) + 16);
+    if (path) sprintf(path, "%s.project", video);
     return path;
 }
 

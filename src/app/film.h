@@ -13,7 +13,7 @@ typedef struct film_options {
     FILE *out;           /* for what is said at the end */
 } film_options;
 
-/* NAME.project beside a video NAME.mp4; free() it. NULL: no memory. */
+/* NAME.mp4.project beside a video NAME.mp4; free() it. NULL: no memory. */
 char *film_project(const char *video);
 
 /* Takes frames into images of the project's folder, which is made; where there are images already they stay,

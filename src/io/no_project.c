@@ -134,9 +134,8 @@ static sf_status tell_project_above(sf_context *ctx, const char *folder, char *a
 }
 
 static sf_status tell_video(sf_context *ctx, sf_status status, const char *what, const char *video) {
-    const char *slash = strrchr(video, '/'), *name = slash ? slash + 1 : video, *dot = strrchr(name, '.');
-    int length = dot > name ? (int)(dot - video) : (int)strlen(video);
-    char *film = quote(ctx, video, (int)strlen(video), ""), *P = quote(ctx, video, length, ".project");
+    int length = (int)strlen(video);
+    char *film = quote(ctx, video, length, ""), *P = quote(ctx, video, length, ".project");
     if (film && P)
         status = sf_fail(ctx, status,
                          "%s: no project: a video, but no cameras. This finds them: %ssplatfit cameras %s -o "

@@ -40,7 +40,8 @@ typedef struct sf_bundle_slot {
 
 /* An observation of a view, and what else saw its point: all that a row of the equations reads from. */
 typedef struct sf_bundle_sighting {
-    uint32_t observation, point, first, end; /* first..end-1: the observations of the point */
+    uint32_t observation, point;
+    uint32_t first, end; /* first..end-1: the observations of the point, up to the last one of the row */
 } sf_bundle_sighting;
 
 /* Where which rows of the reduced equations are: blocks [6][6] of views and views, row by row, each row's

@@ -81,8 +81,10 @@ static void sort_observations(sf_bundle_work *a) {
     for (size_t i = 0; i < b->observation_count; i++)
         if (a->rank_of[i] != UINT32_MAX) {
             uint32_t point = b->observations[i].point;
-            a->of_view[a->from[a->rank_of[i] + 1]++] = (sf_bundle_sighting){
-                (uint32_t)i, point, (uint32_t)a->first[point], (uint32_t)a->first[point + 1]};
+            size_t end = a->first[point + 1];
+            while (a->rank_of[end - 1] > a->rank_of[i]) end--; /* those of the row alone are read */
+            a->of_view[a->from[a->rank_of[i] + 1]++] =
+                (sf_bundle_sighting){(uint32_t)i, point, (uint32_t)a->first[point], (uint32_t)end};
         }
 }
 

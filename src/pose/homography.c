@@ -2,6 +2,7 @@
 #include "homography.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "../base/linear.h"
 
@@ -26,12 +27,37 @@ void sf_homography_map(const double H[9], const double from[2], double to[2]) {
     to[1] = (H[3] * from[0] + H[4] * from[1] + H[5]) / w;
 }
 
-/* Adds a pair's two equations of the direct linear transformation. */
-static void add_pair(const double X[2], const double x[2], double w, double A[81]) {
-    double rows[18] = {X[0], X[1], 1, 0,    0,    0, -x[0] * X[0], -x[0] * X[1], -x[0],
-                       0,    0,    0, X[0], X[1], 1, -x[1] * X[0], -x[1] * X[1], -x[1]};
-    for (int i = 0; i < 9; i++)
-        for (int j = 0; j < 9; j++) A[i * 9 + j] += w * (rows[i] * rows[j] + rows[9 + i] * rows[9 + j]);
+/* A pair's two equations of the direct linear transformation are (X, 0, -x X) and (0, X, -y X). What their
+ * squares sum up to has blocks of X X^T alone, times 1, x, y and x^2 + y^2: */
+enum { PRODUCTS = 6, TIMES_1 = 0, TIMES_X = 6, TIMES_Y = 12, TIMES_SQUARE = 18, SUMS = 24 };
+
+static void add_pair(const double X[2], const double x[2], double w, double sums[SUMS]) {
+    const double products[PRODUCTS] = {w * X[0] * X[0], w * X[0] * X[1], w * X[1] * X[1],
+                                       w * X[0],        w * X[1],        w};
+    double square = x[0] * x[0] + x[1] * x[1];
+    for (int k = 0; k < PRODUCTS; k++) {
+        sums[TIMES_1 + k] += products[k];
+        sums[TIMES_X + k] += products[k] * x[0];
+        sums[TIMES_Y + k] += products[k] * x[1];
+        sums[TIMES_SQUARE + k] += products[k] * square;
+    }
+}
+
+static void put_block(const double products[PRODUCTS], double sign, int row, int column, double A[81]) {
+    static const int which[9] = {0, 1, 3, 1, 2, 4, 3, 4, 5};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) A[(3 * row + i) * 9 + 3 * column + j] = sign * products[which[3 * i + j]];
+}
+
+static void make_equations(const double sums[SUMS], double A[81]) {
+    memset(A, 0, 81 * sizeof *A);
+    for (int k = 0; k < 2; k++) {
+        const double *off = sums + (k ? TIMES_Y : TIMES_X);
+        put_block(sums + TIMES_1, 1, k, k, A);
+        put_block(off, -1, k, 2, A);
+        put_block(off, -1, 2, k, A);
+    }
+    put_block(sums + TIMES_SQUARE, 1, 2, 2, A);
 }
 
 /* H = from normalized to plain: N_x^-1 G N_X. */
@@ -60,14 +86,16 @@ int sf_homography_fit(const double *from, const double *to, const double *weight
                       double H[9]) {
     if (count < 4) return 0;
     sf_normalizer X = sf_normalizer_make(from, count), x = sf_normalizer_make(to, count);
-    double A[81] = {0}, G[9];
+    double sums[SUMS] = {0}, A[81], G[9];
     if (!isfinite(X.scale) || !isfinite(x.scale) || in_a_line(from, count, &X)) return 0;
     for (size_t i = 0; i < count; i++) {
-        double a[2], b[2];
+        double a[2], b[2], w = weights ? weights[i] : 1;
+        if (w == 0) continue;
         sf_normalizer_apply(&X, from + 2 * i, a);
         sf_normalizer_apply(&x, to + 2 * i, b);
-        add_pair(a, b, weights ? weights[i] : 1, A);
+        add_pair(a, b, w, sums);
     }
+    make_equations(sums, A);
     sf_least_eigenvector(9, A, G);
     restore(G, &X, &x, H);
     return 1;

@@ -69,6 +69,7 @@ sf_status sf_map_create(sf_context *ctx, const sf_map_input *input, const sf_map
 
 void sf_map_clear(sf_map *map, const sf_map_input *input) {
     memcpy(map->cameras, input->cameras, map->camera_count * sizeof *map->cameras);
+    for (size_t i = 0; i < map->camera_count; i++) map->cameras[i].radial = map->options.radial;
     for (size_t i = 0; i < map->picture_count; i++)
         map->pictures[i].is_placed = 0, map->pictures[i].tried_at = 0;
     memset(map->has_point, 0, map->tracks.count);

@@ -15,11 +15,12 @@ typedef struct sf_map_camera {
     int32_t width, height; /* px */
     sf_lens lens;          /* to begin with; then as estimated */
     int is_fixed;          /* the lens is known, and stays */
-    double focal_prior;    /* px: what is known of fx (0: nothing), */
-    double focal_sigma;    /* and how well, as a part of it */
-    int is_doubtful;       /* the prior is what files say: pictures may overrule it, which makes it 0 */
-    double focal_voted;    /* px: what pairs of pictures say of fx where the prior is doubtful (0: nothing) */
-    double focal_told;     /* px: what files say of fx (0: nothing) */
+    int radial; /* by the map: radial parameters that are estimated at most, of those of its options */
+    double focal_prior; /* px: what is known of fx (0: nothing), */
+    double focal_sigma; /* and how well, as a part of it */
+    int is_doubtful;    /* the prior is what files say: pictures may overrule it, which makes it 0 */
+    double focal_voted; /* px: what pairs of pictures say of fx where the prior is doubtful (0: nothing) */
+    double focal_told;  /* px: what files say of fx (0: nothing) */
 } sf_map_camera;
 
 typedef struct sf_map_picture {
@@ -39,7 +40,7 @@ typedef struct sf_map_options {
     double least_angle; /* rad: the widest angle at a point must be above */
     size_t least_seen;  /* points that a picture must see to be placed */
     size_t first_count; /* points that the first pair must have */
-    int radial;         /* 0..2: radial parameters that are estimated once there are views enough */
+    int radial;         /* 0..2: radial parameters of a lens that are estimated once there are views enough */
     uint64_t seed;
 } sf_map_options;
 
@@ -110,12 +111,16 @@ sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed);
 /* Adjusts all poses, points and lenses; rounds at most. The first placed picture stays. */
 sf_status sf_map_adjust(sf_map *map, int rounds, double enough);
 
+/* The same by each n-th track's point alone; the others stay. */
+sf_status sf_map_adjust_sample(sf_map *map, size_t each, int rounds, double enough);
+
 /* Adjusts the poses of a picture and of those `most` that share most points with it, and these points. */
 sf_status sf_map_adjust_around(sf_map *map, size_t picture, size_t most);
 
 /* 4. map_lens.c */
 
-/* Adjusts with as few radial parameters of the lenses as explain the pictures as well. SF_ERR_MEMORY. */
+/* Leaves to each lens as few radial parameters as explain its pictures as well: the others become 0. An
+ * adjustment of all is to follow. SF_ERR_MEMORY: the map is to be destroyed. */
 sf_status sf_map_choose_lens(sf_map *map);
 
 #endif

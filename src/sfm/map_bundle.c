@@ -46,26 +46,46 @@ static void gather_views(const sf_map *map, gathering *g) {
     }
 }
 
-/* The points that a view marked in `wanted` [views] sees (NULL: all), with all that sees them. */
-static void gather_points(const sf_map *map, gathering *g, const uint8_t *wanted) {
+/* A track's point, and what sees it; of views that stay, FIXED_MOST, evenly chosen: they hold it. */
+static void gather_point(const sf_map *map, gathering *g, size_t track, size_t fixed) {
+    enum { FIXED_MOST = 8 };
     sf_bundle *b = &g->bundle;
-    b->observations = g->observations;
-    for (size_t track = 0; track < map->tracks.count; track++) {
-        int is_wanted = !wanted;
-        size_t begin = map->tracks.first[track], end = map->tracks.first[track + 1];
-        if (!map->has_point[track]) continue;
-        for (size_t i = begin; i < end && !is_wanted; i++)
-            is_wanted = map->is_used[i] && wanted[g->view_of[map->tracks.sightings[i].picture]];
-        if (!is_wanted) continue;
-        for (size_t i = begin; i < end; i++) {
-            const sf_sighting *s = &map->tracks.sightings[i];
-            const double *pixel = map->pictures[s->picture].keypoints + 2 * (size_t)s->keypoint;
-            if (!map->is_used[i]) continue;
-            g->observations[b->observation_count++] = (sf_bundle_observation){
-                (uint32_t)g->view_of[s->picture], (uint32_t)b->point_count, pixel[0], pixel[1]};
+    size_t seen = 0;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+        const sf_sighting *s = &map->tracks.sightings[i];
+        const double *pixel = map->pictures[s->picture].keypoints + 2 * (size_t)s->keypoint;
+        size_t view = g->view_of[s->picture];
+        if (!map->is_used[i]) continue;
+        if (!b->views[view].is_free && fixed > FIXED_MOST) {
+            size_t before = seen++ * FIXED_MOST / fixed;
+            if (seen * FIXED_MOST / fixed == before) continue;
         }
-        memcpy(b->points[b->point_count].at, map->at[track], sizeof map->at[track]);
-        g->track_of[b->point_count++] = track;
+        g->observations[b->observation_count++] =
+            (sf_bundle_observation){(uint32_t)view, (uint32_t)b->point_count, pixel[0], pixel[1]};
+    }
+    memcpy(b->points[b->point_count].at, map->at[track], sizeof map->at[track]);
+    g->track_of[b->point_count++] = track;
+}
+
+/* The points of each n-th track. */
+static void gather_points(const sf_map *map, gathering *g, size_t each) {
+    g->bundle.observations = g->observations;
+    for (size_t track = 0; track < map->tracks.count; track += each)
+        if (map->has_point[track]) gather_point(map, g, track, 0);
+}
+
+/* The points that free views see. */
+static void gather_points_around(const sf_map *map, gathering *g) {
+    g->bundle.observations = g->observations;
+    for (size_t track = 0; track < map->tracks.count; track++) {
+        size_t free_count = 0, fixed = 0;
+        if (!map->has_point[track]) continue;
+        for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+            if (!map->is_used[i]) continue;
+            int is_free = g->bundle.views[g->view_of[map->tracks.sightings[i].picture]].is_free;
+            free_count += is_free != 0, fixed += is_free == 0;
+        }
+        if (free_count) gather_point(map, g, track, fixed);
     }
 }
 
@@ -83,7 +103,7 @@ static void free_lenses(const sf_map *map, gathering *g) {
         if (c->is_fixed || !views) continue;
         to->focal = map->placed_count >= FOCAL_LEAST;
         to->radial = (views >= FIRST_RADIAL_LEAST) + (views >= SECOND_RADIAL_LEAST);
-        if (to->radial > map->options.radial) to->radial = map->options.radial;
+        if (to->radial > c->radial) to->radial = c->radial;
         for (int k = 4; k < 6; k++) to->information[k] = 1 / (0.2 * 0.2); /* distortion is small */
         if (c->focal_prior > 0) {
             to->prior[0] = c->focal_prior;
@@ -101,12 +121,16 @@ static void accept(sf_map *map, const gathering *g) {
 }
 
 sf_status sf_map_adjust(sf_map *map, int rounds, double enough) {
+    return sf_map_adjust_sample(map, 1, rounds, enough);
+}
+
+sf_status sf_map_adjust_sample(sf_map *map, size_t each, int rounds, double enough) {
     gathering g = {.bundle = {.enough = enough}};
     sf_status status = make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         gather_views(map, &g);
         for (size_t v = 1; v < g.bundle.view_count; v++) g.bundle.views[v].is_free = 1;
-        gather_points(map, &g, NULL);
+        gather_points(map, &g, each);
         free_lenses(map, &g);
         status = sf_bundle_adjust(map->ctx, &g.bundle, rounds, &map->spread);
     }
@@ -140,18 +164,15 @@ sf_status sf_map_adjust_around(sf_map *map, size_t picture, size_t most) {
     enum { ROUNDS = 6 };
     gathering g = {.bundle = {.enough = 1e-3}};
     size_t *shared = sf_calloc(map->ctx, map->picture_count + 1, sizeof *shared);
-    uint8_t *wanted = sf_calloc(map->ctx, map->picture_count + 1, 1);
-    sf_status status = shared && wanted && make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
+    sf_status status = shared && make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         gather_views(map, &g);
         choose_free(map, &g, g.view_of[picture], most, shared);
-        for (size_t v = 0; v < g.bundle.view_count; v++) wanted[v] = (uint8_t)g.bundle.views[v].is_free;
-        gather_points(map, &g, wanted);
+        gather_points_around(map, &g);
         status = sf_bundle_adjust(map->ctx, &g.bundle, ROUNDS, &map->spread);
     }
     if (!status) accept(map, &g);
     free_gathering(map, &g);
     sf_free(map->ctx, shared);
-    sf_free(map->ctx, wanted);
     return status;
 }

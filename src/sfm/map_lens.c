@@ -16,7 +16,6 @@ typedef struct saved {
     sf_rigid *poses;
     double (*at)[3];
     double spread;
-    int radial;
 } saved;
 
 static int make_saved(const sf_map *map, saved *s) {
@@ -37,66 +36,134 @@ static void save(const sf_map *map, saved *s) {
     for (size_t i = 0; i < map->picture_count; i++) s->poses[i] = map->pictures[i].pose;
     memcpy(s->at, map->at, map->tracks.count * sizeof *s->at);
     s->spread = map->spread;
-    s->radial = map->options.radial;
 }
 
+/* All but the cameras. */
 static void restore(sf_map *map, const saved *s) {
-    memcpy(map->cameras, s->cameras, map->camera_count * sizeof *s->cameras);
     for (size_t i = 0; i < map->picture_count; i++) map->pictures[i].pose = s->poses[i];
     memcpy(map->at, s->at, map->tracks.count * sizeof *s->at);
     map->spread = s->spread;
-    map->options.radial = s->radial;
 }
 
-/* The median distance between points and where pictures see them, px. SF_ERR_MEMORY. */
-static sf_status median_distance(const sf_map *map, double *median) {
-    size_t sightings, n = 0;
-    (void)sf_map_count_points(map, &sightings);
-    double *distances = sf_alloc(map->ctx, sightings + 1, sizeof *distances);
-    if (!distances) return SF_ERR_MEMORY;
-    for (size_t track = 0; track < map->tracks.count; track++)
+/* Sightings of each n-th track's point. */
+static size_t count_sightings(const sf_map *map, size_t each) {
+    size_t count = 0;
+    for (size_t track = 0; track < map->tracks.count; track += each)
+        for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
+            count += map->has_point[track] && map->is_used[i];
+    return count;
+}
+
+/* The distances between points and where the pictures of a camera see them, px. Returns how many there are.
+ */
+static size_t measure_distances(const sf_map *map, size_t each, size_t camera, double *distances) {
+    size_t n = 0;
+    for (size_t track = 0; track < map->tracks.count; track += each)
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
             const sf_sighting *s = &map->tracks.sightings[i];
             const sf_map_picture *picture = &map->pictures[s->picture];
             double point[3], pixel[2];
-            if (!map->has_point[track] || !map->is_used[i] || !picture->is_placed || n == sightings) continue;
+            if (!map->has_point[track] || !map->is_used[i] || !picture->is_placed) continue;
+            if (picture->camera != camera) continue;
             sf_rigid_apply(&picture->pose, map->at[track], point);
-            if (!sf_lens_project(&map->cameras[picture->camera].lens, point, pixel, NULL, NULL)) continue;
+            if (!sf_lens_project(&map->cameras[camera].lens, point, pixel, NULL, NULL)) continue;
             const double *seen = picture->keypoints + 2 * (size_t)s->keypoint;
             distances[n++] = hypot(pixel[0] - seen[0], pixel[1] - seen[1]);
         }
-    *median = n ? sf_median(distances, n) : 0;
-    sf_free(map->ctx, distances);
-    return SF_OK;
+    return n;
 }
 
-/* With at most `radial` parameters, the others 0; far enough for the residuals to tell. */
-static sf_status adjust_with(sf_map *map, int radial) {
-    map->options.radial = radial;
-    for (size_t i = 0; i < map->camera_count; i++) {
-        sf_map_camera *c = &map->cameras[i];
-        if (c->is_fixed) continue;
-        if (radial < 2) c->lens.k2 = 0;
-        if (radial < 1) c->lens.k1 = 0;
+/* medians [cameras]: the median distance of each camera, px. SF_ERR_MEMORY. */
+static sf_status find_medians(const sf_map *map, size_t each, double *medians) {
+    double *distances = sf_alloc(map->ctx, count_sightings(map, each) + 1, sizeof *distances);
+    for (size_t i = 0; distances && i < map->camera_count; i++) {
+        size_t n = measure_distances(map, each, i, distances);
+        medians[i] = n ? sf_median(distances, n) : 0;
     }
-    return sf_map_adjust(map, 10, 1e-3);
+    sf_free(map->ctx, distances);
+    return distances ? SF_OK : SF_ERR_MEMORY;
+}
+
+static void set_radial(sf_map_camera *c, int radial) {
+    if (c->is_fixed) return;
+    c->radial = radial;
+    if (radial < 2) c->lens.k2 = 0;
+    if (radial < 1) c->lens.k1 = 0;
+}
+
+static int is_open(const sf_map *map, size_t camera) {
+    return !map->cameras[camera].is_fixed && map->cameras[camera].radial == map->options.radial;
+}
+
+/* What choosing works with. */
+typedef struct choice {
+    saved full;              /* before the trial */
+    size_t each;             /* the tracks that it takes */
+    double *medians, *trial; /* [cameras]: with all parameters, and in the trial */
+    uint8_t *is_tried;       /* [cameras]: has fewer in it */
+} choice;
+
+static int make_choice(const sf_map *map, choice *c) {
+    c->medians = sf_alloc(map->ctx, 2 * map->camera_count + 1, sizeof *c->medians);
+    c->is_tried = sf_alloc(map->ctx, map->camera_count + 1, sizeof *c->is_tried);
+    if (!make_saved(map, &c->full) || !c->medians || !c->is_tried) return 0;
+    c->trial = c->medians + map->camera_count;
+    return 1;
+}
+
+static void free_choice(const sf_map *map, choice *c) {
+    free_saved(map, &c->full);
+    sf_free(map->ctx, c->medians);
+    sf_free(map->ctx, c->is_tried);
+}
+
+static void use_radial(sf_map *map, const choice *c, int radial) {
+    memcpy(map->cameras, c->full.cameras, map->camera_count * sizeof *map->cameras);
+    for (size_t i = 0; i < map->camera_count; i++)
+        if (c->is_tried[i]) set_radial(&map->cameras[i], radial);
+}
+
+/* Ends the trial for lenses whose residuals have grown most: they may have bent the others'. Returns how many
+ * there are. */
+static size_t give_up(const sf_map *map, choice *c) {
+    double worst = 0;
+    size_t count = 0;
+    for (size_t i = 0; i < map->camera_count; i++) {
+        c->trial[i] = c->medians[i] > 0 ? c->trial[i] / c->medians[i] - 1 : 0;
+        if (c->is_tried[i]) worst = fmax(worst, c->trial[i]);
+    }
+    for (size_t i = 0; i < map->camera_count && worst > GAIN; i++) {
+        int is_bad = c->is_tried[i] && c->trial[i] > worst / 2;
+        count += is_bad != 0;
+        c->is_tried[i] = (uint8_t)(c->is_tried[i] && !is_bad);
+    }
+    return count;
+}
+
+/* Leaves to the open lenses `radial` parameters, where the residuals of their pictures stay as they are. */
+static sf_status try_radial(sf_map *map, choice *c, int radial) {
+    size_t given_up = 1, tried = 0;
+    sf_status status = SF_OK;
+    save(map, &c->full);
+    for (size_t i = 0; i < map->camera_count; i++) tried += c->is_tried[i] = (uint8_t)is_open(map, i);
+    for (; tried && given_up && !status; tried -= given_up) {
+        use_radial(map, c, radial);
+        status = sf_map_adjust_sample(map, c->each, 10, 1e-3);
+        if (!status) status = find_medians(map, c->each, c->trial);
+        given_up = status ? 0 : give_up(map, c);
+        restore(map, &c->full);
+    }
+    use_radial(map, c, radial);
+    return status;
 }
 
 sf_status sf_map_choose_lens(sf_map *map) {
-    saved full = {0};
-    double with = 0, without = 0;
-    sf_status status = make_saved(map, &full) ? SF_OK : SF_ERR_MEMORY;
-    if (!status) save(map, &full);
-    if (!status) status = median_distance(map, &with);
-    for (int radial = 0; radial < full.radial && !status; radial++) {
-        status = adjust_with(map, radial);
-        if (!status) status = median_distance(map, &without);
-        if (!status && without <= (1 + GAIN) * with) {
-            status = sf_map_adjust(map, 30, 1e-5);
-            break;
-        }
-        restore(map, &full);
-    }
-    free_saved(map, &full);
+    enum { ENOUGH = 30000 };
+    choice c = {.each = count_sightings(map, 1) / ENOUGH + 1};
+    sf_status status = make_choice(map, &c) ? SF_OK : SF_ERR_MEMORY;
+    if (!status) status = find_medians(map, c.each, c.medians);
+    for (int radial = 0; radial < map->options.radial && !status; radial++)
+        status = try_radial(map, &c, radial);
+    free_choice(map, &c);
     return status;
 }

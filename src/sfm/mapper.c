@@ -141,7 +141,8 @@ static sf_status add_picture(mapper *m, size_t picture, int *is_placed) {
     return adjust_all(m, 6, 2e-3);
 }
 
-/* Until no picture can be placed any more, even after all were adjusted. */
+/* Until no picture can be placed any more, even after all were adjusted; where none is left, finish adjusts.
+ */
 static sf_status grow(mapper *m) {
     sf_map *map = m->map;
     for (;;) {
@@ -150,7 +151,7 @@ static sf_status grow(mapper *m) {
         sf_status status;
         if (picture != SIZE_MAX)
             status = add_picture(m, picture, &is_placed);
-        else if (m->adjusted_at != map->placed_count)
+        else if (m->adjusted_at != map->placed_count && map->placed_count < map->picture_count)
             status = adjust_all(m, 10, 1e-4);
         else
             return SF_OK;
@@ -159,15 +160,18 @@ static sf_status grow(mapper *m) {
 }
 
 static sf_status finish(mapper *m) {
+    static const double enough[FINAL_ROUNDS] = {1e-3, 1e-4, 1e-5}; /* outliers first */
     sf_map *map = m->map;
     for (int round = 0; round < FINAL_ROUNDS; round++) {
         size_t dropped;
-        sf_status status = sf_map_adjust(map, 20, pow(10, -3 - round)); /* outliers first */
+        sf_status status = SF_OK;
+        if (round + 1 == FINAL_ROUNDS) status = sf_map_choose_lens(map);
+        if (!status) status = sf_map_adjust(map, 30, enough[round]);
         if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
         if (status) return status;
         if (round + 1 < FINAL_ROUNDS) sf_map_make_points(map, SIZE_MAX);
     }
-    return sf_map_choose_lens(map);
+    return SF_OK;
 }
 
 static sf_status run_once(sf_context *ctx, mapper *m, const sf_map_options *options) {

@@ -10,6 +10,11 @@
 /* Doubles of scratch a match: rays of both pictures, the search's, flags. */
 enum { RAYS = 4, FLAGS = 1, SCRATCH = RAYS + SF_TWO_VIEW_SCRATCH + FLAGS };
 
+/* Pairs of a camera's pictures that are asked for its focal length; and the share of them whose matches an
+ * essential matrix of it must explain, for the others to be searched for that alone. */
+enum { VOTERS_MOST = 800 };
+#define TRUSTED 0.9
+
 /* The search for a focal length: from and to, in longer sides of the picture; what is likely. */
 #define FOCAL_LEAST 0.3
 #define FOCAL_MOST  6
@@ -24,7 +29,9 @@ typedef struct verifier {
     sf_matched_pair *pairs;
     size_t pair_count, most; /* matches of a pair */
     double *scratch;         /* [threads][SCRATCH most] */
-    int with_lenses;         /* the stage: lenses are known */
+    uint8_t *is_later;       /* [pairs]: not asked for the focal length, and looked at when it is known */
+    int with_lenses;         /* the stage: lenses are known, */
+    int later, trusts;       /* for which pairs; those later ones are searched with lenses alone */
 } verifier;
 
 sf_verify_options sf_verify_options_default(void) {
@@ -73,7 +80,8 @@ static void verify_task(void *pointer, size_t task, int thread) {
     double *a = v->scratch + (size_t)thread * SCRATCH * v->most, *b = a + 2 * v->most,
            *rest = b + 2 * v->most;
     uint8_t *inliers = (uint8_t *)(rest + SF_TWO_VIEW_SCRATCH * v->most);
-    int was_known = are_known(v, p);
+    if (v->is_later[task] != v->later) return;
+    int was_known = are_known(v, p) || (v->later && v->trusts);
     if (!v->with_lenses && was_known) return; /* in the second stage */
     if (!p->count || (v->with_lenses && !was_known && p->geometry.kind == SF_PAIR_NONE)) return;
     make_rays(v, p, 0, v->with_lenses, a);
@@ -162,12 +170,50 @@ static void vote(const verifier *v, size_t camera, sf_focal_pair *pairs) {
     c->lens.fx *= factor, c->lens.fy *= factor;
 }
 
-static void verify(verifier *v, sf_focal_pair *votes) {
+/* Of a camera with many pairs some are asked for its focal length, evenly chosen. counts [cameras][2] */
+static size_t choose_later(const verifier *v, size_t (*counts)[2]) {
+    size_t later = 0;
+    for (size_t i = 0; i < 2 * v->pair_count; i++) { /* first they are counted */
+        const sf_matched_pair *p = &v->pairs[i % v->pair_count];
+        uint32_t camera = v->pictures[p->first].camera;
+        if (!p->count || are_known(v, p) || v->pictures[p->second].camera != camera) continue;
+        size_t all = counts[camera][0];
+        if (i < v->pair_count) {
+            counts[camera][0]++;
+        } else if (all > VOTERS_MOST) {
+            size_t before = counts[camera][1]++ * VOTERS_MOST / all;
+            later += v->is_later[i - v->pair_count] = counts[camera][1] * VOTERS_MOST / all == before;
+        }
+    }
+    return later;
+}
+
+/* Whether the lenses explain nearly all pairs that fundamental matrices explain. */
+static int are_trusted(const verifier *v) {
+    size_t all = 0, explained = 0;
+    for (size_t i = 0; i < v->pair_count; i++) {
+        if (v->is_later[i] || !v->pairs[i].count) continue;
+        all++;
+        explained += v->pairs[i].geometry.has_pose != 0;
+    }
+    return (double)explained >= TRUSTED * (double)all;
+}
+
+static void run_stage(verifier *v, int with_lenses, int later) {
+    v->with_lenses = with_lenses, v->later = later;
     sf_pool_run(v->ctx->pool, v->pair_count, verify_task, v);
+}
+
+static void verify(verifier *v, sf_focal_pair *votes, size_t (*counts)[2]) {
+    size_t later = choose_later(v, counts);
+    run_stage(v, 0, 0);
     for (size_t i = 0; i < v->camera_count; i++)
         if (!is_known(&v->cameras[i])) vote(v, i, votes);
-    v->with_lenses = 1;
-    sf_pool_run(v->ctx->pool, v->pair_count, verify_task, v);
+    run_stage(v, 1, 0);
+    if (!later) return;
+    v->trusts = are_trusted(v);
+    if (!v->trusts) run_stage(v, 0, 1);
+    run_stage(v, 1, 1);
 }
 
 sf_status sf_verify_pairs(sf_context *ctx, const sf_verify_options *options, const sf_map_picture *pictures,
@@ -184,11 +230,15 @@ sf_status sf_verify_pairs(sf_context *ctx, const sf_verify_options *options, con
         if (pairs[i].count > v.most) v.most = pairs[i].count;
     size_t threads = (size_t)sf_pool_threads(ctx->pool);
     sf_focal_pair *votes = sf_alloc(ctx, pair_count + 1, sizeof *votes);
+    size_t(*counts)[2] = sf_calloc(ctx, camera_count + 1, sizeof *counts);
     v.scratch = sf_alloc(ctx, threads * SCRATCH * v.most + 1, sizeof *v.scratch);
-    int ready = votes && v.scratch;
+    v.is_later = sf_calloc(ctx, pair_count + 1, sizeof *v.is_later);
+    int ready = votes && counts && v.scratch && v.is_later;
     for (size_t i = 0; ready && i < pair_count; i++) memset(&pairs[i].geometry, 0, sizeof pairs[i].geometry);
-    if (ready) verify(&v, votes);
+    if (ready) verify(&v, votes, counts);
     sf_free(ctx, votes);
+    sf_free(ctx, counts);
+    sf_free(ctx, v.is_later);
     sf_free(ctx, v.scratch);
     return ready ? SF_OK : SF_ERR_MEMORY;
 }

@@ -41,11 +41,12 @@ static void place_view(sfm_scene *s, size_t view, sf_rng *rng) {
     sfm_look_at(center, target, &s->truth[view]);
 }
 
-static void make_lenses(sfm_scene *s) {
+static void make_lenses(sfm_scene *s, int plain) {
     for (size_t i = 0; i < s->cameras; i++) {
         double f = WIDTH * (0.9 + 0.35 * (double)i);
         s->lenses[i] =
             (sf_lens){.fx = f, .fy = f, .cx = WIDTH / 2.0, .cy = HEIGHT / 2.0, .k1 = -0.06, .k2 = 0.01};
+        if (plain) s->lenses[i].k1 = i ? 0 : -0.12, s->lenses[i].k2 = 0;
         s->known[i] = (sf_map_camera){
             .width = WIDTH,
             .height = HEIGHT,
@@ -110,7 +111,7 @@ void sfm_scene_make(sf_context *ctx, const sfm_scene_options *o, sfm_scene *s) {
     s->point_of = clear(s->views, sizeof *s->point_of);
     s->pairs = clear(s->views * o->reach, sizeof *s->pairs);
     make_points(s, &rng);
-    make_lenses(s);
+    make_lenses(s, o->plain);
     for (size_t v = 0; v < s->views; v++) {
         place_view(s, v, &rng);
         s->pictures[v].camera = (uint32_t)(v % s->cameras);

@@ -14,6 +14,7 @@ typedef struct sfm_scene_options {
     size_t reach;                  /* neighbours of a view that it is matched with, on either side */
     uint64_t seed;
     sfm_layout layout;
+    int plain; /* 1: the first camera's lens is distorted twice as much, and the others' are not */
 } sfm_scene_options;
 
 typedef struct sfm_scene {

@@ -46,7 +46,7 @@ static void test_videos(void **state) {
     mkdir(test_path("films"), 0777);
     make_file("films/walk.MP4");
     const char *parts[] = {"walk.MP4: no project: a video", "splatfit cameras '", "walk.MP4' -o '",
-                           "films/walk.project'", NULL};
+                           "films/walk.MP4.project'", NULL};
     assert_says(SF_ERR_FORMAT, "films/walk.MP4", parts);
     assert_says(SF_ERR_IO, "films", parts + 1);
 }
@@ -86,8 +86,9 @@ static void test_quotes_in_names(void **state) {
     assert_says(SF_ERR_IO, "bob's",
                 (const char *[]){"splatfit cameras '", "bob'\\''s' -o '", "bob'\\''s.project'", NULL});
     make_file("bob's first.walk.mp4");
-    assert_says(SF_ERR_FORMAT, "bob's first.walk.mp4",
-                (const char *[]){"bob'\\''s first.walk.mp4' -o '", "bob'\\''s first.walk.project'", NULL});
+    assert_says(
+        SF_ERR_FORMAT, "bob's first.walk.mp4",
+        (const char *[]){"bob'\\''s first.walk.mp4' -o '", "bob'\\''s first.walk.mp4.project'", NULL});
 }
 
 /* What is not installed is installed first. */

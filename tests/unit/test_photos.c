@@ -21,6 +21,8 @@ static int set_up(void **state) {
     make_folder("photos");
     make_folder("one");
     make_folder("empty");
+    make_folder("unread");
+    make_folder("white");
     for (size_t i = 0; i < PHOTOS; i++) {
         sf_view_info view = test_view_info(scene, i);
         assert_ok(ctx, sf_scene_get_pixels(scene, view.id, rgb, NULL));
@@ -29,6 +31,10 @@ static int set_up(void **state) {
     }
     write_text("photos/broken.jpg", "no picture");
     write_text("one/a.jpg", "no picture");
+    write_text("unread/a.jpg", "no picture");
+    write_text("unread/b.jpg", "no picture");
+    for (size_t i = 0; i < COUNT(rgb); i++) rgb[i] = 1;
+    assert_ok(ctx, sf_write_png(ctx, work("white/0.png"), WIDTH, HEIGHT, rgb));
     write_text("film.mp4", "no film");
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
@@ -55,12 +61,37 @@ static void test_project(void **state) {
     SAYS(o, "pairs matched: ");
     assert_null(strstr(o.out, "0 of 0"));
     free_outcome(&o);
+}
+
+/* Another project's folders are told of before photos are read. */
+static void test_other_project(void **state) {
+    (void)state;
     make_folder("other");
     make_folder("other/images");
-    o = run("cameras", "photos", "-o", "other");
+    outcome o = run("cameras", "unread", "-o", "other");
     assert_int_equal(o.code, FAILED);
     WARNS(o, "other/images: is there, and is another folder");
     free_outcome(&o);
+    make_folder("masked");
+    make_folder("masked/masks");
+    o = run("cameras", "unread", "-o", "masked", "--masks", "white");
+    WARNS(o, "masked/masks: is there, and is another folder");
+    free_outcome(&o);
+    o = run("cameras", "unread", "-o", "film.mp4");
+    WARNS(o, "film.mp4: Not a directory");
+    free_outcome(&o);
+}
+
+/* A run without masks leaves none to a fit. */
+static void test_masks(void **state) {
+    (void)state;
+    outcome o = run_ok("cameras", "photos", "-o", "m", "--masks", "white");
+    free_outcome(&o);
+    assert_int_equal(access(work("m/masks/0.png"), F_OK), 0);
+    o = run_ok("cameras", "photos", "-o", "m", "--no-masks");
+    free_outcome(&o);
+    assert_int_not_equal(access(work("m/masks"), F_OK), 0);
+    assert_int_equal(access(work("white/0.png"), F_OK), 0);
 }
 
 /* The cameras are found once. */
@@ -106,9 +137,8 @@ static void test_bad_input(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_project),
-        cmocka_unit_test(test_fit),
-        cmocka_unit_test(test_bad_input),
+        cmocka_unit_test(test_project), cmocka_unit_test(test_other_project), cmocka_unit_test(test_masks),
+        cmocka_unit_test(test_fit),     cmocka_unit_test(test_bad_input),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }

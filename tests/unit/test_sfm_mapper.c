@@ -67,17 +67,37 @@ static void make_map(const sfm_scene_options *o, double most_rotation, double mo
 
 static void a_ring_is_mapped(void **state) {
     (void)state;
-    make_map(&(sfm_scene_options){24, 2000, 1, 0.5, 0.2, 4, 1, SFM_GENERAL}, 0.1, 0.003);
+    make_map(&(sfm_scene_options){24, 2000, 1, 0.5, 0.2, 4, 1, SFM_GENERAL, 0}, 0.1, 0.003);
 }
 
 static void cameras_may_be_mixed(void **state) {
     (void)state;
-    make_map(&(sfm_scene_options){24, 2000, 2, 0.5, 0.1, 4, 2, SFM_GENERAL}, 0.15, 0.004);
+    make_map(&(sfm_scene_options){24, 2000, 2, 0.5, 0.1, 4, 2, SFM_GENERAL, 0}, 0.15, 0.004);
+}
+
+/* Each lens has the radial parameters that its own pictures ask for. */
+static void lenses_may_be_mixed(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_map_options options = sf_map_options_default();
+    sfm_scene s;
+    sf_map *map;
+    sfm_scene_make(ctx, &(sfm_scene_options){24, 2000, 2, 0.5, 0.1, 4, 2, SFM_GENERAL, .plain = 1}, &s);
+    sfm_scene_verify(&s);
+    const sf_map_input input = sfm_scene_input(&s);
+    assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+    for (int c = 0; c < 2; c++)
+        print_message("camera %d: k1 %.4f, k2 %.4f\n", c, map->cameras[c].lens.k1, map->cameras[c].lens.k2);
+    assert_true(fabs(map->cameras[0].lens.k1 + 0.12) < 0.02);
+    assert_true(map->cameras[1].lens.k1 == 0 && map->cameras[1].lens.k2 == 0);
+    sf_map_destroy(&map);
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
 }
 
 static void threads_do_not_matter(void **state) {
     (void)state;
-    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL};
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL, 0};
     const sf_map_options options = sf_map_options_default();
     sf_map *maps[2];
     sf_context *ctx[2];
@@ -117,7 +137,7 @@ static int stop_at_four(void *user, size_t placed, size_t pictures) {
 /* Cancelled; no pairs; pairs without a pose; a picture that is left out, and one that nothing matches. */
 static void maps_that_end_early(void **state) {
     (void)state;
-    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL};
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL, 0};
     const sf_map_options options = sf_map_options_default();
     sf_context *ctx = test_context();
     sf_map *map;
@@ -147,7 +167,7 @@ static void maps_that_end_early(void **state) {
 /* A wall, through a lens whose focal length is told (a wall does not tell it). */
 static void a_wall_is_mapped(void **state) {
     (void)state;
-    const sfm_scene_options o = {12, 800, 1, 0.5, 0.1, 4, 5, SFM_PLANE};
+    const sfm_scene_options o = {12, 800, 1, 0.5, 0.1, 4, 5, SFM_PLANE, 0};
     const sf_map_options options = sf_map_options_default();
     sf_context *ctx = test_context();
     sf_map *map;
@@ -172,7 +192,7 @@ static void a_wall_is_mapped(void **state) {
 /* A camera that only turned. */
 static void a_turning_camera_is_refused(void **state) {
     (void)state;
-    const sfm_scene_options o = {16, 4000, 1, 0.5, 0.1, 1, 6, SFM_ROTATION};
+    const sfm_scene_options o = {16, 4000, 1, 0.5, 0.1, 1, 6, SFM_ROTATION, 0};
     const sf_map_options options = sf_map_options_default();
     sf_context *ctx = test_context();
     sf_map *map;
@@ -198,7 +218,7 @@ static void a_turning_camera_is_refused(void **state) {
  * the larger map is the result, whichever is found first. */
 static void the_largest_place_is_mapped(void **state) {
     (void)state;
-    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL};
+    const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL, 0};
     const sf_map_options options = sf_map_options_default();
     sf_context *ctx = test_context();
     sfm_scene s;
@@ -230,7 +250,7 @@ static void the_largest_place_is_mapped(void **state) {
 /* Without any one of its blocks of memory a map is refused, and nothing is left behind. */
 static void maps_without_memory(void **state) {
     (void)state;
-    const sfm_scene_options o = {4, 600, 1, 0.5, 0, 1, 3, SFM_GENERAL};
+    const sfm_scene_options o = {4, 600, 1, 0.5, 0, 1, 3, SFM_GENERAL, 0};
     const sf_map_options options = {.error_px = 4, .least_angle = 0.02, .least_seen = 10, .first_count = 20};
     sfm_scene s;
     long refused = 0;
@@ -261,10 +281,15 @@ static void maps_without_memory(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tracks_are_joined),           cmocka_unit_test(a_ring_is_mapped),
-        cmocka_unit_test(cameras_may_be_mixed),        cmocka_unit_test(threads_do_not_matter),
-        cmocka_unit_test(maps_that_end_early),         cmocka_unit_test(a_wall_is_mapped),
-        cmocka_unit_test(a_turning_camera_is_refused), cmocka_unit_test(the_largest_place_is_mapped),
+        cmocka_unit_test(tracks_are_joined),
+        cmocka_unit_test(a_ring_is_mapped),
+        cmocka_unit_test(cameras_may_be_mixed),
+        cmocka_unit_test(lenses_may_be_mixed),
+        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(maps_that_end_early),
+        cmocka_unit_test(a_wall_is_mapped),
+        cmocka_unit_test(a_turning_camera_is_refused),
+        cmocka_unit_test(the_largest_place_is_mapped),
         cmocka_unit_test(maps_without_memory),
     };
     return cmocka_run_group_tests_name("sfm_mapper", tests, NULL, NULL);
