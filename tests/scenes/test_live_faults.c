@@ -31,6 +31,7 @@ typedef struct fault_case {
     const char *said;     /* part of a line of the log; NULL: nothing need be */
     int lost;             /* the pose is */
     double found_within;  /* s after the fault */
+    int pictures;         /* there is neither a board nor a lens: all is from pictures alone */
 } fault_case;
 
 /* Those on unknown ground are found again when the camera comes back to what the model knows. */
@@ -69,7 +70,21 @@ static const fault_case
                0.5},
     jumped = {"jump", "&jump=17", 17, 17.1, 38, NULL, 1, 18},
     crossed = {"moving object in a tenth of the frames", "&mover=10:12.4", 10, 12.4, 24, NULL, 0, 0.5},
-    unplugged = {"unplugged", "&unplug=10:15", 10, 15, 24, "no frame for 2 s: is the camera there?", 0, 0.5};
+    unplugged = {"unplugged", "&unplug=10:15", 10, 15, 24, "no frame for 2 s: is the camera there?", 0, 0.5},
+    covered_alone = {"covered lens, without a board",
+                     "&black=26:26.6",
+                     26,
+                     26.6,
+                     34,
+                     "nothing is to be seen: is the lens covered?",
+                     1,
+                     1,
+                     1},
+    blurred_alone =
+        {"3 s of blur, without a board", "&smear=26:29", 26, 29, 38, "the pictures are blurred", 0, 0.5, 1},
+    crossed_alone = {"moving object, without a board", "&mover=26:28.4", 26, 28.4, 36, NULL, 0, 0.5, 1};
+
+enum { PAIRS = 600 };
 
 typedef struct stream {
     sf_context *ctx, *source_ctx;
@@ -79,16 +94,20 @@ typedef struct stream {
     sf_renderer *renderer;
     sf_live_frame frame;
     int ended;
+    sf_camera found[PAIRS], truth[PAIRS]; /* before the fault */
+    size_t pairs;
+    sf_similarity to_truth;
 } stream;
 
-static stream open_stream(const char *option, double seconds) {
+static stream open_stream(const char *option, double seconds, int pictures) {
     stream s = {.ctx = test_context_threads(0), .source_ctx = test_context_threads(1)};
     char name[128];
     snprintf(name, sizeof name, SOURCE "%s", option);
     sf_live_options o = sf_live_options_default();
     assert_ok(s.source_ctx, sf_source_open(s.source_ctx, name, &s.source));
     assert_ok(s.ctx, sf_board_open(s.ctx, "a3-36h11", TAG_M, &s.board));
-    o.board = s.board;
+    o.board = pictures ? NULL : s.board;
+    o.find_lens = pictures;
     o.steps_per_frame = STEPS_PER_FRAME;
     o.hold_out = 4;
     o.fit.steps = (int64_t)(seconds * FRAMES_A_SECOND * STEPS_PER_FRAME);
@@ -119,10 +138,18 @@ static void play(stream *s) {
     }
 }
 
-/* How far the pose is off, degrees. */
-static double wrong_by(const sf_live_frame *f) {
+/* Before the fault: poses in the map, and true ones. */
+static void note_pair(stream *s) {
+    if (s->frame.from == SF_POSE_NONE || s->pairs == PAIRS) return;
+    s->found[s->pairs] = s->frame.camera, s->truth[s->pairs++] = s->frame.truth;
+}
+
+/* How far the pose is off, degrees: of a map from pictures, in the world that the poses before tell. */
+static double wrong_by(const stream *s, int pictures) {
+    sf_camera c = s->frame.camera;
     double trace = 0;
-    for (int k = 0; k < 9; k++) trace += f->truth.R_cw[k] * f->camera.R_cw[k];
+    if (pictures) sf_camera_transform(&c, &s->to_truth);
+    for (int k = 0; k < 9; k++) trace += s->frame.truth.R_cw[k] * c.R_cw[k];
     return acos(fmin(fmax((trace - 1) / 2, -1), 1)) * DEGREES;
 }
 
@@ -188,7 +215,7 @@ static int look(const stream *s, const kept *k, figure *f) {
 static void recovers(void **state) {
     const fault_case *c = *state;
     if (getenv("SPLATFIT_QUICK") && c != &covered) test_skip("SPLATFIT_QUICK is set");
-    stream s = open_stream(c->option, c->end);
+    stream s = open_stream(c->option, c->end, c->pictures);
     sf_live_progress p;
     figure before = {.next = c->from - BEFORE}, after = {.next = c->from};
     double found = NAN, least = INFINITY, worst = 0, mean;
@@ -196,7 +223,11 @@ static void recovers(void **state) {
     while (now(&s) < c->from - BEFORE && !s.ended) play(&s);
     kept k = keep(&s);
     assert_true(k.count >= 2);
-    for (; now(&s) < c->from && !s.ended; play(&s)) (void)look(&s, &k, &before);
+    for (; now(&s) < c->from && !s.ended; play(&s)) {
+        note_pair(&s);
+        (void)look(&s, &k, &before);
+    }
+    assert_int_equal(sf_similarity_between(s.found, s.truth, s.pairs, &s.to_truth), 1);
     double known = mean_of(&before);
     assert_true(isfinite(known));
     sf_live_get_progress(s.live, &p);
@@ -211,7 +242,7 @@ static void recovers(void **state) {
         sf_live_get_progress(s.live, &p);
         if (p.state != SF_LIVE_TRACKING || s.frame.from == SF_POSE_NONE) continue;
         if (isnan(found)) found = now(&s) - c->to;
-        if (now(&s) < c->to + found + FOUND_FOR) worst = fmax(worst, wrong_by(&s.frame));
+        if (now(&s) < c->to + found + FOUND_FOR) worst = fmax(worst, wrong_by(&s, c->pictures));
     }
     print_message("%s: %zu held out before: %.2f dB, %.2f at the least since, %.2f in the end; %zu keyframes "
                   "meanwhile; lost %llu times, found %.1f s after, poses then off by %.2f degrees at most\n",
@@ -230,7 +261,9 @@ static void recovers(void **state) {
     { #c, recovers, NULL, NULL, (void *)&c }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {CASE(jumped),    CASE(covered),      CASE(blurred),     CASE(crossed),
-                                       CASE(unplugged), CASE(covered_away), CASE(covered_long)};
+    const struct CMUnitTest tests[] = {CASE(jumped),       CASE(covered),       CASE(blurred),
+                                       CASE(crossed),      CASE(unplugged),     CASE(covered_away),
+                                       CASE(covered_long), CASE(covered_alone), CASE(blurred_alone),
+                                       CASE(crossed_alone)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
