@@ -184,7 +184,8 @@ sf_status sf_sim_project_name(sf_context *ctx, const char *name, char **project)
     static const char before[] = "?frames=120&fps=0&exact=1", after[] = "&clean=1";
     size_t size = strlen(name) + sizeof before + sizeof after, length = strcspn(name, "?");
     if (!(*project = sf_alloc(ctx, size, 1))) return SF_ERR_MEMORY;
-    if (which_scene(name) != STUDIO)
+    scene which = which_scene(name);
+    if (which == WITH_BOARD || which == CORRIDOR)
         snprintf(*project, size, "%.*s%s%s%s%s", (int)length, name, before, name[length] ? "&" : "",
                  name + length + (name[length] != 0), after);
     else

@@ -150,7 +150,7 @@ static void test_wrong_usage(void **state) {
         {"--downscale: more than a side", {SCENE, "-o", "x", "--downscale", "25", NULL}},
         {"--wait: \"0\"", {SCENE, "-o", "x", "--wait", "0", NULL}},
         {"--bogus: unknown option", {SCENE, "-o", "x", "--bogus", NULL}},
-        {"nowhere: unknown source; known:", {"nowhere", "-o", "x", NULL}},
+        {"nowhere: unknown source, and no video or folder; known:", {"nowhere", "-o", "x", NULL}},
         {"unknown option \"speed\"", {"sim:studio?speed=2", "-o", "x", NULL}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
