@@ -157,11 +157,21 @@ static sf_status try_radial(sf_map *map, choice *c, int radial) {
     return status;
 }
 
+/* The residuals with all parameters, by the sightings of the trials: fewer sightings are explained better. */
+static sf_status measure_full(sf_map *map, choice *c) {
+    save(map, &c->full);
+    sf_status status = c->each > 1 ? sf_map_adjust_sample(map, c->each, 10, 1e-3) : SF_OK;
+    if (!status) status = find_medians(map, c->each, c->medians);
+    memcpy(map->cameras, c->full.cameras, map->camera_count * sizeof *map->cameras);
+    restore(map, &c->full);
+    return status;
+}
+
 sf_status sf_map_choose_lens(sf_map *map) {
     enum { ENOUGH = 30000 };
     choice c = {.each = count_sightings(map, 1) / ENOUGH + 1};
     sf_status status = make_choice(map, &c) ? SF_OK : SF_ERR_MEMORY;
-    if (!status) status = find_medians(map, c.each, c.medians);
+    if (!status) status = measure_full(map, &c);
     for (int radial = 0; radial < map->options.radial && !status; radial++)
         status = try_radial(map, &c, radial);
     free_choice(map, &c);

@@ -138,8 +138,8 @@ static size_t keep_matches(const workspace *w, const sf_match_options *options, 
 /* ---- pairs ----------------------------------------------------------------------------------------------
  */
 
-static sf_status open_workspace(sf_context *ctx, workspace *w) {
-    size_t n = w->a->count, m = w->b->count;
+/* For photos of n and m features at most. */
+static sf_status open_workspace(sf_context *ctx, size_t n, size_t m, workspace *w) {
     int failed = 0;
     w->of_a = sf_alloc(ctx, n, sizeof *w->of_a);
     w->of_b = sf_alloc(ctx, m, sizeof *w->of_b);
@@ -162,23 +162,27 @@ static void close_workspace(sf_context *ctx, workspace *w) {
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ctx, blocks[i]);
 }
 
+static sf_status match_within(sf_context *ctx, workspace *w, const sf_match_options *options,
+                              sf_matches *matches) {
+    measure(w->a, w->length_a, w->of_a);
+    measure(w->b, w->length_b, w->of_b);
+    match_blocks(ctx->kernels, w);
+    size_t count = keep_matches(w, options, w->kept);
+    if (!count) return SF_OK;
+    matches->items = sf_alloc(ctx, count, sizeof *matches->items);
+    if (!matches->items) return SF_ERR_MEMORY;
+    memcpy(matches->items, w->kept, count * sizeof *w->kept);
+    matches->count = count;
+    return SF_OK;
+}
+
 sf_status sf_match_pair(sf_context *ctx, const sf_features *a, const sf_features *b,
                         const sf_match_options *options, sf_matches *matches) {
     workspace w = {.a = a, .b = b};
     *matches = (sf_matches){0};
     if (!a->count || !b->count) return SF_OK;
-    sf_status status = open_workspace(ctx, &w);
-    if (!status) {
-        measure(a, w.length_a, w.of_a);
-        measure(b, w.length_b, w.of_b);
-        match_blocks(ctx->kernels, &w);
-        size_t count = keep_matches(&w, options, w.kept);
-        matches->items = count ? sf_alloc(ctx, count, sizeof *matches->items) : NULL;
-        if (matches->items)
-            memcpy(matches->items, w.kept, count * sizeof *w.kept), matches->count = count;
-        else if (count)
-            status = SF_ERR_MEMORY;
-    }
+    sf_status status = open_workspace(ctx, a->count, b->count, &w);
+    if (!status) status = match_within(ctx, &w, options, matches);
     close_workspace(ctx, &w);
     return status;
 }
@@ -190,27 +194,45 @@ typedef struct batch {
     const sf_match_options *options;
     sf_matches *matches;
     sf_status *statuses;
+    workspace *workspaces; /* [threads]: a new one for each pair would cost as many page faults again */
 } batch;
 
 static void match_one(void *batch_pointer, size_t task, int thread) {
-    (void)thread;
     const batch *b = batch_pointer;
-    const sf_photo_pair *pair = &b->pairs[task];
-    b->statuses[task] = sf_match_pair(b->ctx, &b->photos[pair->first], &b->photos[pair->second], b->options,
-                                      &b->matches[task]);
+    workspace *w = &b->workspaces[thread];
+    w->a = &b->photos[b->pairs[task].first], w->b = &b->photos[b->pairs[task].second];
+    if (w->a->count && w->b->count)
+        b->statuses[task] = match_within(b->ctx, w, b->options, &b->matches[task]);
+}
+
+static sf_status open_workspaces(batch *b, size_t pairs, size_t threads) {
+    size_t most = 0;
+    for (size_t i = 0; i < pairs; i++) {
+        size_t n = b->photos[b->pairs[i].first].count, m = b->photos[b->pairs[i].second].count;
+        if (n > most) most = n;
+        if (m > most) most = m;
+    }
+    b->workspaces = sf_calloc(b->ctx, threads, sizeof *b->workspaces);
+    sf_status status = b->workspaces ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; i < threads && most && !status; i++)
+        status = open_workspace(b->ctx, most, most, &b->workspaces[i]);
+    return status;
 }
 
 sf_status sf_match_all(sf_context *ctx, const sf_features *photos, const sf_photo_pair *pairs, size_t count,
                        const sf_match_options *options, sf_matches *matches) {
-    batch b = {ctx, photos, pairs, options, matches, NULL};
-    sf_status status = SF_OK;
+    batch b = {ctx, photos, pairs, options, matches, NULL, NULL};
+    size_t threads = (size_t)sf_pool_threads(ctx->pool);
     for (size_t i = 0; i < count; i++) matches[i] = (sf_matches){0};
     if (!count) return SF_OK;
     b.statuses = sf_calloc(ctx, count, sizeof *b.statuses);
     if (!b.statuses) return SF_ERR_MEMORY;
-    sf_pool_run(ctx->pool, count, match_one, &b);
+    sf_status status = open_workspaces(&b, count, threads);
+    if (!status) sf_pool_run(ctx->pool, count, match_one, &b);
+    for (size_t i = 0; b.workspaces && i < threads; i++) close_workspace(ctx, &b.workspaces[i]);
     for (size_t i = 0; i < count && !status; i++) status = b.statuses[i];
     for (size_t i = 0; i < count && status; i++) sf_matches_free(ctx, &matches[i]);
+    sf_free(ctx, b.workspaces);
     sf_free(ctx, b.statuses);
     return status;
 }
