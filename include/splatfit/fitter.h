@@ -117,13 +117,13 @@ typedef enum sf_moment_format {
     FLAG(exposure, 0, "learn a gain and a bias per channel of each training picture")                        \
     FLAG(refine_poses, 0, "correct the poses of the training views")                                         \
     FLAG(refine_intrinsics, 0, "correct the focal lengths, which the views of a camera share")               \
-    REAL(refine_start, 0.2, 0, 1, "of the run", "poses are corrected from here on")                          \
+    REAL(refine_start, 0.1, 0, 1, "of the run", "poses are corrected from here on")                          \
     FLAG(fix_gauge, 0,                                                                                       \
          "with refine_poses: fix the gauge by two poses, far apart, in place of the mean of all poses")      \
     REAL(lr_gain, 0.04, 0, 1, "",                                                                            \
          "learning rate of the exposures' gains (of their logarithms) at the start")                         \
     REAL(lr_bias, 0.004, 0, 1, "", "learning rate of the exposures' biases at the start")                    \
-    REAL(lr_pose, 0.004, 0, 1, "rad",                                                                        \
+    REAL(lr_pose, 0.003, 0, 1, "rad",                                                                        \
          "longest step of poses at the start: rotations, and translations in units of the views' depths")    \
     REAL(lr_focal, 0.003, 0, 1, "", "learning rate of focal lengths (of their logarithms) at the start")     \
     REAL(lr_exposure_final, 0.02, 1e-9, 1, "",                                                               \
