@@ -4,6 +4,7 @@
 #include "fitter.h"
 #include "moving_average.h"
 #include "options.h"
+#include "refine.h"
 #include "select_merge.h"
 
 sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options) {
@@ -15,6 +16,10 @@ int sf_online_has_view(const sf_fitter *f, uint32_t id) { return sf_view_state_o
 sf_status sf_online_set_camera(sf_fitter *f, uint32_t id, const sf_camera *camera) {
     sf_view_state *state = sf_view_state_of(&f->views, id);
     return state ? sf_view_states_set_camera(&f->views, f->ctx, state, camera) : SF_OK;
+}
+
+void sf_online_refine_camera(const sf_fitter *f, uint32_t id, sf_camera *camera) {
+    sf_refine_camera(&f->views, id, camera);
 }
 
 double sf_online_near_plane(const sf_fitter *f) {

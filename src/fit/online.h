@@ -19,6 +19,10 @@ int sf_online_has_view(const sf_fitter *fitter, uint32_t id);
  * SF_ERR_MEMORY. */
 sf_status sf_online_set_camera(sf_fitter *fitter, uint32_t id, const sf_camera *camera);
 
+/* Corrects a camera of the scene as sf_fitter_get_camera does; it does not ask the scene, which may be
+ * locked. */
+void sf_online_refine_camera(const sf_fitter *fitter, uint32_t id, sf_camera *camera);
+
 /* World units: the nearest depth that is drawn, and the extent of the scene. */
 double sf_online_near_plane(const sf_fitter *fitter);
 double sf_online_extent(const sf_fitter *fitter);

@@ -380,8 +380,7 @@ sf_scene *sf_live_scene(sf_live *live) { return live->scene; }
 /* A keyframe's camera as the fit refined it, in the world that is known. */
 static void save_camera(void *user, uint32_t id, sf_camera *camera) {
     sf_live *live = user;
-    if (live->fitter && sf_online_has_view(live->fitter, id))
-        (void)sf_fitter_get_camera(live->fitter, id, camera);
+    if (live->fitter) sf_online_refine_camera(live->fitter, id, camera);
     if (live->world.is_known) sf_camera_transform(camera, &live->world.similarity);
 }
 
