@@ -30,13 +30,13 @@ static motion camera_motion(const sf_correction *c, int unit) {
     motion s = {.fx = (float)from->fx, .fy = (float)from->fy, .cx = (float)from->cx, .cy = (float)from->cy};
     s.width = (float)from->width, s.height = (float)from->height;
     double off[3];
-    for (int k = 0; k < 3; k++) off[k] = from->t_cw[k] - c->to.t[k];
+    for (int k = 0; k < 3; k++) off[k] = c->scale * from->t_cw[k] - c->to.t[k];
     for (int i = 0; i < 3; i++) {
         const double column[3] = {c->to.R[i], c->to.R[3 + i], c->to.R[6 + i]};
         for (int k = 0; k < 3; k++) {
             const double of_from[3] = {from->R_cw[k], from->R_cw[3 + k], from->R_cw[6 + k]};
             s.R[3 * i + k] = (float)from->R_cw[3 * i + k];
-            s.A[3 * i + k] = (float)(sf_dot3(column, of_from) - (i == k));
+            s.A[3 * i + k] = (float)(c->scale * sf_dot3(column, of_from) - (i == k));
         }
         s.t[i] = (float)ldexp(from->t_cw[i], -unit);
         s.b[i] = (float)ldexp(sf_dot3(column, off), -unit);

@@ -8,14 +8,17 @@
 #include "../base/clock.h"
 #include "../base/linear.h"
 #include "../fit/online.h"
+#include "../pose/covisibility.h"
 #include "../scene/neighbours.h"
 #include "deformation.h"
 #include "localizer.h"
+#include "loop_closure.h"
 #include "place_recognition.h"
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
     RECENT = 6,      /* keyframes: the newest, none of which makes room for another */
+    BACK = 2,        /* keyframes: those back at an old place when a loop closes */
     ADJUSTED = 60    /* keyframes whose poses are adjusted with each new one */
 };
 
@@ -122,9 +125,28 @@ static sf_status correct_all(sf_live *live, uint32_t newest, sf_correction *corr
             if (k->id == newest) sf_live_correct_pose(live, &k->pose, &pose);
             status = correct(live, k, &pose);
         }
-        c->to = k->pose;
+        c->to = k->pose, c->scale = 1;
         *count += k->id != newest;
     }
+    return status;
+}
+
+/* Those that came back last show an old place, which stays: they were wrong, not what they see. */
+sf_status sf_live_move_keyframes(sf_live *live, const sf_rigid *to, const double *scales) {
+    size_t all = live->keyframes.count, count = 0;
+    sf_correction *corrections = sf_alloc(live->ctx, all + 1, sizeof *corrections);
+    sf_status status = corrections ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; !status && i < all; i++) {
+        sf_keyframe *k = &live->keyframes.list[i];
+        if (i + BACK < all)
+            corrections[count++] = (sf_correction){camera_at(live, &k->pose), to[i], scales[i]};
+        for (size_t f = 0; k->place.depths && f < k->place.features.count; f++)
+            k->place.depths[f] *= (float)scales[i];
+        sf_landmarks_move(live->localizer.landmarks, k->id, &to[i], scales[i]);
+        status = correct(live, k, &to[i]);
+    }
+    if (!status && live->fitter) status = sf_deform_fit(live->ctx, live->fitter, corrections, count);
+    sf_free(live->ctx, corrections);
     return status;
 }
 
@@ -147,13 +169,16 @@ static sf_status take_keyframe(sf_live *live) {
     int64_t every = live->options.hold_out;
     sf_status status = make_room(live);
     if (status) return status;
-    sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->localizer.pose};
+    sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN};
     k.held_out = every > 0 && live->keyframes.made % every == every / 2;
-    sf_camera_center(&live->input.frame.camera, k.center);
     status = sf_live_find_features(live);
+    if (!status) status = sf_live_close_loop(live);
+    k.pose = live->localizer.pose;
+    sf_camera_center(&live->input.frame.camera, k.center);
     if (!status) status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
     k.hold = live->localizer.fixed;
+    k.found_again = live->localizer.found_again;
     k.light = live->input.picture->light;
     k.place = live->input.place;
     live->input.place = (sf_place){.depths = NULL};

@@ -41,7 +41,8 @@ static sf_correction correction_of(const double at[3], const double twist[SF_TWI
                                   .fy = SIDE,
                                   .cx = SIDE / 2.0,
                                   .cy = SIDE / 2.0,
-                                  .R_cw = {1, 0, 0, 0, 1, 0, 0, 0, 1}}};
+                                  .R_cw = {1, 0, 0, 0, 1, 0, 0, 0, 1}},
+                       .scale = 1};
     memcpy(c.camera.t_cw, at, sizeof c.camera.t_cw);
     memcpy(c.to.R, c.camera.R_cw, sizeof c.to.R);
     memcpy(c.to.t, at, sizeof c.to.t);
