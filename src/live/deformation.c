@@ -29,7 +29,7 @@ static motion camera_motion(const sf_correction *c, int unit) {
     const sf_camera *from = &c->camera;
     motion s = {.fx = (float)from->fx, .fy = (float)from->fy, .cx = (float)from->cx, .cy = (float)from->cy};
     s.width = (float)from->width, s.height = (float)from->height;
-    const double D[3] = {c->stretch / c->zoom, c->stretch / c->zoom, c->stretch};
+    const double D[3] = {c->scale / c->zoom, c->scale / c->zoom, c->scale};
     double off[3];
     for (int k = 0; k < 3; k++) off[k] = D[k] * from->t_cw[k] - c->to.t[k];
     for (int i = 0; i < 3; i++) {

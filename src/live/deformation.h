@@ -9,18 +9,18 @@
 #include "../scene/gaussians.h"
 
 /* A camera as it was thought to be, and the pose that it has. Its focal length is `zoom` times as long, and
- * what it shows `stretch` times as far from it (1: as it was thought). */
+ * what it shows `scale` times as far from it (1: as it was thought). */
 typedef struct sf_correction {
     sf_camera camera;
     sf_rigid to;
-    double zoom, stretch;
+    double zoom, scale;
 } sf_correction;
 
 /* A model was fitted to pictures at the old poses. When poses are corrected, Gaussians left in place would be
  * off by the correction until the fit had moved them. Here each mean moves so that it keeps its pixel and its
  * depth in the pictures that show it: x + sum_k w_k (R'_k^T (D_k (R_k x + t_k) - t'_k) - x) / sum_k w_k, over
  * the cameras k that see x, with w_k = 1 / depth^2, as a pixel there is that much larger in the world, and
- * D_k the diagonal matrix of stretch / zoom, stretch / zoom, stretch. A Gaussian that no camera sees stays.
+ * D_k the diagonal matrix of scale / zoom, scale / zoom, scale. A Gaussian that no camera sees stays.
  * SF_ERR_MEMORY: all stay. */
 sf_status sf_deform_map(sf_context *ctx, sf_model *model, const sf_correction *corrections, size_t count);
 

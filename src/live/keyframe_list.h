@@ -23,6 +23,7 @@ typedef struct sf_keyframe {
     int held_out;                /* never trained on */
     int hold, told;              /* its pose is to be held; the fit knows of it */
     int searched;                /* for points */
+    uint64_t found_again;        /* times that the camera was lost before, and a place was recognized */
     double light;                /* as sf_picture has it */
     sf_rigid pose;               /* world to camera, as it is known by now */
     double center[3];            /* of the camera */

@@ -9,14 +9,17 @@
 #include "../base/linear.h"
 #include "../base/statistics.h"
 #include "../fit/online.h"
+#include "../pose/covisibility.h"
 #include "../scene/neighbours.h"
 #include "deformation.h"
 #include "localizer.h"
+#include "loop_closure.h"
 #include "place_recognition.h"
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
     RECENT = 6,      /* keyframes: the newest, none of which makes room for another */
+    BACK = 2,        /* keyframes: those back at an old place when a loop closes */
     ADJUSTED = 60    /* keyframes whose poses are adjusted with each new one */
 };
 
@@ -127,9 +130,33 @@ static sf_status correct_all(sf_live *live, uint32_t newest, double zoom, sf_cor
             if (k->id == newest) sf_live_correct_pose(live, &k->pose, &pose);
             status = correct(live, k, &pose, zoom);
         }
-        c->to = k->pose;
+        c->to = k->pose, c->scale = 1;
         *count += k->id != newest;
     }
+    return status;
+}
+
+/* The depths of a keyframe's features. */
+static void scale_depths(sf_keyframe *k, double scale) {
+    for (size_t f = 0; k->place.depths && f < k->place.features.count; f++)
+        k->place.depths[f] *= (float)scale;
+}
+
+/* Those that came back last show an old place, which stays: they were wrong, not what they see. */
+sf_status sf_live_move_keyframes(sf_live *live, const sf_rigid *to, const double *scales) {
+    size_t all = live->keyframes.count, count = 0;
+    sf_correction *corrections = sf_alloc(live->ctx, all + 1, sizeof *corrections);
+    sf_status status = corrections ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; !status && i < all; i++) {
+        sf_keyframe *k = &live->keyframes.list[i];
+        if (i + BACK < all)
+            corrections[count++] = (sf_correction){camera_at(live, &k->pose), to[i], 1, scales[i]};
+        scale_depths(k, scales[i]);
+        sf_landmarks_move(live->localizer.landmarks, k->id, &to[i], scales[i]);
+        status = correct(live, k, &to[i], 1);
+    }
+    if (!status && live->fitter) status = sf_deform_fit(live->ctx, live->fitter, corrections, count);
+    sf_free(live->ctx, corrections);
     return status;
 }
 
@@ -176,8 +203,9 @@ static sf_status follow_landmarks(sf_live *live, uint32_t newest, sf_correction 
     for (size_t i = 0; i < keyframes; i++) depths[i] = 1;
     if (!status && is_lens_due(live)) status = calibrate(live, depths, &zoom);
     if (!status) status = correct_all(live, newest, zoom, corrections, &count);
-    for (size_t i = 0; !status && i < count; i++) corrections[i].stretch = depths[i]; /* the newest is last */
+    for (size_t i = 0; !status && i < count; i++) corrections[i].scale = depths[i]; /* the newest is last */
     if (!status && live->fitter) status = sf_deform_fit(live->ctx, live->fitter, corrections, count);
+    for (size_t i = 0; !status && i < keyframes; i++) scale_depths(&live->keyframes.list[i], depths[i]);
     if (!status && zoom != 1) zoom_by(live, zoom, sf_median(depths, keyframes));
     return status;
 }
@@ -203,13 +231,16 @@ static sf_status take_keyframe(sf_live *live) {
     int64_t every = live->options.hold_out;
     sf_status status = make_room(live);
     if (status) return status;
-    sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN, .pose = live->localizer.pose};
+    sf_keyframe k = {.psnr = NAN, .psnr_corrected = NAN};
     k.held_out = every > 0 && live->keyframes.made % every == every / 2;
-    sf_camera_center(&live->input.frame.camera, k.center);
     status = sf_live_find_features(live);
+    if (!status) status = sf_live_close_loop(live);
+    k.pose = live->localizer.pose;
+    sf_camera_center(&live->input.frame.camera, k.center);
     if (!status) status = add_view(live, k.held_out ? SF_SPLIT_TEST : SF_SPLIT_TRAIN, &k.id);
     if (status) return status;
     k.hold = live->localizer.fixed;
+    k.found_again = live->localizer.found_again;
     k.light = live->input.picture->light;
     k.place = live->input.place;
     live->input.place = (sf_place){.depths = NULL};

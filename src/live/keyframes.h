@@ -7,6 +7,9 @@
 /* Takes the frame as a keyframe where the camera is far enough from all others and the frame is good enough.
  * *taken: whether. */
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken);
+/* Moves all keyframes, with their landmarks and the model, to where they are by now: to [keyframes]; scales
+ * [keyframes]: of depths, in those of before. SF_ERR_MEMORY. */
+sf_status sf_live_move_keyframes(sf_live *live, const sf_rigid *to, const double *scales);
 /* Begins the fit when there are keyframes from enough places. */
 sf_status sf_live_begin(sf_live *live);
 

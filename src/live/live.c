@@ -165,6 +165,7 @@ void sf_live_reset(sf_live *live) {
     sf_places_free(live->ctx, &live->keyframes);
     live->keyframes.count = 0;
     live->keyframes.made = 0;
+    live->loop = (sf_loop){.is_seen = 0};
     live->spawning.spawned = 0;
     sf_start_clear(&live->start);
     sf_found_lens_forget(&live->lens);

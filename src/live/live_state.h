@@ -29,6 +29,16 @@ typedef struct sf_live_input {
     size_t byte_capacity;
 } sf_live_input;
 
+/* An old place that the newest keyframe shows, and has another pose by. */
+typedef struct sf_loop {
+    int is_seen;
+    int64_t made;  /* keyframes, before that one */
+    uint32_t old;  /* id of the keyframe of the old place */
+    sf_rigid pose; /* of the newest, by the old one's map */
+    double scale;  /* as in sf_loop_link */
+    int is_scaled;
+} sf_loop;
+
 /* Whose turn it is: a frame's or the fit's. Times are s of the clock. */
 typedef struct sf_live_pace {
     double first_frame, next_frame; /* when the first came, and when the next is due */
@@ -55,6 +65,7 @@ struct sf_live {
     sf_frame_quality quality;
     sf_localizer localizer;
     sf_keyframes keyframes;
+    sf_loop loop;
     sf_spawning spawning;
     sf_evaluation evaluation;
     sf_live_pace pace;

@@ -37,6 +37,10 @@ enum {
 /* From frame to frame it does no more than this. */
 #define JUMP_TURN 0.35
 #define JUMP_MOVE 0.3
+/* For so long (s) after it was lost, a camera is looked for within these: rad, parts of the distance. */
+#define ANYWHERE   1.0
+#define REACH_TURN 1.2
+#define REACH_MOVE 1.2
 
 /* 1. By the model */
 
@@ -65,14 +69,9 @@ static int is_good(const sf_live *live, const sf_track *track) {
 
 /* What no hand does. */
 static int jumps(const sf_localizer *l, const sf_rigid *from, const sf_rigid *to) {
-    double twist[6], here[3], there[3], moved = 0;
-    sf_rigid a, b;
-    sf_rigid_twist(from, to, twist);
-    sf_rigid_invert(from, &a), sf_rigid_invert(to, &b);
-    memcpy(here, a.t, sizeof here), memcpy(there, b.t, sizeof there);
-    for (int k = 0; k < 3; k++) moved += pow(here[k] - there[k], 2);
-    double turned = sqrt(sf_dot3(twist + 3, twist + 3));
-    return turned > JUMP_TURN || (l->distance > 0 && sqrt(moved) > JUMP_MOVE * l->distance);
+    double angle, apart;
+    sf_rigid_gap(from, to, &angle, &apart);
+    return angle > JUMP_TURN || (l->distance > 0 && apart > JUMP_MOVE * l->distance);
 }
 
 static sf_status track_from(sf_live *live, const sf_rigid *guess, const sf_track_prior *prior,
@@ -140,13 +139,24 @@ static sf_status follow_alone(sf_live *live, sf_rigid *pose, int *good) {
     return SF_OK;
 }
 
+/* A camera that was lost a moment ago is not far away: other places may look like the one it is at. After a
+ * while it may have been carried anywhere. */
+static int is_within_reach(const sf_live *live, const sf_rigid *pose) {
+    const sf_localizer *l = &live->localizer;
+    double since = 1e-9 * (double)(live->input.picture->time_ns - l->pose_ns), angle, apart;
+    sf_rigid_gap(&l->pose, pose, &angle, &apart);
+    return since > ANYWHERE || (angle < REACH_TURN && apart < REACH_MOVE * l->distance);
+}
+
 /* From what the picture shares with keyframes. */
 static sf_status find_again(sf_live *live, sf_track *track, int *good) {
     sf_place_pose place;
     sf_status status = sf_live_relocalize(live, &place);
-    if (status || !place.found) return status;
+    if (status || !place.found || !is_within_reach(live, &place.pose)) return status;
     status = track_from(live, &place.pose, NULL, SF_GUESS_NEAR, track);
-    *good = !status && is_good(live, track) && !jumps(&live->localizer, &place.pose, &track->pose);
+    if (status || !is_good(live, track) || jumps(&live->localizer, &place.pose, &track->pose)) return status;
+    status = sf_live_confirm_place(live, &track->pose, good);
+    live->localizer.found_again += *good != 0;
     return status;
 }
 

@@ -43,6 +43,7 @@ typedef struct sf_localizer {
     size_t first_count;
 
     uint64_t looked_at, tracked, lost; /* frames; frames with a pose; times that the pose was lost */
+    uint64_t found_again;              /* times that a place was recognized */
     sf_ticker poses_found;
 } sf_localizer;
 

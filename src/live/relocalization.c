@@ -6,8 +6,9 @@
 #include <string.h>
 
 #include "../base/clock.h"
-#include "../base/linear.h"
 #include "../base/pool.h"
+#include "../fit/online.h"
+#include "../pose/patch.h"
 #include "../sfm/match.h"
 #include "../sfm/pose_search.h"
 #include "place_recognition.h"
@@ -19,12 +20,20 @@ enum {
     LEAST = 15,       /* features that agree, for a pose */
     CELLS = 4,        /* along each side of the picture: */
     LEAST_CELLS = 4,  /* cells with such features */
-    TURNS = 3         /* misses after which the same keyframes are tried again */
+    TURNS = 3,        /* misses after which the same keyframes are tried again */
+    PARTS = 6,        /* along each side of the picture, that are compared each for itself; */
+    LEAST_PARTS = 9   /* of which so many must show something */
 };
 
-#define ERROR     0.0125 /* of the picture's longer side: the greatest error of a feature that agrees */
-#define RIVAL     0.5 /* of the features that agree: as many that agree with another place make it doubtful */
-#define ELSEWHERE 0.35 /* rad, parts of the distance to the scene */
+#define ERROR 0.0125 /* of the picture's longer side: the greatest error of a feature that agrees */
+#define RIVAL 0.5    /* of the features that agree: as many that agree with another place make it doubtful */
+/* Standard deviation of the greys of a part that shows nothing; correlation with the model of one that
+ * agrees; how many of them must. */
+#define PLAIN      0.02
+#define PART_ALIKE 0.4
+#define MOST_PARTS 0.65
+#define SOLID      0.5f /* transmittance of what the model fills */
+#define ELSEWHERE  0.35 /* rad, parts of the distance to the scene */
 
 typedef struct comparison {
     sf_live *live;
@@ -137,11 +146,9 @@ static size_t search(comparison *c, size_t least, sf_rigid *pose, size_t *member
 }
 
 static int is_elsewhere(const sf_rigid *a, const sf_rigid *b, double distance) {
-    double twist[6], here[3], there[3], moved = 0;
-    sf_rigid_twist(a, b, twist);
-    sf_rigid_center(a, here), sf_rigid_center(b, there);
-    for (int k = 0; k < 3; k++) moved += pow(here[k] - there[k], 2);
-    return sqrt(sf_dot3(twist + 3, twist + 3)) > ELSEWHERE || sqrt(moved) > ELSEWHERE * distance;
+    double angle, apart;
+    sf_rigid_gap(a, b, &angle, &apart);
+    return angle > ELSEWHERE || apart > ELSEWHERE * distance;
 }
 
 sf_status sf_live_find_place(sf_live *live, const size_t *chosen, size_t count, int drawings,
@@ -178,4 +185,52 @@ sf_status sf_live_relocalize(sf_live *live, sf_place_pose *found) {
         if (scores[i].shared >= LEAST_SHARED) chosen[count++] = scores[i].keyframe;
     sf_free(live->ctx, scores);
     return status || !count ? status : sf_live_find_place(live, chosen, count, DRAWINGS, found);
+}
+
+/* Sums over the pixels of a part of the picture that the model fills. */
+typedef struct part {
+    double n, seen, drawn, seen2, drawn2, both;
+} part;
+
+static void add_pixels(const sf_live *live, const sf_workspace *ws, size_t cell, part *p) {
+    const sf_picture *picture = live->input.picture;
+    size_t width = (size_t)picture->camera.width, height = (size_t)picture->camera.height;
+    size_t x0 = cell % PARTS * width / PARTS, x1 = (cell % PARTS + 1) * width / PARTS;
+    size_t y0 = cell / PARTS * height / PARTS, y1 = (cell / PARTS + 1) * height / PARTS;
+    for (size_t y = y0; y < y1; y++)
+        for (size_t x = x0; x < x1; x++) {
+            size_t at = y * ws->stride + x;
+            if (ws->transmittance[at] >= SOLID) continue;
+            double drawn = (double)sf_grey(ws->rgb[0][at], ws->rgb[1][at], ws->rgb[2][at]);
+            double seen = (double)sf_picture_grey(picture, y * width + x);
+            p->n++, p->seen += seen, p->drawn += drawn, p->both += seen * drawn;
+            p->seen2 += seen * seen, p->drawn2 += drawn * drawn;
+        }
+}
+
+/* Variances and covariance. */
+static void center(part *p) {
+    p->seen2 = p->seen2 / p->n - pow(p->seen / p->n, 2);
+    p->drawn2 = p->drawn2 / p->n - pow(p->drawn / p->n, 2);
+    p->both = p->both / p->n - p->seen / p->n * (p->drawn / p->n);
+}
+
+sf_status sf_live_confirm_place(sf_live *live, const sf_rigid *pose, int *confirmed) {
+    sf_camera camera = live->input.frame.camera;
+    const sf_workspace *ws;
+    size_t pixels = (size_t)camera.width * (size_t)camera.height / (PARTS * PARTS);
+    int compared = 0, alike = 0;
+    memcpy(camera.R_cw, pose->R, sizeof camera.R_cw), memcpy(camera.t_cw, pose->t, sizeof camera.t_cw);
+    sf_status status = sf_online_draw(live->fitter, &camera, &ws);
+    for (size_t cell = 0; !status && cell < PARTS * PARTS; cell++) {
+        part p = {0};
+        add_pixels(live, ws, cell, &p);
+        if (p.n < (double)pixels / 2) continue;
+        center(&p);
+        if (p.seen2 < PLAIN * PLAIN && p.drawn2 < PLAIN * PLAIN) continue;
+        compared++;
+        alike += p.both > PART_ALIKE * sqrt(p.seen2 * p.drawn2);
+    }
+    *confirmed = compared >= LEAST_PARTS && alike >= MOST_PARTS * compared;
+    return status;
 }

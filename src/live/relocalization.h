@@ -18,7 +18,12 @@ typedef struct sf_place_pose {
 sf_status sf_live_find_place(sf_live *live, const size_t *chosen, size_t count, int drawings,
                              sf_place_pose *found);
 
-/* The same from the keyframes that look most like the picture; with each miss from other ones. */
+/* Whether the model drawn at a pose looks like the picture in all of its parts, but for a few that something
+ * may hide: two places may be alike in most of a picture. SF_ERR_MEMORY. */
+sf_status sf_live_confirm_place(sf_live *live, const sf_rigid *pose, int *confirmed);
+
+/* As sf_live_find_place, from the keyframes that look most like the picture; with each miss from other ones.
+ */
 sf_status sf_live_relocalize(sf_live *live, sf_place_pose *found);
 
 #endif

@@ -1,6 +1,7 @@
 /* rigid.c - see rigid.h. */
 #include "rigid.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "../base/linear.h"
@@ -65,4 +66,12 @@ void sf_rigid_twist(const sf_rigid *from, const sf_rigid *to, double twist[SF_TW
 
 void sf_rigid_center(const sf_rigid *T, double center[3]) {
     sf_rigid_apply_back(T, (const double[3]){0, 0, 0}, center);
+}
+
+void sf_rigid_gap(const sf_rigid *a, const sf_rigid *b, double *angle, double *apart) {
+    double twist[SF_TWIST], here[3], there[3];
+    sf_rigid_twist(a, b, twist);
+    sf_rigid_center(a, here), sf_rigid_center(b, there);
+    for (int k = 0; k < 3; k++) there[k] -= here[k];
+    *angle = sqrt(sf_dot3(twist + 3, twist + 3)), *apart = sqrt(sf_dot3(there, there));
 }

@@ -27,4 +27,7 @@ void sf_rigid_invert(const sf_rigid *a, sf_rigid *inverse);
 /* The place of a camera whose pose (world to camera) is T. */
 void sf_rigid_center(const sf_rigid *T, double center[3]);
 
+/* How far apart two cameras are: the angle between their directions, rad; the distance of their places. */
+void sf_rigid_gap(const sf_rigid *a, const sf_rigid *b, double *angle, double *apart);
+
 #endif

@@ -43,7 +43,7 @@ static sf_correction correction_of(const double at[3], const double twist[SF_TWI
                                   .cy = SIDE / 2.0,
                                   .R_cw = {1, 0, 0, 0, 1, 0, 0, 0, 1}},
                        .zoom = 1,
-                       .stretch = 1};
+                       .scale = 1};
     memcpy(c.camera.t_cw, at, sizeof c.camera.t_cw);
     memcpy(c.to.R, c.camera.R_cw, sizeof c.to.R);
     memcpy(c.to.t, at, sizeof c.to.t);
@@ -91,7 +91,7 @@ static void pixels_stay_where_the_focal_length_changes(void **state) {
     sf_context *ctx = test_context_threads(2);
     sf_model *model = model_of(ctx, before);
     sf_correction c = correction_of(EVERYWHERE, twist);
-    c.zoom = 1.1, c.stretch = 0.9;
+    c.zoom = 1.1, c.scale = 0.9;
     assert_ok(ctx, sf_deform_map(ctx, model, &c, 1));
     get_means(model, after);
     for (int i = 0; i < COUNT; i++) {
