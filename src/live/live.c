@@ -6,6 +6,7 @@
 
 #include "../base/clock.h"
 #include "../fit/online.h"
+#include "guidance.h"
 #include "throttling.h"
 
 enum { IDLE_MS = 20, FIRST_MS = 100 };
@@ -98,6 +99,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     live->options = *options;
     live->pace.duty = 1;
     live->evaluation = (sf_evaluation){.ctx = ctx, .exposes = live->options.fit.exposure};
+    sf_guidance_init(&live->guidance, ctx);
     plan(live, source);
     atomic_init(&live->cancelled, 0);
     status = sf_online_check(ctx, &live->options.fit);
@@ -127,6 +129,7 @@ void sf_live_destroy(sf_live **live_pointer) {
     sf_landmarks_destroy(&live->localizer.landmarks);
     sf_renderer_destroy(&live->evaluation.renderer);
     sf_scene_destroy(&live->scene);
+    sf_guidance_free(&live->guidance);
     sf_free(live->ctx, live->keyframes.list);
     sf_free(live->ctx, live->input.bytes);
     sf_free(live->ctx, live);
@@ -149,6 +152,7 @@ void sf_live_reset(sf_live *live) {
     live->keyframes.count = 0;
     live->keyframes.made = 0;
     live->spawning.spawned = 0;
+    sf_guidance_clear(&live->guidance);
     sf_live_forget_pose(live);
 }
 
@@ -170,6 +174,7 @@ static sf_status look_at_frame(sf_live *live) {
     if (!status && !live->paused) status = sf_live_offer_keyframe(live, &taken);
     if (!status && !live->fitter && taken) status = sf_live_begin(live);
     if (!status && taken) status = sf_live_ask_for_points(live);
+    if (!status) sf_live_advise(live);
     live->pace.steps_due = live->options.steps_per_frame;
     double ended = sf_clock(), took = ended - began;
     /* Where a look takes longer than from one frame to the next, the fit would have no time at all. */
@@ -207,6 +212,7 @@ static sf_status step_fit(sf_live *live) {
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_ask_for_points(live); /* for one that came while the thread was busy */
     if (!status) status = sf_evaluate_next(&live->evaluation, &live->keyframes, live->scene, live->fitter);
+    if (!status) status = sf_live_look_around(live);
     if (!status) status = sf_fitter_step(live->fitter);
     if (!status) sf_tell_fit(&live->keyframes, live->fitter);
     double now = sf_clock();
@@ -290,6 +296,7 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     uint64_t came;
     *p = (sf_live_progress){.state = live->localizer.state,
                             .trouble = trouble_of(live),
+                            .advice = live->guidance.adviser.shown,
                             .paused = live->paused,
                             .exposure_locked = sf_frame_grabber_locked(live->grabber),
                             .seconds = live->pace.first_frame > 0 ? now - live->pace.first_frame : 0,

@@ -10,6 +10,7 @@
 #include "evaluation.h"
 #include "frame_grabber.h"
 #include "frame_quality.h"
+#include "guidance_state.h"
 #include "keyframe_list.h"
 #include "localizer_state.h"
 #include "point_spawner.h"
@@ -48,6 +49,7 @@ struct sf_live {
     sf_keyframes keyframes;
     sf_spawning spawning;
     sf_evaluation evaluation;
+    sf_guidance guidance;
     sf_live_pace pace;
 };
 
