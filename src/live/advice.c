@@ -27,6 +27,9 @@ static sf_live_advice want(sf_live_advice shown, const sf_advice_facts *f) {
 }
 
 sf_live_advice sf_advise(sf_adviser *a, const sf_advice_facts *f) {
+    int is_over = (a->shown == SF_ADVICE_COME_BACK && f->state != SF_LIVE_LOST) ||
+                  (a->shown == SF_ADVICE_SIDEWAYS && f->state != SF_LIVE_STARTING);
+    if (is_over) a->shown = SF_ADVICE_NONE; /* done: it would be wrong */
     sf_live_advice wanted = want(a->shown, f);
     if (f->seconds < a->wanted_since)
         *a = (sf_adviser){.wanted_since = f->seconds}; /* the clock began anew */

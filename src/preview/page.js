@@ -70,6 +70,8 @@ function take(all) {
   showStatus();
   for (const name of ['camera', 'render'])
     if (all[name] !== newest[name] && all[name] && !document.hidden) once(name, () => fetchPicture(name));
+  // Coverage that came after its picture.
+  if (all.camera === newest.camera && pictures.camera && coverageWanted && status.coverage) drawPicture('camera');
   if (all.history !== newest.history) once('history', fetchHistory);
   const m = all.model;
   if (m.version && m.version !== newest.model && view.gl && !document.hidden && Date.now() - modelWas > 500) once('model', () => fetchModel(m));

@@ -57,7 +57,11 @@ static void the_most_urgent_comes_first(void **state) {
     facts.speed = 2;
     assert_int_equal(pass(&a, facts, &now, 2), SF_ADVICE_SLOWER);
     facts.state = SF_LIVE_LOST;
-    assert_int_equal(pass(&a, facts, &now, 0.6), SF_ADVICE_COME_BACK); /* it does not wait */
+    assert_int_equal(pass(&a, facts, &now, 0.6), SF_ADVICE_COME_BACK); /* it does not wait, */
+    assert_int_equal(pass(&a, calm(), &now, FRAME), SF_ADVICE_NONE);   /* and is over when it is done */
+    facts = calm(), facts.state = SF_LIVE_STARTING;
+    assert_int_equal(pass(&a, facts, &now, 0.6), SF_ADVICE_SIDEWAYS);
+    assert_int_equal(pass(&a, calm(), &now, FRAME), SF_ADVICE_NONE);
 }
 
 /* A frame or two say nothing; what is shown stays, also where it is wanted in every other frame only. */
