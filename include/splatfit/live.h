@@ -119,10 +119,24 @@ typedef enum sf_live_trouble {
     SF_LIVE_TROUBLE_COUNT /* how many there are */
 } sf_live_trouble;
 
+/* What the user should do, if anything: the most urgent. It stays for a second and a half at least, and is
+ * shown only when the frames of 0.3 s agree, so that it can be read. */
+typedef enum sf_live_advice {
+    SF_ADVICE_NONE,       /* all is well */
+    SF_ADVICE_SIDEWAYS,   /* move sideways: the start needs pictures from several places */
+    SF_ADVICE_SLOWER,     /* the camera turns or moves too fast, or its pictures are blurred */
+    SF_ADVICE_DARKER,     /* the picture is darker than the keyframes */
+    SF_ADVICE_BRIGHTER,   /* the picture is brighter than the keyframes */
+    SF_ADVICE_COME_BACK,  /* tracking is lost: go back to where the camera was */
+    SF_ADVICE_MORE_VIEWS, /* what is in sight was seen from too few sides, or is not fitted well */
+    SF_ADVICE_COUNT       /* how many there are */
+} sf_live_advice;
+
 /* The progress of a live fit, between two calls of sf_live_step. */
 typedef struct sf_live_progress {
     sf_live_state state;     /* after the newest frame that was tracked */
     sf_live_trouble trouble; /* now; a warning is logged when it begins */
+    sf_live_advice advice;   /* now */
     int paused;              /* by sf_live_pause */
     int own_world; /* 1: the poses began with a first map from pictures: unit and frame are that map's own */
     double focal_length;        /* px: of the pictures that are fitted; 0 before the first frame */
@@ -167,6 +181,44 @@ typedef struct sf_live_frame {
 
 /* Gets the frame that was tracked last. Call it from the thread of sf_live_step. */
 SF_API void sf_live_get_frame(const sf_live *live, sf_live_frame *frame);
+
+/* A part of the scene: a cube of a grid in which training keyframes see a surface of the model. */
+typedef struct sf_live_cell {
+    float center[3];  /* world units, relative to the scene's origin */
+    uint32_t views;   /* training keyframes that see it */
+    uint32_t sectors; /* bits: from which of 14 directions, those of a cube's faces (-x +x -y +y -z +z: bits 0
+                         to 5) and corners (bits 6 to 13: 6 + 1 for +x + 2 for +y + 4 for +z) */
+    float spread;     /* rad: how far those directions differ, the arc cosine of the length of their mean */
+    float error; /* mean absolute difference of model and keyframes there, 0..1, in pictures reduced to 64 px
+                    and smoothed, exposures taken out */
+    float coverage; /* 0: badly covered, 1: well, the least of three: 5 keyframes, a spread of 0.2 rad, an
+                       error of 0.04 (0 at 0.16) */
+} sf_live_cell;
+
+/* How well the scene is covered. */
+typedef struct sf_live_coverage {
+    double cell;  /* world units: the side of a cell, a tenth of the distance to the scene; 0: no fit yet */
+    size_t cells; /* that keyframes see, 65,536 at most */
+    double mean;  /* of their coverage; NAN: there are none */
+    double in_sight;    /* mean coverage of what the camera sees; NAN: not known */
+    int has_worst;      /* some part of the scene needs more views: */
+    sf_live_cell worst; /* the middle of the part that needs them most */
+    double look_ms;     /* the time that a look at a keyframe takes, a moving average: looks take 2 % of the
+                           time of the fit */
+} sf_live_coverage;
+
+/* Sums up the coverage. Call it from the thread of sf_live_step, as the next two. */
+SF_API void sf_live_get_coverage(const sf_live *live, sf_live_coverage *coverage);
+/* Copies up to `capacity` cells that keyframes see, from index `first`; returns how many. */
+SF_API size_t sf_live_get_cells(const sf_live *live, size_t first, size_t capacity, sf_live_cell *cells);
+
+/* SF_COVERAGE_UNKNOWN: there is no surface, or no training keyframe sees it. */
+enum { SF_COVERAGE_UNKNOWN = 255 };
+
+/* The coverage of what each pixel of a camera sees, [height][width]: 0 (badly covered) to 254 (well), or
+ * SF_COVERAGE_UNKNOWN. The time is that of a render: a small camera (64 px wide) is enough to be laid over a
+ * picture. SF_ERR_EMPTY: there is no model yet; SF_ERR_ARGUMENT: not a camera; SF_ERR_MEMORY. */
+SF_API sf_status sf_live_draw_coverage(sf_live *live, const sf_camera *camera, uint8_t *coverage);
 
 /* A copy of the model as sf_fitter_snapshot makes it; the caller destroys it. SF_ERR_EMPTY: there is no model
  * yet. */

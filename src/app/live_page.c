@@ -6,9 +6,10 @@
 
 #include "live.h"
 
-#define SHOW_EVERY  0.25 /* s */
-#define MODEL_EVERY 3.0
-#define SH_MOST     (3 << 20) /* bytes of a model's SH: a network that takes the .splat takes them */
+#define SHOW_EVERY    0.25 /* s */
+#define MODEL_EVERY   3.0
+#define COVERAGE_SIDE 64.0      /* px, of the longer side */
+#define SH_MOST       (3 << 20) /* bytes of a model's SH: a network that takes the .splat takes them */
 
 int page_open(page *p, const args *a, sf_context *ctx) {
     const char *listen = args_value(a, "listen");
@@ -73,6 +74,45 @@ static void add_frame(json_t *figures, const sf_live_frame *f) {
     json_object_set_new(figures, "pose", app_json_pose(&f->camera));
 }
 
+/* Small, and in digits: "9" where the scene is well covered, "0" where badly, "." where nobody knows. */
+static json_t *coverage_values(sf_live *live, const sf_camera *camera) {
+    size_t pixels = (size_t)camera->width * (size_t)camera->height;
+    uint8_t *values = malloc(pixels);
+    json_t *text = NULL;
+    if (values && !sf_live_draw_coverage(live, camera, values)) {
+        for (size_t i = 0; i < pixels; i++)
+            values[i] = (uint8_t)(values[i] == SF_COVERAGE_UNKNOWN ? '.' : '0' + values[i] * 10 / 255);
+        text = json_stringn((const char *)values, pixels);
+    }
+    free(values);
+    return text;
+}
+
+static const char *worst_says(const sf_live_cell *worst) {
+    if (worst->views < 3) return "hardly seen yet: go there";
+    if (worst->spread < 0.1F) return "seen from one side: go around it";
+    return worst->error > 0.1F ? "not clear yet: stay here" : "more views: go there";
+}
+
+static void add_coverage(json_t *figures, sf_live *live, const sf_live_frame *f) {
+    sf_live_coverage c;
+    sf_camera small = f->camera;
+    double by = fmin(1, COVERAGE_SIDE / fmax(small.width, small.height));
+    if (f->from == SF_POSE_NONE) return;
+    small.width = (int32_t)fmax(1, round(small.width * by)),
+    small.height = (int32_t)fmax(1, round(small.height * by));
+    small.fx *= by, small.fy *= by, small.cx *= by, small.cy *= by;
+    json_t *values = coverage_values(live, &small), *worst = NULL;
+    sf_live_get_coverage(live, &c);
+    double at[3] = {(double)c.worst.center[0], (double)c.worst.center[1], (double)c.worst.center[2]};
+    if (c.has_worst) worst = app_json_numbers(at, 3);
+    if (values)
+        json_object_set_new(figures, "coverage",
+                            json_pack("{s:i, s:i, s:o, s:o?, s:s?}", "width", (int)small.width, "height",
+                                      (int)small.height, "values", values, "worst", worst, "worst_says",
+                                      c.has_worst ? worst_says(&c.worst) : NULL));
+}
+
 static void show_figures(page *p, sf_live *live, json_t *figures, const sf_live_frame *f) {
     sf_live_progress progress;
     sf_live_get_progress(live, &progress);
@@ -80,6 +120,7 @@ static void show_figures(page *p, sf_live *live, json_t *figures, const sf_live_
     sf_scene_get_origin(sf_live_scene(live), origin);
     app_json_origin(figures, origin);
     if (f->number) add_frame(figures, f);
+    if (f->number && sf_preview_wants(p->preview, SF_PREVIEW_COVERAGE)) add_coverage(figures, live, f);
     json_object_set_new(figures, "buttons", json_true());
     if (progress.exposure_locked >= 0)
         json_object_set_new(figures, "exposure_locked", json_boolean(progress.exposure_locked));

@@ -19,17 +19,34 @@ static const char *state_word(const sf_live_progress *p) {
 
 static json_t *number(double value) { return isfinite(value) ? json_real(value) : json_null(); }
 
+const char *live_advice_word(sf_live_advice advice) {
+    static const char *const words[SF_ADVICE_COUNT] = {
+        [SF_ADVICE_SIDEWAYS] = "move sideways",
+        [SF_ADVICE_SLOWER] = "slower",
+        [SF_ADVICE_DARKER] = "darker than the rest: more light?",
+        [SF_ADVICE_BRIGHTER] = "brighter than the rest: less light?",
+        [SF_ADVICE_COME_BACK] = "go back to where it was",
+        [SF_ADVICE_MORE_VIEWS] = "move around this: it needs more views"};
+    return words[advice];
+}
+
 json_t *live_progress_json(const sf_live_progress *p) {
-    return json_pack(
-        "{s:s, s:f, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:I, s:I, s:f}",
-        "state", state_word(p), "seconds", p->seconds, "gaussians", (json_int_t)p->fit.gaussians, "steps",
-        (json_int_t)p->fit.step, "steps_per_second", p->fit.steps_per_second, "frames_per_second",
-        p->frame_rate, "tracked_per_second", p->track_rate, "track_ms", p->track_ms, "dropped",
-        (json_int_t)(p->frames.dropped + p->frames.skipped), "passed_over", (json_int_t)p->passed_over,
-        "keyframes", (json_int_t)p->keyframes, "held_out", (json_int_t)p->held_out, "lost",
-        (json_int_t)p->lost, "held_out_psnr", number(p->held_out_psnr), "held_out_psnr_corrected",
-        number(p->held_out_psnr_corrected), "first_psnr", number(p->first_psnr), "looked_at",
-        (json_int_t)p->looked_at, "tracked", (json_int_t)p->tracked, "duty", p->duty);
+    return json_pack("{s:s, s:f, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:I, "
+                     "s:I, s:f, s:s?}",
+                     "state", state_word(p), "seconds", p->seconds, "gaussians", (json_int_t)p->fit.gaussians,
+                     "steps", (json_int_t)p->fit.step, "steps_per_second", p->fit.steps_per_second,
+                     "frames_per_second", p->frame_rate, "tracked_per_second", p->track_rate, "track_ms",
+                     p->track_ms, "dropped", (json_int_t)(p->frames.dropped + p->frames.skipped),
+                     "passed_over", (json_int_t)p->passed_over, "keyframes", (json_int_t)p->keyframes,
+                     "held_out", (json_int_t)p->held_out, "lost", (json_int_t)p->lost, "held_out_psnr",
+                     number(p->held_out_psnr), "held_out_psnr_corrected", number(p->held_out_psnr_corrected),
+                     "first_psnr", number(p->first_psnr), "looked_at", (json_int_t)p->looked_at, "tracked",
+                     (json_int_t)p->tracked, "duty", p->duty, "advice", live_advice_word(p->advice));
+}
+
+/* Than the word for the state, which may say what to do itself. */
+static int says_more(const sf_live_progress *p) {
+    return !p->paused && !p->trouble && p->state == SF_LIVE_TRACKING;
 }
 
 void live_show(progress_line *line, const sf_live_progress *p, int now) {
@@ -45,7 +62,9 @@ void live_show(progress_line *line, const sf_live_progress *p, int now) {
     char text[256], psnr[48] = "";
     if (isfinite(p->held_out_psnr_corrected))
         snprintf(psnr, sizeof psnr, "  held out %.2f dB", p->held_out_psnr_corrected);
-    snprintf(text, sizeof text, "%.0f s  %s  %.0f poses/s  %zu keyframes  N %zu  %.3g steps/s%s", p->seconds,
-             state_word(p), p->track_rate, p->keyframes, p->fit.gaussians, p->fit.steps_per_second, psnr);
+    const char *advice = says_more(p) ? live_advice_word(p->advice) : NULL;
+    snprintf(text, sizeof text, "%.0f s  %s%s%s  %.0f poses/s  %zu keyframes  N %zu  %.3g steps/s%s",
+             p->seconds, state_word(p), advice ? ": " : "", advice ? advice : "", p->track_rate, p->keyframes,
+             p->fit.gaussians, p->fit.steps_per_second, psnr);
     progress_text(line, text);
 }

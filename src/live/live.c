@@ -7,6 +7,7 @@
 #include "../base/clock.h"
 #include "../fit/online.h"
 #include "../io/cameras_json.h"
+#include "guidance.h"
 #include "place_recognition.h"
 #include "throttling.h"
 
@@ -110,6 +111,7 @@ sf_status sf_live_create(sf_context *ctx, sf_source *source, const sf_live_optio
     live->start.ctx = live->lens.ctx = ctx;
     live->pace.duty = 1;
     live->evaluation = (sf_evaluation){.ctx = ctx, .exposes = live->options.fit.exposure};
+    sf_guidance_init(&live->guidance, ctx);
     plan(live, source);
     atomic_init(&live->cancelled, 0);
     status = sf_online_check(ctx, &live->options.fit);
@@ -143,6 +145,7 @@ void sf_live_destroy(sf_live **live_pointer) {
     sf_found_lens_free(&live->lens);
     sf_places_free(live->ctx, &live->keyframes);
     sf_place_free(live->ctx, &live->input.place);
+    sf_guidance_free(&live->guidance);
     sf_free(live->ctx, live->keyframes.list);
     sf_free(live->ctx, live->input.bytes);
     sf_free(live->ctx, live);
@@ -169,6 +172,7 @@ void sf_live_reset(sf_live *live) {
     live->spawning.spawned = 0;
     sf_start_clear(&live->start);
     sf_found_lens_forget(&live->lens);
+    sf_guidance_clear(&live->guidance);
     sf_live_forget_pose(live);
 }
 
@@ -214,6 +218,7 @@ static sf_status look_at_frame(sf_live *live) {
     if (!status && live->localizer.has_own_world && !live->fitter && live->localizer.misses > MISSES_MOST)
         sf_live_reset(live);
     if (!status && taken) status = sf_live_ask_for_points(live);
+    if (!status) sf_live_advise(live);
     live->pace.steps_due = live->options.steps_per_frame;
     double ended = sf_clock(), took = ended - began;
     /* Where a look takes longer than from one frame to the next, the fit would have no time at all. */
@@ -253,6 +258,7 @@ static sf_status step_fit(sf_live *live) {
     sf_status status = sf_live_take_points(live);
     if (!status) status = sf_live_ask_for_points(live); /* for one that came while the thread was busy */
     if (!status) status = sf_evaluate_next(&live->evaluation, &live->keyframes, live->scene, live->fitter);
+    if (!status) status = sf_live_look_around(live);
     if (!status) status = sf_fitter_step(live->fitter);
     if (!status) sf_tell_fit(&live->keyframes, live->fitter);
     double now = sf_clock();
@@ -337,6 +343,7 @@ void sf_live_get_progress(const sf_live *live, sf_live_progress *p) {
     uint64_t came;
     *p = (sf_live_progress){.state = live->localizer.state,
                             .trouble = trouble_of(live),
+                            .advice = live->guidance.adviser.shown,
                             .paused = live->paused,
                             .own_world = live->localizer.has_own_world,
                             .focal_length = live->input.picture ? live->input.picture->camera.fx : 0,

@@ -11,6 +11,7 @@
 #include "found_lens.h"
 #include "frame_grabber.h"
 #include "frame_quality.h"
+#include "guidance_state.h"
 #include "keyframe_list.h"
 #include "localizer_state.h"
 #include "point_spawner.h"
@@ -68,6 +69,7 @@ struct sf_live {
     sf_loop loop;
     sf_spawning spawning;
     sf_evaluation evaluation;
+    sf_guidance guidance;
     sf_live_pace pace;
 };
 

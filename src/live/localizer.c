@@ -269,6 +269,7 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     sf_judge_sharpness(&live->quality, (good || fix->from) && track.seen >= SEEN ? &track : NULL);
     if (live->quality.blurred >= SF_TROUBLE_FRAMES && !fix->from) live->localizer.doubts = FOUND_AFTER;
     live->localizer.sure = !live->localizer.doubts && !live->quality.blurred && !live->quality.blank;
+    live->guidance.brightness = good ? track.gain + 2 * track.bias : NAN; /* at a grey of a half */
     if (good) {
         live->localizer.distance = track.depth;
         if (live->localizer.sure) note_track(&live->localizer, &track);

@@ -7,7 +7,8 @@ typedef enum sf_preview_part {
     SF_PREVIEW_CAMERA = 1, /* the newest picture of the camera */
     SF_PREVIEW_RENDER = 2, /* the model, rendered from where that was taken */
     SF_PREVIEW_MODEL = 4,  /* the model that the page draws by itself */
-    SF_PREVIEW_STATUS = 8
+    SF_PREVIEW_STATUS = 8,
+    SF_PREVIEW_COVERAGE = 16 /* `coverage` of the status, laid over the camera's picture */
 } sf_preview_part;
 
 typedef enum sf_preview_command {

@@ -6,6 +6,7 @@ const PART = 1 << 20; // bytes of a model fetched at a time
 const newest = { session: null, camera: 0, render: 0, history: 0, model: 0 };
 const busy = new Set();
 const looks = { camera: true, render: true, viewer: true };
+let coverageWanted = true; // laid over the camera's picture
 let status = {}, lastAnswer = Date.now(), modelWas = 0, frames = [];
 
 // ---- Asking ----
@@ -33,7 +34,7 @@ async function once(name, work) {
 
 function wanted() {
   if (document.hidden) return '';
-  return (looks.camera ? 'c' : '') + (looks.render ? 'r' : '') + (looks.viewer && view.gl && !busy.has('model') ? 'm' : '');
+  return (looks.camera ? 'c' : '') + (looks.camera && coverageWanted ? 'o' : '') + (looks.render ? 'r' : '') + (looks.viewer && view.gl && !busy.has('model') ? 'm' : '');
 }
 
 async function poll() {
@@ -69,6 +70,8 @@ function take(all) {
   showStatus();
   for (const name of ['camera', 'render'])
     if (all[name] !== newest[name] && all[name] && !document.hidden) once(name, () => fetchPicture(name));
+  // Coverage that came after its picture.
+  if (all.camera === newest.camera && pictures.camera && coverageWanted && status.coverage) drawPicture('camera');
   if (all.history !== newest.history) once('history', fetchHistory);
   const m = all.model;
   if (m.version && m.version !== newest.model && view.gl && !document.hidden && Date.now() - modelWas > 500) once('model', () => fetchModel(m));
@@ -166,6 +169,8 @@ function showStatus() {
   showState(status.state || 'connected');
   $('throttled').hidden = !status.throttled;
   if (!told) show($('message'), status.message);
+  show($('advice'), status.advice);
+  $('coverage').hidden = !status.buttons;
   const rows = FIGURES.filter(([key]) => [status[key]].flat().every(number)).map(([key, name, format]) => {
     const row = document.createElement('tr');
     for (const text of [name, format(status[key])]) row.appendChild(document.createElement('td')).textContent = text;
@@ -214,6 +219,8 @@ function drawPicture(name) {
   if (name === 'camera') {
     const pixel = picture.width / (canvas.clientWidth || picture.width); // of the picture, a px of the screen
     if (Array.isArray(status.corners)) drawCorners(c, status.corners, pixel);
+    const coverage = coverageWanted && pose() && soundCoverage(status.coverage);
+    if (coverage) drawCoverage(c, coverage, pose(), picture, pixel);
     if (pose() && status.pose_from !== 'none') drawAxes(c, pose(), picture, pixel);
     if (SOURCES[status.pose_from]) facts.push(SOURCES[status.pose_from]);
     if (Array.isArray(status.corners) && status.corners.length) facts.push(`${status.corners.length} corners`);
@@ -345,6 +352,11 @@ $('save').onclick = () => command('save', 'Saving the model.');
 $('lock').onclick = () => status.exposure_locked ? command('unlock-exposure', 'The exposure is the camera\'s again.')
   : command('lock-exposure', 'The exposure stays as it is.');
 $('reset').onclick = reset;
+$('coverage').onclick = () => {
+  coverageWanted = !coverageWanted;
+  $('coverage').setAttribute('aria-pressed', coverageWanted);
+  if (pictures.camera) drawPicture('camera');
+};
 $('to-pose').onclick = () => { orbit.byHand = false; placed = true; orbit.fromPose(pose()); };
 $('follow').onchange = () => { orbit.byHand = false; if ($('follow').checked && pose()) orbit.fromPose(pose()); };
 $('views').onchange = () => { orbit.byHand = false; placed = true; orbit.fromPose(views()[$('views').value]); };

@@ -56,11 +56,14 @@ int sf_preview_wants(sf_preview *preview, int parts);
  *                           camera's picture, as sf_camera (camera.h)
  *     pose_from             "board", "track", "file", "known" or "none"
  *     corners               [[x, y], ...] px, of a board's tags in the camera's picture, four a tag
- *     background            [3] 0..1, behind the model that the page draws; missing: black
- *     throttled             true: the machine slows itself down
- *     still                 true: a finished model, of which the page shows nothing but the model
- *     views                 [pose, ...], each as `pose`: places to choose from
- *     buttons               true: commands are taken; missing or false: the page shows no buttons
+ *     advice                what the user should do, any text; null: nothing
+ *     coverage              {"width", "height", "values": a text of width x height digits 0 (badly covered)
+ * to 9 or '.' (not known), "worst": [x, y, z] of the world, or null, "worst_says": any text}, over the
+ * camera's picture; published where sf_preview_wants(SF_PREVIEW_COVERAGE) background            [3] 0..1,
+ * behind the model that the page draws; missing: black throttled             true: the machine slows itself
+ * down still                 true: a finished model, of which the page shows nothing but the model views
+ * [pose, ...], each as `pose`: places to choose from buttons               true: commands are taken; missing
+ * or false: the page shows no buttons
  *
  * and does with any of them missing. SF_ERR_ARGUMENT: not an object, or longer than 64 KiB; SF_ERR_MEMORY:
  * what stood before stands. */

@@ -122,6 +122,7 @@ static int get_status(const request *r) {
     if (strchr(want, 'c')) parts |= SF_PREVIEW_CAMERA;
     if (strchr(want, 'r')) parts |= SF_PREVIEW_RENDER;
     if (strchr(want, 'm')) parts |= SF_PREVIEW_MODEL;
+    if (strchr(want, 'o')) parts |= SF_PREVIEW_COVERAGE;
     sf_store_look(r->server->store, parts);
     return answer_json(r, sf_store_status_json(r->server->store, r->server->head));
 }

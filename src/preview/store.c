@@ -22,7 +22,7 @@ sf_status sf_store_create(sf_context *ctx, sf_preview_store **store) {
     *store = s;
     if (!s) return SF_ERR_MEMORY;
     s->ctx = ctx;
-    for (int i = 0; i < 4; i++) s->seen[i] = -INFINITY;
+    for (int i = 0; i < SF_PREVIEW_PARTS; i++) s->seen[i] = -INFINITY;
     s->old_served = s->published = -INFINITY;
     pthread_mutex_init(&s->lock, NULL);
     pthread_mutex_init(&s->modelling, NULL);
@@ -57,7 +57,7 @@ void sf_store_destroy(sf_preview_store **store) {
 void sf_store_look(sf_preview_store *s, int parts) {
     double now = sf_clock();
     pthread_mutex_lock(&s->lock);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < SF_PREVIEW_PARTS; i++)
         if (parts >> i & 1) s->seen[i] = now;
     pthread_mutex_unlock(&s->lock);
 }
@@ -71,7 +71,7 @@ int sf_store_wants(sf_preview_store *s, int parts) {
     double now = sf_clock();
     int wants = 0;
     pthread_mutex_lock(&s->lock);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < SF_PREVIEW_PARTS; i++)
         if (parts >> i & 1 && now - s->seen[i] < looks_for)
             wants |= 1 << i != SF_PREVIEW_MODEL || !is_read(s, now);
     pthread_mutex_unlock(&s->lock);

@@ -11,6 +11,7 @@
 
 enum {
     SF_PREVIEW_COMMANDS = 16,      /* that wait at most */
+    SF_PREVIEW_PARTS = 5,          /* bits of sf_preview_part */
     SF_PREVIEW_POINTS = 1024,      /* of the history */
     SF_PREVIEW_MOST_STATUS = 65536 /* bytes of a status */
 };
@@ -57,8 +58,8 @@ typedef struct sf_preview_store {
     double published, old_served; /* clock, s: the newest model, and when the one before was last read from */
     sf_preview_point points[SF_PREVIEW_POINTS];
     int point_count;
-    uint64_t history; /* changes with the points */
-    double seen[4];   /* clock, s: when a client last asked for bit i of sf_preview_part */
+    uint64_t history;              /* changes with the points */
+    double seen[SF_PREVIEW_PARTS]; /* clock, s: when a client last asked for bit i of sf_preview_part */
     sf_preview_command commands[SF_PREVIEW_COMMANDS];
     int first_command, command_count;
 } sf_preview_store;
