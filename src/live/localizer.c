@@ -289,6 +289,20 @@ static sf_status look(sf_live *live, const sf_fix *fix) {
     return live->input.frame.from == SF_POSE_NONE ? SF_OK : note_landmarks(&live->localizer);
 }
 
+/* Why there is no first map yet: once, when it is another reason. */
+static void tell_verdict(sf_live *live, sf_first_map_verdict before) {
+    static const char *const words[] = {
+        [SF_FIRST_MAP_FEW] = "the start waits: the pictures show too little that can be recognised",
+        [SF_FIRST_MAP_STILL] = "the start waits: the camera has not moved sideways, or only turned",
+        [SF_FIRST_MAP_FLAT] =
+            "the start waits: all that is seen is flat; look at something with depth, or show a board",
+        [SF_FIRST_MAP_MOVING] = "the start waits: something large moves in the pictures",
+        [SF_FIRST_MAP_DOUBTFUL] =
+            "the start waits: a first map is there, but not accurate enough yet; move on"};
+    sf_first_map_verdict now = live->start.map.verdict;
+    if (now != before && now != SF_FIRST_MAP_FOUND) sf_log(live->ctx, SF_LOG_INFO, "%s", words[now]);
+}
+
 /* Without a board and poses from outside: frames are collected until they give a first map. A board that is
  * seen, or a pose that comes, is the better start. */
 static sf_status collect(sf_live *live) {
@@ -299,8 +313,10 @@ static sf_status collect(sf_live *live) {
     if (live->fitter || live->localizer.has_own_world || !live->options.from_pictures) return SF_OK;
     if (live->input.frame.from != SF_POSE_NONE) sf_start_clear(&live->start);
     if (live->input.frame.from != SF_POSE_NONE || live->quality.blank || live->quality.blurred) return SF_OK;
+    sf_first_map_verdict before = live->start.map.verdict;
     sf_status status =
         sf_start_take(&live->start, p, live->input.frame.number, p->is_lens_guessed ? NULL : &lens, &found);
+    if (!status) tell_verdict(live, before);
     live->localizer.state = live->start.count ? SF_LIVE_STARTING : SF_LIVE_WAITING;
     if (status || !found) return status;
     const sf_first_map *map = &live->start.map;
