@@ -426,8 +426,9 @@ static void test_hands(void **state) {
     assert_string_equal(browser_text(&shared, "orbit.toText()"), before);
     browser_resize(&shared, 400, 800, 2, 1);
     browser_await(&shared, "document.querySelector('#view').clientWidth < 400");
-    double start_at[2][2] = {{150, 250}, {250, 250}}, end_at[2][2] = {{100, 250}, {300, 250}};
-    browser_number(&shared, "scrollTo(0, 0)");
+    browser_number(&shared, "document.querySelector('#view').scrollIntoView({block: 'start'}) || 0");
+    y = browser_number(&shared, "document.querySelector('#view').getBoundingClientRect().top") + 100;
+    double start_at[2][2] = {{150, y}, {250, y}}, end_at[2][2] = {{100, y}, {300, y}};
     browser_touch(&shared, "touchStart", 2, (const double(*)[2])start_at);
     browser_touch(&shared, "touchMove", 2, (const double(*)[2])end_at);
     browser_touch(&shared, "touchEnd", 0, NULL);
