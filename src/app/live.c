@@ -31,7 +31,8 @@ static const arg_option own_options[] = {
      "standard deviations of poses from outside: degrees, world units; default: 0.57 degrees and 0.01 of the "
      "distance to the scene"},
     {"lens", 0, "FILE",
-     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, even "
+     "the camera's calibration (of splatfit calibrate, OpenCV, COLMAP); find: find it from the pictures, "
+     "even "
      "where the source tells one; default: as the source tells, else found"},
     {"downscale", 0, "N",
      "box-average the frames by N, 1..16 (1; of folders so that no side is longer than 640 px)"},
