@@ -9,27 +9,26 @@
 #include "sim/baked.h"
 #include "sim/sensor.h"
 
-live_walk live_walk_open(const char *name, int frames, int steps_per_frame) {
-    live_walk w = {.ctx = test_context_threads(2), .source_ctx = test_context_threads(1), .frames = frames};
+void live_walk_open(const char *name, int frames, int steps_per_frame, live_walk *w) {
+    *w = (live_walk){.ctx = test_context_threads(2), .source_ctx = test_context_threads(1), .frames = frames};
     sf_live_options o = sf_live_options_default();
     sf_live_frame frame = {.number = 0};
-    assert_ok(w.source_ctx, sf_source_open(w.source_ctx, name, &w.source));
+    assert_ok(w->source_ctx, sf_source_open(w->source_ctx, name, &w->source));
     o.own_poses = 1;
     o.steps_per_frame = steps_per_frame;
     o.fit.steps = (int64_t)(frames + 1) * steps_per_frame;
     o.fit.max_gaussians = 15000;
-    assert_ok(w.ctx, sf_live_create(w.ctx, w.source, &o, &w.live));
+    assert_ok(w->ctx, sf_live_create(w->ctx, w->source, &o, &w->live));
     while (frame.number < (uint64_t)frames) {
-        assert_ok(w.ctx, sf_live_step(w.live));
-        sf_live_get_frame(w.live, &frame);
+        assert_ok(w->ctx, sf_live_step(w->live));
+        sf_live_get_frame(w->live, &frame);
     }
-    w.live->options.own_poses = 0;
-    assert_ok(w.ctx, sf_sim_frames_init(w.ctx, name, &w.sim));
-    size_t pixels = (size_t)w.sim.sim.width * (size_t)w.sim.sim.height;
-    w.linear = malloc(3 * pixels * sizeof *w.linear), w.depth = malloc(pixels * sizeof *w.depth);
-    w.planes = malloc(3 * pixels * sizeof *w.planes), w.data = malloc(3 * pixels);
-    assert_true(w.linear && w.depth && w.planes && w.data);
-    return w;
+    w->live->options.own_poses = 0;
+    assert_ok(w->ctx, sf_sim_frames_init(w->ctx, name, &w->sim));
+    size_t pixels = (size_t)w->sim.sim.width * (size_t)w->sim.sim.height;
+    w->linear = malloc(3 * pixels * sizeof *w->linear), w->depth = malloc(pixels * sizeof *w->depth);
+    w->planes = malloc(3 * pixels * sizeof *w->planes), w->data = malloc(3 * pixels);
+    assert_true(w->linear && w->depth && w->planes && w->data);
 }
 
 void live_walk_close(live_walk *w) {

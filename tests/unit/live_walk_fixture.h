@@ -19,8 +19,9 @@ typedef struct live_walk {
     sf_picture picture;
 } live_walk;
 
-/* Looks at the first `frames` frames of a source, whose own poses are used. */
-live_walk live_walk_open(const char *name, int frames, int steps_per_frame);
+/* Looks at the first `frames` frames of a source, whose own poses are used. The walk stays where it is: what
+ * draws it points into it. */
+void live_walk_open(const char *name, int frames, int steps_per_frame, live_walk *walk);
 void live_walk_close(live_walk *walk);
 
 /* The camera of a frame of the walk, in the studio's world, swung by an angle about what is before it, or

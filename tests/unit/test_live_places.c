@@ -17,7 +17,7 @@ static live_walk walk;
 
 static int open_walk(void **state) {
     (void)state;
-    walk = live_walk_open(SOURCE, FRAMES, STEPS);
+    live_walk_open(SOURCE, FRAMES, STEPS, &walk);
     return 0;
 }
 
