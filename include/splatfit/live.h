@@ -233,6 +233,20 @@ SF_API sf_status sf_live_render(sf_live *live, const sf_camera *camera, const sf
  * SF_ERR_EMPTY: not known, or there is no map of that kind. */
 SF_API sf_status sf_live_get_world(const sf_live *live, sf_similarity *to_world);
 
+/* A keyframe as it is known by now. */
+typedef struct sf_live_keyframe {
+    int64_t time_ns;  /* of its frame, as in sf_frame */
+    int held_out;     /* 1: never trained on */
+    sf_camera camera; /* as refined by the fit, relative to the scene's origin */
+    int has_truth;    /* its frame came with its own camera, which was not used for tracking */
+    sf_camera truth;  /* where has_truth */
+} sf_live_keyframe;
+
+/* Copies up to `capacity` keyframes, the oldest first, from index `first`; returns how many. Call it from the
+ * thread of sf_live_step. */
+SF_API size_t sf_live_get_keyframes(const sf_live *live, size_t first, size_t capacity,
+                                    sf_live_keyframe *keyframes);
+
 /* The current keyframes as a scene: pictures and tracked poses. The scene belongs to the object.
  * sf_scene_get_origin: where its coordinates, those of frames and the model's lie in the world; 0 unless
  * poses from outside are far from 0. */

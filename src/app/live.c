@@ -264,6 +264,12 @@ static json_t *log_json(live_run *r, const sf_live_progress *p) {
         json_object_set_new(result, "pose_error_distance", json_real(error.distance));
         if (p->own_world) json_object_set_new(result, "similarity", path_similarity_json(&error));
     }
+    json_t *keyframes;
+    if (keyframes_compare(r->live, p->own_world, &error, &keyframes)) {
+        json_object_set_new(result, "keyframe_error_degrees", json_real(error.degrees));
+        json_object_set_new(result, "keyframe_error_distance", json_real(error.distance));
+    }
+    json_object_set_new(result, "keyframe_errors", keyframes);
     return json_pack("{s:s, s:s, s:i, s:o, s:o, s:O, s:o}", "version", sf_version(), "isa",
                      sf_context_isa(r->ctx), "threads", sf_context_threads(r->ctx), "source",
                      app_json_text(r->a->positional[0]), "options", app_options_json(&r->options.fit),
@@ -298,6 +304,9 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
     if (path_compare(&r->tracked, p->own_world, &error))
         printf("poses against the frames' own%s, medians: %.3f degrees, %.4g off\n",
                p->own_world ? " (after the similarity that fits best)" : "", error.degrees, error.distance);
+    if (keyframes_compare(r->live, p->own_world, &error, NULL))
+        printf("keyframes the same, medians: %.3f degrees, %.4g off; at most %.3f degrees, %.4g\n",
+               error.degrees, error.distance, error.most_degrees, error.most_distance);
 }
 
 /* The model first, whatever comes after. */

@@ -49,9 +49,10 @@ typedef struct live_path {
     uint64_t last_frame;
 } live_path;
 
-/* How far poses are off those that the frames told: medians. */
+/* How far poses are off those that the frames told: medians, and the most; distances in the unit of the
+ * frames' own poses. */
 typedef struct path_error {
-    double degrees, distance; /* in the unit of the frames' own poses */
+    double degrees, distance, most_degrees, most_distance;
     sf_similarity similarity; /* from the path's world to theirs */
 } path_error;
 
@@ -62,6 +63,9 @@ int path_write(const live_path *path, const args *a, sf_context *ctx, const sf_l
 /* own_world: the path is compared after the similarity that fits best. Returns how many poses were compared.
  */
 size_t path_compare(const live_path *path, int own_world, path_error *error);
+/* The same of the keyframes as they are known by now. *list: of each the time and how far it is off, NULL:
+ * not wanted. */
+size_t keyframes_compare(const sf_live *live, int own_world, path_error *error, json_t **list);
 json_t *path_similarity_json(const path_error *error);
 void path_free(live_path *path);
 

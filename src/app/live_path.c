@@ -59,32 +59,74 @@ static void compare(const sf_camera *camera, const sf_camera *truth, double *deg
     *distance = sqrt(squares);
 }
 
-/* The n steps with a truth: cameras of both worlds, and room for the errors. */
-static size_t measure(const live_path *p, int own_world, sf_camera *cameras, sf_camera *truths,
-                      double *errors, path_error *error) {
-    size_t n = 0;
-    for (size_t i = 0; i < p->count; i++)
-        if (p->steps[i].has_truth) cameras[n] = p->steps[i].camera, truths[n++] = p->steps[i].truth;
+/* Cameras and their truths, n of them; `errors` has room for 2 n. */
+static int measure(sf_camera *cameras, const sf_camera *truths, size_t n, int own_world, double *errors,
+                   path_error *error) {
     if (!n || (own_world && !sf_similarity_between(cameras, truths, n, &error->similarity))) return 0;
     for (size_t i = 0; i < n; i++) {
         if (own_world) sf_camera_transform(&cameras[i], &error->similarity);
         compare(&cameras[i], &truths[i], &errors[i], &errors[n + i]);
+        error->most_degrees = fmax(error->most_degrees, errors[i]);
+        error->most_distance = fmax(error->most_distance, errors[n + i]);
     }
     error->degrees = app_median(errors, n);
     error->distance = app_median(errors + n, n);
-    return n;
+    return 1;
+}
+
+/* Room to compare n cameras. */
+typedef struct comparison {
+    sf_camera *cameras, *truths;
+    double *errors; /* [2 n]: degrees, then distances */
+} comparison;
+
+static int make_room(comparison *c, size_t n) {
+    c->cameras = malloc((n + 1) * sizeof *c->cameras), c->truths = malloc((n + 1) * sizeof *c->truths);
+    c->errors = malloc((n + 1) * 2 * sizeof *c->errors);
+    return c->cameras && c->truths && c->errors;
+}
+
+static void free_room(comparison *c) {
+    free(c->cameras);
+    free(c->truths);
+    free(c->errors);
 }
 
 size_t path_compare(const live_path *p, int own_world, path_error *error) {
-    sf_camera *cameras = malloc((p->count + 1) * sizeof *cameras),
-              *truths = malloc((p->count + 1) * sizeof *truths);
-    double *errors = malloc((p->count + 1) * 2 * sizeof *errors);
+    comparison c;
+    size_t n = 0;
+    int ready = make_room(&c, p->count);
     *error = (path_error){.degrees = NAN, .distance = NAN};
-    size_t n = cameras && truths && errors ? measure(p, own_world, cameras, truths, errors, error) : 0;
-    free(cameras);
-    free(truths);
-    free(errors);
-    return n;
+    for (size_t i = 0; i < p->count && ready; i++)
+        if (p->steps[i].has_truth) c.cameras[n] = p->steps[i].camera, c.truths[n++] = p->steps[i].truth;
+    ready = ready && measure(c.cameras, c.truths, n, own_world, c.errors, error);
+    free_room(&c);
+    return ready ? n : 0;
+}
+
+size_t keyframes_compare(const sf_live *live, int own_world, path_error *error, json_t **list) {
+    sf_live_progress p;
+    sf_live_keyframe k;
+    comparison c;
+    size_t n = 0;
+    sf_live_get_progress(live, &p);
+    double *times = malloc((p.keyframes + 1) * sizeof *times);
+    int ready = make_room(&c, p.keyframes) && times;
+    *error = (path_error){.degrees = NAN, .distance = NAN};
+    for (size_t i = 0; ready && sf_live_get_keyframes(live, i, 1, &k); i++)
+        if (k.has_truth)
+            c.cameras[n] = k.camera, c.truths[n] = k.truth, times[n++] = 1e-9 * (double)k.time_ns;
+    ready = ready && measure(c.cameras, c.truths, n, own_world, c.errors, error);
+    if (list) *list = json_array();
+    for (size_t i = 0; ready && list && i < n; i++) {
+        double degrees, distance;
+        compare(&c.cameras[i], &c.truths[i], &degrees, &distance); /* medians sort the errors */
+        json_array_append_new(
+            *list, json_pack("{s:f, s:f, s:f}", "time", times[i], "degrees", degrees, "distance", distance));
+    }
+    free_room(&c);
+    free(times);
+    return ready ? n : 0;
 }
 
 json_t *path_similarity_json(const path_error *e) {

@@ -125,7 +125,7 @@ sf_status sf_sim_open(sf_context *ctx, const char *name, sf_source *source) {
         return status;
     }
     const sf_sim *sim = &s->frames.sim;
-    s->pace = (sf_pace){.fps = sim->fps, .frames = sim->loop ? 0 : sim->frames};
+    s->pace = (sf_pace){.fps = sim->fps, .frames = sim->loop ? 0 : sf_sim_frame_count(sim)};
     source->ops = &ops;
     source->self = s;
     return SF_OK;

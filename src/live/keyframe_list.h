@@ -19,12 +19,15 @@ typedef struct sf_place {
 
 /* The picture of a keyframe is a view of the scene. */
 typedef struct sf_keyframe {
-    uint32_t id;                 /* of the view */
-    int held_out;                /* never trained on */
-    int hold, told;              /* its pose is to be held; the fit knows of it */
-    int searched;                /* for points */
-    uint64_t found_again;        /* times that the camera was lost before, and a place was recognized */
-    double light;                /* as sf_picture has it */
+    uint32_t id;          /* of the view */
+    int held_out;         /* never trained on */
+    int hold, told;       /* its pose is to be held; the fit knows of it */
+    int searched;         /* for points */
+    uint64_t found_again; /* times that the camera was lost before, and a place was recognized */
+    double light;         /* as sf_picture has it */
+    int64_t time_ns;      /* of its frame */
+    int has_truth;        /* its frame told its own pose, which was not used: */
+    sf_rigid truth;
     sf_rigid pose;               /* world to camera, as it is known by now */
     double center[3];            /* of the camera */
     sf_place place;              /* the keyframe's own */

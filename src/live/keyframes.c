@@ -242,6 +242,10 @@ static sf_status take_keyframe(sf_live *live) {
     k.hold = live->localizer.fixed;
     k.found_again = live->localizer.found_again;
     k.light = live->input.picture->light;
+    k.time_ns = live->input.frame.time_ns;
+    k.has_truth = live->input.frame.has_truth;
+    memcpy(k.truth.R, live->input.frame.truth.R_cw, sizeof k.truth.R);
+    memcpy(k.truth.t, live->input.frame.truth.t_cw, sizeof k.truth.t);
     k.place = live->input.place;
     live->input.place = (sf_place){.depths = NULL};
     live->keyframes.list[live->keyframes.count++] = k;

@@ -383,6 +383,26 @@ sf_status sf_live_get_world(const sf_live *live, sf_similarity *to_world) {
     return SF_OK;
 }
 
+size_t sf_live_get_keyframes(const sf_live *live, size_t first, size_t capacity,
+                             sf_live_keyframe *keyframes) {
+    size_t count = 0;
+    for (size_t i = first; i < live->keyframes.count && count < capacity; i++) {
+        const sf_keyframe *k = &live->keyframes.list[i];
+        sf_live_keyframe *to = &keyframes[count++];
+        *to = (sf_live_keyframe){.time_ns = k->time_ns,
+                                 .held_out = k->held_out,
+                                 .camera = live->input.frame.camera,
+                                 .has_truth = k->has_truth};
+        memcpy(to->camera.R_cw, k->pose.R, sizeof k->pose.R);
+        memcpy(to->camera.t_cw, k->pose.t, sizeof k->pose.t);
+        to->truth = to->camera;
+        memcpy(to->truth.R_cw, k->truth.R, sizeof k->truth.R);
+        memcpy(to->truth.t_cw, k->truth.t, sizeof k->truth.t);
+        if (live->fitter) sf_online_refine_camera(live->fitter, k->id, &to->camera);
+    }
+    return count;
+}
+
 sf_scene *sf_live_scene(sf_live *live) { return live->scene; }
 
 /* A keyframe's camera as the fit refined it, in the world that is known. */

@@ -86,6 +86,7 @@ enum {
     FOV,
     FPS,
     LOOP,
+    ROUNDS,
     EXACT,
     CLEAN,
     NOISE,
@@ -115,6 +116,7 @@ static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
     sim->fov = options[FOV].value;
     sim->fps = options[FPS].value;
     sim->loop = options[LOOP].value != 0;
+    sim->rounds = options[ROUNDS].value;
     sim->exact = options[EXACT].value != 0;
     sim->noise = options[NOISE].value;
     sim->blur = options[BLUR].value != 0;
@@ -145,6 +147,7 @@ static sf_status read_name(sf_context *ctx, const char *name, scene which, sf_si
         [FOV] = {.name = "fov", .value = which == CORRIDOR ? 65 : 50, .least = 10, .most = 120},
         [FPS] = {.name = "fps", .value = walks ? 30 : 0, .most = 1000},
         [LOOP] = {.name = "loop", .most = 1, .whole = 1},
+        [ROUNDS] = {.name = "rounds", .value = 1, .least = 0.001, .most = 1000},
         [EXACT] = {.name = "exact", .value = !walks, .most = 1, .whole = 1},
         [CLEAN] = {.name = "clean", .most = 1, .whole = 1},
         [NOISE] = {.name = "noise", .value = walks, .most = 10},
@@ -213,6 +216,10 @@ static void circle_pose(const sf_sim *sim, double turn, sf_camera *camera) {
 double sf_sim_period(const sf_sim *sim) {
     if (sim->fps > 0) return 1 / sim->fps;
     return sim->walks ? (double)SF_WALK_SECONDS / (double)sim->frames : 1.0 / 30;
+}
+
+uint64_t sf_sim_frame_count(const sf_sim *sim) {
+    return (uint64_t)fmax(round(sim->rounds * (double)sim->frames), 1);
 }
 
 void sf_sim_studio_camera(const sf_sim *sim, double frame, sf_camera *camera) {

@@ -29,6 +29,7 @@ typedef struct sf_sim {
     uint64_t frames, seed;
     double fps;      /* in real time; 0: not */
     int loop;        /* goes round and round */
+    double rounds;   /* of the path, where it does not */
     double fov;      /* degrees, across the width */
     double phase[6]; /* of the hand's sway, from the seed */
     int exact;       /* drawn by the ray caster, not from baked surfaces */
@@ -49,6 +50,8 @@ sf_status sf_sim_project_name(sf_context *ctx, const char *name, char **project)
 
 /* Seconds between two frames. */
 double sf_sim_period(const sf_sim *sim);
+/* Frames of all rounds. */
+uint64_t sf_sim_frame_count(const sf_sim *sim);
 
 /* The camera of frame 0 .. frames-1 in the source's world. sim:studio: once around a loop in front of the
  * scene's middle, 200 degrees wide, low on the way out to the right and back from the left, high in between,
