@@ -39,6 +39,7 @@ typedef struct sf_keyframes {
     size_t count, capacity;
     int64_t made;        /* so far, those included that made room for others */
     int wanted;          /* the camera is far enough from all of them for another one, */
+    int forced;          /* the next good frame becomes one, wherever it is */
     double wanted_since; /* since this time of the frames' clock, s */
 } sf_keyframes;
 

@@ -18,8 +18,8 @@
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
+    FITTED = 8,      /* keyframes after which one is fitted well enough for depths */
     RECENT = 6,      /* keyframes: the newest, none of which makes room for another */
-    BACK = 2,        /* keyframes: those back at an old place when a loop closes */
     ADJUSTED = 60    /* keyframes whose poses are adjusted with each new one */
 };
 
@@ -142,14 +142,14 @@ static void scale_depths(sf_keyframe *k, double scale) {
         k->place.depths[f] *= (float)scale;
 }
 
-/* Those that came back last show an old place, which stays: they were wrong, not what they see. */
-sf_status sf_live_move_keyframes(sf_live *live, const sf_rigid *to, const double *scales) {
+sf_status sf_live_move_keyframes(sf_live *live, const sf_rigid *to, const double *scales, size_t first_back,
+                                 size_t backs) {
     size_t all = live->keyframes.count, count = 0;
     sf_correction *corrections = sf_alloc(live->ctx, all + 1, sizeof *corrections);
     sf_status status = corrections ? SF_OK : SF_ERR_MEMORY;
     for (size_t i = 0; !status && i < all; i++) {
         sf_keyframe *k = &live->keyframes.list[i];
-        if (i + BACK < all)
+        if (i < first_back || i >= first_back + backs)
             corrections[count++] = (sf_correction){camera_at(live, &k->pose), to[i], 1, scales[i]};
         scale_depths(k, scales[i]);
         sf_landmarks_move(live->localizer.landmarks, k->id, &to[i], scales[i]);
@@ -227,6 +227,15 @@ static sf_status adjust(sf_live *live, uint32_t id) {
     return status;
 }
 
+/* Depths of a keyframe that was fitted for a while, before anything drifted hides what it shows. */
+static sf_status draw_depths(sf_live *live) {
+    size_t count = live->keyframes.count;
+    int drawn;
+    if (!live->fitter || count <= FITTED) return SF_OK;
+    sf_keyframe *k = &live->keyframes.list[count - 1 - FITTED];
+    return k->place.depths ? SF_OK : sf_live_draw_depths(live, k, &drawn);
+}
+
 static sf_status take_keyframe(sf_live *live) {
     int64_t every = live->options.hold_out;
     sf_status status = make_room(live);
@@ -250,8 +259,9 @@ static sf_status take_keyframe(sf_live *live) {
     live->input.place = (sf_place){.depths = NULL};
     live->keyframes.list[live->keyframes.count++] = k;
     live->keyframes.made++;
-    live->keyframes.wanted = 0;
-    return adjust(live, k.id);
+    live->keyframes.wanted = live->keyframes.forced = 0;
+    status = adjust(live, k.id);
+    return status ? status : draw_depths(live);
 }
 
 sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
@@ -263,7 +273,7 @@ sf_status sf_live_offer_keyframe(sf_live *live, int *taken) {
         fmin(1, (double)live->keyframes.count / FULL_GAP); /* where there are few, one more costs little */
     gap *= FIRST_GAP + (1 - FIRST_GAP) * grown;
     sf_camera_center(&live->input.frame.camera, center);
-    if (least_gap(live, &live->localizer.pose, center, SIZE_MAX) < gap) {
+    if (!live->keyframes.forced && least_gap(live, &live->localizer.pose, center, SIZE_MAX) < gap) {
         live->keyframes.wanted = 0;
         return SF_OK;
     }

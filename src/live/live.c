@@ -8,6 +8,7 @@
 #include "../fit/online.h"
 #include "../io/cameras_json.h"
 #include "guidance.h"
+#include "loop_closure.h"
 #include "place_recognition.h"
 #include "throttling.h"
 
@@ -190,6 +191,7 @@ static sf_status note_frame(sf_live *live) {
 static sf_status handle_frame(sf_live *live, int *taken) {
     *taken = 0;
     sf_status status = sf_live_localize(live);
+    if (!status && !live->paused) status = sf_live_join_lost(live);
     if (!status && !live->paused) status = sf_live_offer_keyframe(live, taken);
     return status;
 }

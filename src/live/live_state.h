@@ -30,6 +30,13 @@ typedef struct sf_live_input {
     size_t byte_capacity;
 } sf_live_input;
 
+/* What was asked of the last keyframes before a loss. */
+typedef struct sf_loop_checked {
+    uint64_t lost, found_again; /* times, when it was lost */
+    uint64_t next;              /* frame that they are asked again with */
+    int tries;                  /* left */
+} sf_loop_checked;
+
 /* An old place that the newest keyframe shows, and has another pose by. */
 typedef struct sf_loop {
     int is_seen;
@@ -38,6 +45,7 @@ typedef struct sf_loop {
     sf_rigid pose; /* of the newest, by the old one's map */
     double scale;  /* as in sf_loop_link */
     int is_scaled;
+    sf_loop_checked checked;
 } sf_loop;
 
 /* Whose turn it is: a frame's or the fit's. Times are s of the clock. */

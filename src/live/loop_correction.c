@@ -8,7 +8,7 @@
 
 enum {
     ROUNDS = 20,
-    LEAST = 8,   /* landmarks that two keyframes share, for what is between them to be known */
+    LEAST = 15,  /* landmarks that two keyframes share, for what is between them to be known */
     MOST = 50,   /* of which no more count */
     NEAR = 10,   /* keyframes: within so many, what is between them follows from those one after another */
     LINK = 20000 /* that a link counts for: it is as accurate as a keyframe, and drift is far more */
@@ -137,7 +137,7 @@ static void tell(const building *b, const sf_rigid *before) {
            most_turn * 57.29577951308232, most_move, 100 * fabs(1 / b->poses[b->count].at.scale - 1));
 }
 
-static sf_status correct(building *b, sf_rigid *moved, double *scale) {
+static sf_status correct(building *b, const sf_loop_back *back, sf_rigid *moved, double *scale) {
     sf_context *ctx = b->live->ctx;
     sf_rigid *before = sf_alloc(ctx, b->count + 1, sizeof *before);
     sf_rigid *to = sf_alloc(ctx, b->count + 1, sizeof *to);
@@ -151,7 +151,7 @@ static sf_status correct(building *b, sf_rigid *moved, double *scale) {
         for (size_t i = 0; i <= b->count; i++)
             to[i] = pose_of(&b->poses[i].at), scales[i] = 1 / b->poses[i].at.scale;
         *moved = to[b->count], *scale = scales[b->count];
-        status = sf_live_move_keyframes(b->live, to, scales);
+        status = sf_live_move_keyframes(b->live, to, scales, back->first, back->count);
     }
     sf_free(ctx, before);
     sf_free(ctx, to);
@@ -159,12 +159,12 @@ static sf_status correct(building *b, sf_rigid *moved, double *scale) {
     return status;
 }
 
-sf_status sf_live_correct_loop(sf_live *live, const sf_loop_link *links, size_t count, sf_rigid *moved,
-                               double *scale) {
+sf_status sf_live_correct_loop(sf_live *live, const sf_loop_link *links, size_t count,
+                               const sf_loop_back *back, sf_rigid *moved, double *scale) {
     building b = {.live = live, .count = live->keyframes.count};
     *moved = live->localizer.pose, *scale = 1;
     sf_status status = build(&b, links, count);
-    if (!status) status = correct(&b, moved, scale);
+    if (!status) status = correct(&b, back, moved, scale);
     sf_free(live->ctx, b.poses);
     sf_free(live->ctx, b.edges);
     return status == SF_ERR_EMPTY ? SF_OK : status;

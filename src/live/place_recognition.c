@@ -8,7 +8,10 @@
 #include "../fit/online.h"
 #include "../sfm/pairs.h"
 
-enum { REDRAWN = 200 /* steps of the fit, after which depths are drawn anew */ };
+enum {
+    REDRAWN = 200, /* steps of the fit, after which depths are drawn anew, */
+    RECENT = 30    /* of these keyframes, the newest: what others show may be hidden by what drifted since */
+};
 
 #define SOLID 0.5f /* transmittance up to which a drawn pixel has a depth */
 #define EDGE  0.1f /* depths of neighbours that differ by more are no surface */
@@ -58,6 +61,7 @@ sf_status sf_live_find_features(sf_live *live) {
 
 typedef struct scoring {
     sf_live *live;
+    const sf_place *place;
     const uint8_t *left_out;
     sf_place_score *scores;
     sf_status *statuses;
@@ -70,8 +74,8 @@ static void score_task(void *pointer, size_t at, int thread) {
     (void)thread;
     s->scores[at] = (sf_place_score){.keyframe = at};
     if (s->left_out && s->left_out[at]) return;
-    s->statuses[at] = sf_match_pair(s->live->ctx, &s->live->input.place.few,
-                                    &s->live->keyframes.list[at].place.few, &options, &matches);
+    s->statuses[at] = sf_match_pair(s->live->ctx, &s->place->few, &s->live->keyframes.list[at].place.few,
+                                    &options, &matches);
     s->scores[at].shared = matches.count;
     sf_matches_free(s->live->ctx, &matches);
 }
@@ -82,9 +86,10 @@ static int most_alike_first(const void *a, const void *b) {
     return (x->keyframe < y->keyframe) - (x->keyframe > y->keyframe);
 }
 
-sf_status sf_live_score_places(sf_live *live, const uint8_t *left_out, sf_place_score *scores) {
+sf_status sf_live_score_places(sf_live *live, const sf_place *place, const uint8_t *left_out,
+                               sf_place_score *scores) {
     size_t count = live->keyframes.count;
-    scoring s = {live, left_out, scores, sf_calloc(live->ctx, count + 1, sizeof *s.statuses)};
+    scoring s = {live, place, left_out, scores, sf_calloc(live->ctx, count + 1, sizeof *s.statuses)};
     sf_status status = s.statuses ? SF_OK : SF_ERR_MEMORY;
     if (!status) sf_pool_run(live->ctx->pool, count, score_task, &s);
     for (size_t i = 0; i < count && !status; i++) status = s.statuses[i];
@@ -118,7 +123,9 @@ sf_status sf_live_draw_depths(sf_live *live, sf_keyframe *k, int *drawn) {
     sf_camera camera = live->input.frame.camera;
     *drawn = 0;
     sf_fitter_get_progress(live->fitter, &progress);
-    if (place->depths && progress.step < place->drawn_at + REDRAWN) return SF_OK;
+    size_t at = (size_t)(k - live->keyframes.list);
+    int is_old = at + RECENT < live->keyframes.count;
+    if (place->depths && (is_old || progress.step < place->drawn_at + REDRAWN)) return SF_OK;
     if (!place->depths)
         place->depths = sf_calloc(live->ctx, place->features.count + 1, sizeof *place->depths);
     if (!place->depths) return SF_ERR_MEMORY;

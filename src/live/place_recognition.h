@@ -12,7 +12,7 @@ void sf_place_free(sf_context *ctx, sf_place *place);
 /* Frees those of all keyframes. */
 void sf_places_free(sf_context *ctx, const sf_keyframes *keyframes);
 
-/* A keyframe, and how many of the few features of the picture in hand it shares. */
+/* A keyframe, and how many of the few features of a place it shares. */
 typedef struct sf_place_score {
     size_t keyframe;
     size_t shared;
@@ -20,7 +20,8 @@ typedef struct sf_place_score {
 
 /* Scores all keyframes, the most alike first, of equal ones the newer. left_out [keyframes]: flags of those
  * that do not count, at the end with 0; NULL: all do. scores [keyframes]. SF_ERR_MEMORY. */
-sf_status sf_live_score_places(sf_live *live, const uint8_t *left_out, sf_place_score *scores);
+sf_status sf_live_score_places(sf_live *live, const sf_place *place, const uint8_t *left_out,
+                               sf_place_score *scores);
 
 /* Depths of a keyframe's features by the model drawn at its pose, unless they are known well enough.
  * *drawn: whether it was drawn. SF_ERR_MEMORY. */

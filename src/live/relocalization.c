@@ -37,6 +37,7 @@ enum {
 
 typedef struct comparison {
     sf_live *live;
+    const sf_place *place;
     const size_t *chosen;
     size_t count;
     sf_matches *matches; /* [count] */
@@ -51,14 +52,13 @@ static void match_task(void *pointer, size_t at, int thread) {
     const sf_features *of = &c->live->keyframes.list[c->chosen[at]].place.features;
     sf_match_options options = sf_match_options_default();
     (void)thread;
-    c->statuses[at] =
-        sf_match_pair(c->live->ctx, &c->live->input.place.features, of, &options, &c->matches[at]);
+    c->statuses[at] = sf_match_pair(c->live->ctx, &c->place->features, of, &options, &c->matches[at]);
 }
 
 /* A feature of a keyframe that the picture shows as well, as a point of the world. */
 static void add_sighting(comparison *c, const sf_keyframe *k, const sf_match *match) {
     const sf_keypoint *there = &k->place.features.points[match->b];
-    const sf_keypoint *here = &c->live->input.place.features.points[match->a];
+    const sf_keypoint *here = &c->place->features.points[match->a];
     const sf_lens *lens = &c->search.lens;
     double z = (double)k->place.depths[match->b], at[3];
     if (!(z > 0)) return;
@@ -80,7 +80,7 @@ static sf_status gather(comparison *c, int drawings) {
         most += c->matches[i].count;
     }
     c->feature = sf_alloc(c->live->ctx, most + 1, sizeof *c->feature);
-    c->agrees = sf_alloc(c->live->ctx, c->live->input.place.features.count + 1, 1);
+    c->agrees = sf_alloc(c->live->ctx, c->place->features.count + 1, 1);
     if (!sf_pose_search_make(c->live->ctx, most, &lens, &c->search) || !c->feature || !c->agrees)
         return SF_ERR_MEMORY;
     for (size_t i = 0; i < c->count; i++) {
@@ -102,7 +102,7 @@ static size_t count_features(const comparison *c, size_t members) {
     const sf_camera *camera = &c->live->input.picture->camera;
     uint8_t cells[CELLS * CELLS] = {0};
     size_t count = 0, filled = 0;
-    memset(c->agrees, 0, c->live->input.place.features.count);
+    memset(c->agrees, 0, c->place->features.count);
     for (size_t i = 0; i < members; i++) {
         uint32_t at = c->search.members[i], feature = c->feature[at];
         const double *pixel = c->search.pixels + 2 * at;
@@ -151,9 +151,9 @@ static int is_elsewhere(const sf_rigid *a, const sf_rigid *b, double distance) {
     return angle > ELSEWHERE || apart > ELSEWHERE * distance;
 }
 
-sf_status sf_live_find_place(sf_live *live, const size_t *chosen, size_t count, int drawings,
-                             sf_place_pose *found) {
-    comparison c = {.live = live, .chosen = chosen, .count = count};
+sf_status sf_live_find_place(sf_live *live, const sf_place *place, const size_t *chosen, size_t count,
+                             int drawings, sf_place_pose *found) {
+    comparison c = {.live = live, .place = place, .chosen = chosen, .count = count};
     sf_rigid other;
     double began = sf_clock();
     size_t members;
@@ -180,11 +180,12 @@ sf_status sf_live_relocalize(sf_live *live, sf_place_pose *found) {
     *found = (sf_place_pose){0};
     sf_place_score *scores = sf_alloc(live->ctx, live->keyframes.count + 1, sizeof *scores);
     sf_status status = scores ? sf_live_find_features(live) : SF_ERR_MEMORY;
-    if (!status) status = sf_live_score_places(live, NULL, scores);
+    if (!status) status = sf_live_score_places(live, &live->input.place, NULL, scores);
     for (size_t i = skipped; !status && i < live->keyframes.count && count < ALIKE; i++)
         if (scores[i].shared >= LEAST_SHARED) chosen[count++] = scores[i].keyframe;
     sf_free(live->ctx, scores);
-    return status || !count ? status : sf_live_find_place(live, chosen, count, DRAWINGS, found);
+    return status || !count ? status
+                            : sf_live_find_place(live, &live->input.place, chosen, count, DRAWINGS, found);
 }
 
 /* Sums over the pixels of a part of the picture that the model fills. */

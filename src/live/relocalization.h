@@ -12,11 +12,12 @@ typedef struct sf_place_pose {
     double seconds; /* that it took */
 } sf_place_pose;
 
-/* The pose from the features that the keyframes chosen[count] share with the picture, whose features are
- * known. At most `drawings` keyframes get depths; without them the others say nothing. A pose is found where
- * features all over the picture agree with it and no others with a place elsewhere. SF_ERR_MEMORY. */
-sf_status sf_live_find_place(sf_live *live, const size_t *chosen, size_t count, int drawings,
-                             sf_place_pose *found);
+/* The pose from the features that the keyframes chosen[count] share with a place: the picture in hand, whose
+ * features are known, or a keyframe. At most `drawings` keyframes get depths; without them the others say
+ * nothing. A pose is found where features all over the picture agree with it and no others with a place
+ * elsewhere. SF_ERR_MEMORY. */
+sf_status sf_live_find_place(sf_live *live, const sf_place *place, const size_t *chosen, size_t count,
+                             int drawings, sf_place_pose *found);
 
 /* Whether the model drawn at a pose looks like the picture in all of its parts, but for a few that something
  * may hide: two places may be alike in most of a picture. SF_ERR_MEMORY. */

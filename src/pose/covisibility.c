@@ -80,6 +80,19 @@ size_t sf_landmarks_seen(const sf_landmarks *l, double (*at)[3], double (*pixels
     return count;
 }
 
+size_t sf_landmarks_seen_by(const sf_landmarks *l, uint32_t id, double (*at)[3], double (*pixels)[2],
+                            size_t most) {
+    size_t count = 0, keyframe = index_of(l, id);
+    for (size_t i = 0; i < l->observation_count && count < most; i++) {
+        const sf_landmark_observation *o = &l->observations[i];
+        if (o->keyframe != keyframe || l->all[o->landmark].state != SF_LANDMARK_KNOWN) continue;
+        memcpy(at[count], l->all[o->landmark].at, sizeof at[count]);
+        pixels[count][0] = o->u, pixels[count][1] = o->v;
+        count++;
+    }
+    return count;
+}
+
 void sf_landmarks_move(sf_landmarks *l, uint32_t id, const sf_rigid *to, double scale) {
     size_t at = index_of(l, id);
     if (at == l->keyframe_count) return;

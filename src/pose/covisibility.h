@@ -17,6 +17,10 @@ int sf_landmarks_prior(const sf_landmarks *landmarks, uint32_t id, sf_track_prio
  * how many. */
 size_t sf_landmarks_seen(const sf_landmarks *landmarks, double (*at)[3], double (*pixels)[2], size_t most);
 
+/* The same of a keyframe. */
+size_t sf_landmarks_seen_by(const sf_landmarks *landmarks, uint32_t id, double (*at)[3], double (*pixels)[2],
+                            size_t most);
+
 /* A keyframe's pose becomes `to`, of a map whose unit of length is `scale` times the old one there. What was
  * first seen in it goes with it. */
 void sf_landmarks_move(sf_landmarks *landmarks, uint32_t id, const sf_rigid *to, double scale);

@@ -72,7 +72,7 @@ static void drift(double turn, double move, double grow) {
     /* A drift that landmarks do not contradict: only what is between one keyframe and the next is known. */
     walk.live->localizer.landmarks->match_count = walk.live->localizer.landmarks->observation_count = 0;
     walk.live->localizer.found_again = keyframes->list[keyframes->count - 1].found_again;
-    assert_ok(walk.ctx, sf_live_move_keyframes(walk.live, to, scales));
+    assert_ok(walk.ctx, sf_live_move_keyframes(walk.live, to, scales, keyframes->count, 0));
 }
 
 static void drift_is_taken_away(void **state) {
@@ -85,8 +85,9 @@ static void drift_is_taken_away(void **state) {
     size_t last = walk.live->keyframes.count - 1;
     const sf_loop_link links[2] = {{last, 1, truth[last], 1 + GROW, 1},
                                    {last + 1, 0, truth[last], 1 + GROW, 1}};
+    const sf_loop_back back = {last - 1, 2};
     sf_rigid pose;
-    assert_ok(walk.ctx, sf_live_correct_loop(walk.live, links, 2, &pose, &scale));
+    assert_ok(walk.ctx, sf_live_correct_loop(walk.live, links, 2, &back, &pose, &scale));
     walk.live->localizer.pose = pose;
     measure(&turned[1], &moved[1]);
     double closed = held_out_psnr(), angle, apart;
