@@ -331,6 +331,11 @@ typedef struct sf_memory_bill {
     uint64_t total;     /* the sum of all but the budget */
 } sf_memory_bill;
 
+/* The estimate alone, of a fit of `scene` from its points; the pictures of a scene without pixels count as if
+ * they had been read. options NULL: the defaults. Errors as sf_fitter_create; the bill is then unchanged. */
+SF_API sf_status sf_fit_memory(sf_context *context, sf_scene *scene, const sf_fit_options *options,
+                               sf_memory_bill *bill);
+
 /* The memory estimate that was made when the fitter was created. */
 SF_API void sf_fitter_get_memory(const sf_fitter *fitter, sf_memory_bill *bill);
 

@@ -50,10 +50,12 @@ typedef struct sf_load_options {
     int no_masks;          /* 1: masks are not read; alpha channels are */
     sf_alpha alpha;        /* the meaning of an alpha channel */
     float background[3];   /* 0..1, behind pictures that are blended (SF_ALPHA_BLEND) */
+    int no_pixels;         /* 1: of pictures and masks only the headers are read; the scene serves for its
+                              counts, cameras and points. Simulated scenes are drawn all the same */
 } sf_load_options;
 
 /* images NULL, downscale 1, hold_out 8, test_list NULL, max_views 0, memory 0, sub_model -1, masks NULL,
- * alpha auto, background black. */
+ * alpha auto, background black, no_pixels 0. */
 SF_API sf_load_options sf_load_options_default(void);
 
 /* An empty scene, to which the caller adds views and points. */
@@ -114,7 +116,8 @@ typedef struct sf_scene_info {
     size_t undistorted_views;                      /* views resampled to a pinhole camera */
     size_t cropped_views; /* undistorted views that lost three degrees or more of the lens's field of view */
     size_t masked_views;  /* views with a mask */
-    size_t alpha_views;   /* views whose picture has an alpha channel that is not opaque */
+    size_t alpha_views;   /* views whose picture has an alpha channel that is not opaque (no_pixels: that has
+                             an alpha channel) */
     size_t rotated_views; /* pictures with an EXIF orientation, which is ignored, as poses assume */
     const char *kind; /* static: "COLMAP", "transforms.json", "Blender", "OpenSfM", "simulated"; NULL: made
                          by the caller */
@@ -147,7 +150,7 @@ typedef struct sf_view_info {
     const char *name; /* valid while the view is in the scene */
     sf_split split;   /* training or held out */
     sf_camera camera; /* of the picture as kept: undistorted, downscaled */
-    int has_mask;     /* some pixels have a weight below 1 */
+    int has_mask;     /* some pixels may have a weight below 1 */
     const char *lens; /* static: the project's camera model, for example "OPENCV"; NULL: not known */
     int undistorted;  /* resampled from that model to a pinhole camera */
     double field_seen, field_kept; /* degrees across the middle: by the lens, by the pinhole; 0: not known */
@@ -156,7 +159,8 @@ typedef struct sf_view_info {
 /* The index-th view in order of adding (projects: in name order). SF_ERR_ARGUMENT: index >= views. */
 SF_API sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info);
 
-/* Copies a view's picture to rgb [H][W][3] (0..1) and its weights to weight [H][W]; either may be NULL. */
+/* Copies a view's picture to rgb [H][W][3] (0..1) and its weights to weight [H][W]; either may be NULL.
+ * SF_ERR_ARGUMENT: no such view; its picture was not read (no_pixels). */
 SF_API sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, float *weight);
 
 /* Copies up to `capacity` points from index `first`; returns how many. */

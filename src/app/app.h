@@ -40,9 +40,10 @@ int app_context(const args *a, sf_context **ctx);
 /* Moves the program to the processors of --cores, if it is given; app_context does. */
 int app_cores(const args *a);
 
-/* The scene at `path` as the load options say. 0 or an exit code. The second holds the process to `memory`
- * bytes (sf_load_options). */
+/* The scene at `path` as the load options say. 0 or an exit code. The second is without pixels, the third
+ * holds the process to `memory` bytes (sf_load_options). */
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene);
+int app_load_cameras(const args *a, sf_context *ctx, const char *path, sf_scene **scene);
 int app_load_within(const args *a, sf_context *ctx, const char *path, int64_t memory, sf_scene **scene);
 
 /* Fails if one of the load options is given, since `what` is no project. 0 or an exit code. */

@@ -145,7 +145,9 @@ static const arg_option *const tables[] = {own_options, load_options, common_opt
 const command command_info = {
     .name = "info",
     .synopsis = "FILE [OPTIONS]",
-    .summary = "Describes a model or a project.",
+    .summary =
+        "Describes a model or a project. Of a project's pictures and masks only the headers are read: damage "
+        "behind them is not seen.",
     .tables = tables,
     .least = 0,
     .most = 1,

@@ -29,19 +29,11 @@ static camera_run next_run(sf_scene *scene, size_t index) {
     return run;
 }
 
-/* The bill of a fit with the defaults. It is drawn up before the first step, whatever the first Gaussians
- * are: random ones are there at once. 0: it does not fit, as sf_last_error says. */
+/* The bill of a fit with the defaults; 0: it does not fit, as sf_last_error says. */
 static int forecast(sf_context *ctx, sf_scene *scene, sf_memory_bill *bill) {
-    sf_fit_options options = sf_fit_options_default();
-    sf_fitter *fitter = NULL;
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
-    options.init = info.points ? SF_INIT_POINTS : SF_INIT_RANDOM;
     app_hold_log(1);
-    int fits = !sf_fitter_create(ctx, scene, NULL, &options, &fitter);
+    int fits = !sf_fit_memory(ctx, scene, NULL, bill);
     app_hold_log(0);
-    if (fits) sf_fitter_get_memory(fitter, bill);
-    sf_fitter_destroy(&fitter);
     return fits;
 }
 
@@ -176,7 +168,7 @@ int app_info_project(const args *a, sf_context *ctx, const char *path) {
     const char *json = args_value(a, "json");
     sf_scene *scene = NULL;
     int error = json ? app_check_output(a, json) : 0;
-    if (!error) error = app_load(a, ctx, path, &scene);
+    if (!error) error = app_load_cameras(a, ctx, path, &scene);
     if (error) return error;
     sf_scene_info info;
     sf_memory_bill found, *bill = NULL;

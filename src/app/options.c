@@ -113,23 +113,34 @@ static int alpha_options(const args *a, sf_load_options *options) {
     return EXIT_USAGE;
 }
 
+static int read_load_options(const args *a, sf_load_options *options) {
+    *options = sf_load_options_default();
+    options->masks = args_value(a, "masks");
+    options->no_masks = args_value(a, "no-masks") != NULL;
+    options->images = args_value(a, "images");
+    options->test_list = args_value(a, "test-list");
+    int error = args_int(a, "downscale", 1, 64, &options->downscale);
+    if (!error) error = args_int(a, "hold-out", 0, 1000000, &options->hold_out);
+    if (!error) error = args_int(a, "sub-model", 0, 1000000, &options->sub_model);
+    return error ? error : alpha_options(a, options);
+}
+
 int app_load_within(const args *a, sf_context *ctx, const char *path, int64_t memory, sf_scene **scene) {
-    sf_load_options options = sf_load_options_default();
-    options.masks = args_value(a, "masks");
-    options.no_masks = args_value(a, "no-masks") != NULL;
-    options.images = args_value(a, "images");
-    options.test_list = args_value(a, "test-list");
-    int error = args_int(a, "downscale", 1, 64, &options.downscale);
-    if (!error) error = args_int(a, "hold-out", 0, 1000000, &options.hold_out);
-    if (!error) error = args_int(a, "sub-model", 0, 1000000, &options.sub_model);
-    if (!error) error = alpha_options(a, &options);
-    if (error) return error;
+    sf_load_options options;
+    int error = read_load_options(a, &options);
     options.memory = memory;
-    return app_load_caught(a, ctx, path, &options, scene);
+    return error ? error : app_load_caught(a, ctx, path, &options, scene);
 }
 
 int app_load(const args *a, sf_context *ctx, const char *path, sf_scene **scene) {
     return app_load_within(a, ctx, path, 0, scene);
+}
+
+int app_load_cameras(const args *a, sf_context *ctx, const char *path, sf_scene **scene) {
+    sf_load_options options;
+    int error = read_load_options(a, &options);
+    options.no_pixels = 1;
+    return error ? error : app_load_caught(a, ctx, path, &options, scene);
 }
 
 int app_color(const char *text, float color[3]) {

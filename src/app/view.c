@@ -125,7 +125,7 @@ static int load(const args *a, sf_context *ctx, subject *s) {
         args_error(a->command, "--cameras: goes with a model, not with %s", path);
         return EXIT_USAGE;
     }
-    int error = app_load(a, ctx, path, &s->scene);
+    int error = app_load_cameras(a, ctx, path, &s->scene);
     return error ? error : app_project_model(a, ctx, s->scene, &s->model);
 }
 

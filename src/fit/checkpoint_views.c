@@ -24,14 +24,14 @@ static void free_table(sf_context *ctx, view_table *t) {
     *t = (view_table){0};
 }
 
-static void describe(sf_view *view, int32_t *values, double *camera, uint64_t *picture) {
+static sf_status describe(sf_view *view, int32_t *values, double *camera, uint64_t *picture) {
     const sf_camera *c = &view->camera;
     const double lens[] = {c->fx, c->fy, c->cx, c->cy};
     values[0] = (int32_t)view->split, values[1] = c->width, values[2] = c->height;
     memcpy(camera, lens, sizeof lens);
     memcpy(camera + 4, c->R_cw, sizeof c->R_cw);
     memcpy(camera + 13, c->t_cw, sizeof c->t_cw);
-    *picture = sf_view_hash(view);
+    return sf_view_hash(view, picture);
 }
 
 static sf_status make_table(sf_context *ctx, sf_view *const *views, size_t count, view_table *t) {
@@ -45,14 +45,17 @@ static sf_status make_table(sf_context *ctx, sf_view *const *views, size_t count
         free_table(ctx, t);
         return SF_ERR_MEMORY;
     }
+    sf_status status = SF_OK;
     char *at = t->names;
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count && !status; i++) {
         size_t size = strlen(views[i]->name) + 1;
         memcpy(at, views[i]->name, size);
         at += size;
-        describe(views[i], t->values + VIEW_VALUES * i, t->cameras + CAMERA_VALUES * i, t->pictures + i);
+        status =
+            describe(views[i], t->values + VIEW_VALUES * i, t->cameras + CAMERA_VALUES * i, t->pictures + i);
     }
-    return SF_OK;
+    if (status) free_table(ctx, t);
+    return status;
 }
 
 /* Views are stored as their index in the scene; UINT32_MAX: the view was removed. */

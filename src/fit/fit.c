@@ -35,6 +35,24 @@ enum {
  * world's unit. */
 static int unit_of(const sf_fitter *f) { return ilogb(f->extent); }
 
+/* Of a cold start. */
+static sf_status plan_cold_memory(sf_fitter *f) {
+    const sf_fit_options *o = &f->options;
+    size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
+    return sf_fitter_plan_memory(f, least, (int)o->sh_degree);
+}
+
+sf_status sf_fit_memory(sf_context *ctx, sf_scene *scene, const sf_fit_options *options,
+                        sf_memory_bill *bill) {
+    sf_fit_options defaults = sf_fit_options_default();
+    sf_fitter *f;
+    sf_status status = sf_fitter_create_empty(ctx, scene, options ? options : &defaults, &f);
+    if (!status) status = plan_cold_memory(f);
+    if (!status) *bill = f->bill;
+    sf_fitter_destroy(&f);
+    return status;
+}
+
 static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     const sf_fit_options *o = &f->options;
     if (from) {
@@ -51,8 +69,7 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         if (!status) sf_model_set_unit(f->model, unit_of(f));
         return status;
     }
-    size_t least = o->max_gaussians < LEAST_GAUSSIANS ? (size_t)o->max_gaussians : LEAST_GAUSSIANS;
-    sf_status status = sf_fitter_plan_memory(f, least, (int)o->sh_degree);
+    sf_status status = plan_cold_memory(f);
     if (status) return status;
     sf_init_options first = {.from = (sf_init)o->init,
                              .max_gaussians = (size_t)o->max_gaussians,
@@ -216,7 +233,9 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     sf_status status = sf_fitter_create_empty(ctx, scene, options, out);
     if (status) return status;
     sf_fitter *f = *out;
-    status = take_up_views(f);
+    if (sf_scene_unread_bytes(scene))
+        status = sf_fail(ctx, SF_ERR_ARGUMENT, "scene: its pictures were not read (no_pixels)");
+    if (!status) status = take_up_views(f);
     if (!status) status = choose_start(f, from);
     if (!status) {
         warn_of_one_place(f);

@@ -130,12 +130,16 @@ static void spread_labels(sf_picture *mask) {
         if (mask->rgb[i]) mask->rgb[i] = 255;
 }
 
+static sf_status check_mask(const sf_picture *mask, sf_picture *p) {
+    if (sf_is_same_shape(mask->width, mask->height, p->width, p->height)) return SF_OK;
+    snprintf(p->fault, sizeof p->fault, "mask: size: %d x %d is not the picture's %d x %d, nor its shape",
+             mask->width, mask->height, p->width, p->height);
+    return SF_ERR_FORMAT;
+}
+
 static sf_status lower_weights(sf_context *ctx, const sf_picture *mask, sf_picture *p) {
-    if (!sf_is_same_shape(mask->width, mask->height, p->width, p->height)) {
-        snprintf(p->fault, sizeof p->fault, "mask: size: %d x %d is not the picture's %d x %d, nor its shape",
-                 mask->width, mask->height, p->width, p->height);
-        return SF_ERR_FORMAT;
-    }
+    sf_status status = check_mask(mask, p);
+    if (status) return status;
     if (make_weights(ctx, p)) return SF_ERR_MEMORY;
     size_t width = (size_t)p->width, height = (size_t)p->height;
     for (size_t y = 0; y < height; y++) {
@@ -149,12 +153,24 @@ static sf_status lower_weights(sf_context *ctx, const sf_picture *mask, sf_pictu
     return SF_OK;
 }
 
+/* What is wrong with the mask is what is wrong with the picture. */
+static void pass_fault_on(const sf_picture *mask, sf_picture *p) {
+    snprintf(p->fault, sizeof p->fault, "mask: %.*s", SF_PICTURE_FAULT_BYTES - 7, mask->fault);
+}
+
+sf_status sf_mask_look(sf_context *ctx, const char *path, sf_picture *p) {
+    sf_picture mask;
+    sf_status status = sf_picture_look(ctx, path, 1, &mask);
+    if (status) pass_fault_on(&mask, p);
+    return status ? status : check_mask(&mask, p);
+}
+
 sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *p) {
     sf_picture mask;
     sf_status status = sf_picture_load(ctx, path, &mask);
     if (!status) spread_labels(&mask);
     if (status)
-        snprintf(p->fault, sizeof p->fault, "mask: %.*s", SF_PICTURE_FAULT_BYTES - 7, mask.fault);
+        pass_fault_on(&mask, p);
     else
         status = lower_weights(ctx, &mask, p);
     sf_picture_free(ctx, &mask);
@@ -176,6 +192,10 @@ static void blend(const float background[3], sf_picture *p) {
 static sf_alpha meaning(const sf_load_options *options, int blends) {
     if (options->alpha != SF_ALPHA_AUTO) return options->alpha;
     return blends ? SF_ALPHA_BLEND : SF_ALPHA_MASK;
+}
+
+int sf_alpha_is_weight(const sf_load_options *options, int blends) {
+    return meaning(options, blends) == SF_ALPHA_MASK;
 }
 
 void sf_alpha_apply(sf_context *ctx, const sf_load_options *options, int blends, sf_picture *p) {

@@ -24,8 +24,13 @@ sf_status sf_mask_look_for(sf_context *ctx, const char *folder, const char *name
  * one's) where its sides are in the same ratio to within a pixel. On failure the picture's fault is set. */
 sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *picture);
 
+/* Whether the mask's header promises one that sf_mask_apply takes; else the picture's fault is set. */
+sf_status sf_mask_look(sf_context *ctx, const char *path, sf_picture *picture);
+
 /* Makes of a picture's alpha channel what the options say, `blends` where they leave it open. */
 void sf_alpha_apply(sf_context *ctx, const sf_load_options *options, int blends, sf_picture *picture);
+/* Whether the channel then gives the picture's weights. */
+int sf_alpha_is_weight(const sf_load_options *options, int blends);
 /* The same in words. */
 const char *sf_alpha_says(const sf_load_options *options, int blends);
 

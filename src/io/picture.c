@@ -177,20 +177,28 @@ static sf_status jpeg_header(tjhandle jpeg, const uint8_t *data, size_t size, sf
                  size);
 }
 
+/* By what the caller divides a picture's sides: by `factor`, or, where that is 0, by the least that makes
+ * none longer than `side`. */
+typedef struct reduction {
+    int factor, side;
+} reduction;
+
+static const reduction full_size = {.factor = 1};
+
 /* Decoding divides sides by powers of 2. */
-static void reduce_to(sf_picture *p, int side) {
-    int longer = p->width > p->height ? p->width : p->height, factor = (longer - 1) / side + 1;
+static void reduce_by(sf_picture *p, reduction r) {
+    int longer = p->width > p->height ? p->width : p->height;
+    int factor = r.factor ? r.factor : (longer - 1) / r.side + 1;
     while (p->divided < 8 && factor % (2 * p->divided) == 0) p->divided *= 2;
     tjscalingfactor scale = {1, p->divided};
     p->width = TJSCALED(p->file_width, scale), p->height = TJSCALED(p->file_height, scale);
 }
 
-/* side: 0: in full size. */
-static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data, size_t size, int side,
+static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data, size_t size, reduction by,
                              sf_picture *p) {
     sf_status status = jpeg_header(jpeg, data, size, p);
     if (status) return status;
-    if (side) reduce_to(p, side);
+    reduce_by(p, by);
     uint8_t *pixels = sf_alloc(ctx, pixel_count(p), 3);
     if (!pixels) return fault(p, SF_ERR_MEMORY, "out of memory");
     /* A file that was cut off decodes with a warning, its rest grey: a warning is a failure here. */
@@ -203,11 +211,11 @@ static sf_status jpeg_pixels(sf_context *ctx, tjhandle jpeg, const uint8_t *data
     return status;
 }
 
-static sf_status load_jpeg(sf_context *ctx, const uint8_t *data, size_t size, int side, sf_picture *p) {
+static sf_status load_jpeg(sf_context *ctx, const uint8_t *data, size_t size, reduction by, sf_picture *p) {
     tjhandle jpeg = tjInitDecompress();
     if (!jpeg) return fault(p, SF_ERR_MEMORY, "out of memory");
     p->orientation = jpeg_orientation(data, size);
-    sf_status status = jpeg_pixels(ctx, jpeg, data, size, side, p);
+    sf_status status = jpeg_pixels(ctx, jpeg, data, size, by, p);
     tjDestroy(jpeg);
     return status;
 }
@@ -298,8 +306,8 @@ static sf_status unknown_kind(sf_picture *p, const uint8_t *data, size_t size) {
     return fault(p, SF_ERR_FORMAT, size ? "is neither a JPEG nor a PNG picture" : "is empty");
 }
 
-static sf_status load(sf_context *ctx, const uint8_t *data, size_t size, int side, sf_picture *p) {
-    if (is_jpeg(data, size)) return load_jpeg(ctx, data, size, side, p);
+static sf_status load(sf_context *ctx, const uint8_t *data, size_t size, reduction by, sf_picture *p) {
+    if (is_jpeg(data, size)) return load_jpeg(ctx, data, size, by, p);
     if (is_png(data, size)) return load_png(ctx, data, size, p);
     return unknown_kind(p, data, size);
 }
@@ -316,13 +324,13 @@ void sf_picture_free(sf_context *ctx, sf_picture *picture) {
     picture->rgb = picture->weight = NULL;
 }
 
-static sf_status load_file(sf_context *ctx, const char *path, int side, sf_picture *picture) {
+static sf_status load_file(sf_context *ctx, const char *path, reduction by, sf_picture *picture) {
     *picture = (sf_picture){.orientation = 1};
     uint8_t *data;
     size_t size;
     sf_status status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
     if (status) return unreadable(picture, path, status);
-    status = load(ctx, data, size, side, picture);
+    status = load(ctx, data, size, by, picture);
     sf_free(ctx, data);
     if (!status) return SF_OK;
     sf_picture_free(ctx, picture);
@@ -330,21 +338,45 @@ static sf_status load_file(sf_context *ctx, const char *path, int side, sf_pictu
 }
 
 sf_status sf_picture_load(sf_context *ctx, const char *path, sf_picture *picture) {
-    return load_file(ctx, path, 0, picture);
+    return load_file(ctx, path, full_size, picture);
 }
 
 sf_status sf_picture_load_reduced(sf_context *ctx, const char *path, int side, sf_picture *picture) {
-    return load_file(ctx, path, side, picture);
+    return load_file(ctx, path, (reduction){.side = side}, picture);
+}
+
+sf_status sf_picture_load_divided(sf_context *ctx, const char *path, int factor, sf_picture *picture) {
+    return load_file(ctx, path, (reduction){.factor = factor}, picture);
+}
+
+/* Whether a PNG states transparent pixels: by its kind of colour, or in a chunk before its pixels. */
+static sf_status png_header(const uint8_t *data, size_t size, sf_picture *p) {
+    enum { KIND_AT = 25, CHUNKS_AT = 8, WITH_ALPHA = 4 /* a bit of the kind */ };
+    sf_status status = png_size(data, size, p);
+    p->has_alpha = !status && size > KIND_AT && data[KIND_AT] & WITH_ALPHA;
+    for (uint64_t at = CHUNKS_AT; !status && !p->has_alpha;) {
+        if (at + 8 > size) return fault(p, SF_ERR_FORMAT, "PNG: ends before its pixels");
+        if (!memcmp(data + at + 4, "IDAT", 4)) break;
+        p->has_alpha = !memcmp(data + at + 4, "tRNS", 4);
+        at += 12 + (uint64_t)big32(data + at);
+    }
+    return status;
 }
 
 /* SF_ERR_FORMAT also where the header goes on beyond `size`. */
-static sf_status header_size(const uint8_t *data, size_t size, sf_picture *p) {
-    if (is_png(data, size)) return png_size(data, size, p);
+static sf_status read_header(const uint8_t *data, size_t size, sf_picture *p) {
+    enum { COMPONENTS_AT = 5, INKS = 4 };
+    if (is_png(data, size)) return png_header(data, size, p);
     if (!is_jpeg(data, size)) return unknown_kind(p, data, size);
     sf_bytes b = {.data = data, .size = size};
     segment s;
-    while (next_segment(&b, &s))
-        if (is_frame_header(&s)) return set_size(p, big16(s.data + 3), big16(s.data + 1));
+    while (next_segment(&b, &s)) {
+        if (p->orientation == 1) p->orientation = exif_orientation(&s);
+        if (!is_frame_header(&s)) continue;
+        if (s.size > COMPONENTS_AT && s.data[COMPONENTS_AT] == INKS)
+            return fault(p, SF_ERR_UNSUPPORTED, "JPEG: colours: CMYK is not supported");
+        return set_size(p, big16(s.data + 3), big16(s.data + 1));
+    }
     return fault(p, SF_ERR_FORMAT, "JPEG: no frame header");
 }
 
@@ -356,32 +388,46 @@ static size_t read_prefix(const char *path, uint8_t *prefix) {
     return size;
 }
 
-/* As it is decoded where no side will be longer than `side`; 0: in full size. */
-static sf_status decoded_size(const uint8_t *data, size_t size, int side, sf_picture *p) {
-    sf_status status = header_size(data, size, p);
-    if (!status && side && is_jpeg(data, size)) reduce_to(p, side);
+/* The sizes are those of what is decoded. */
+static sf_status look(const uint8_t *data, size_t size, reduction by, sf_picture *p) {
+    *p = (sf_picture){.orientation = 1};
+    sf_status status = read_header(data, size, p);
+    if (!status && is_jpeg(data, size)) reduce_by(p, by);
     return status;
 }
 
-sf_status sf_picture_size_reduced(sf_context *ctx, const char *path, int side, int *width, int *height) {
-    sf_picture p = {.orientation = 1};
+static sf_status look_at_file(sf_context *ctx, const char *path, reduction by, sf_picture *p) {
+    *p = (sf_picture){.orientation = 1};
     uint8_t *data = sf_alloc(ctx, PREFIX_BYTES, 1);
-    if (!data) return SF_ERR_MEMORY;
-    sf_status status = decoded_size(data, read_prefix(path, data), side, &p);
+    if (!data) return fault(p, SF_ERR_MEMORY, "out of memory");
+    sf_status status = look(data, read_prefix(path, data), by, p);
     sf_free(ctx, data);
-    if (status) { /* a long header, or a fault to be named */
-        size_t size;
-        status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
-        if (status) return status;
-        status = decoded_size(data, size, side, &p);
-        sf_free(ctx, data);
-    }
-    if (status) return sf_fail(ctx, status, "%s: %s", path, p.fault);
+    if (!status) return SF_OK;
+    size_t size; /* a long header, or a fault to be named */
+    status = sf_read_file(ctx, path, MAX_FILE_BYTES, &data, &size);
+    if (status) return unreadable(p, path, status);
+    status = look(data, size, by, p);
+    sf_free(ctx, data);
+    return status ? sf_fail(ctx, status, "%s: %s", path, p->fault) : SF_OK;
+}
+
+sf_status sf_picture_look(sf_context *ctx, const char *path, int factor, sf_picture *picture) {
+    return look_at_file(ctx, path, (reduction){.factor = factor}, picture);
+}
+
+static sf_status size_of(sf_context *ctx, const char *path, reduction by, int *width, int *height) {
+    sf_picture p;
+    sf_status status = look_at_file(ctx, path, by, &p);
+    if (status) return status;
     *width = p.width;
     *height = p.height;
     return SF_OK;
 }
 
+sf_status sf_picture_size_reduced(sf_context *ctx, const char *path, int side, int *width, int *height) {
+    return size_of(ctx, path, (reduction){.side = side}, width, height);
+}
+
 sf_status sf_picture_size(sf_context *ctx, const char *path, int *width, int *height) {
-    return sf_picture_size_reduced(ctx, path, 0, width, height);
+    return size_of(ctx, path, full_size, width, height);
 }

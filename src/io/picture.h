@@ -13,6 +13,7 @@ typedef struct sf_picture {
     int divided;                 /* sides are those of the file divided by 1, 2, 4 or 8, rounded up */
     uint8_t *rgb;                /* [3][height][width], sRGB values */
     uint8_t *weight; /* [height][width], from an alpha channel; NULL if there is none or all is opaque */
+    int has_alpha;   /* sf_picture_look: the file states that pixels may be transparent */
     int orientation; /* EXIF 1..8 as the file says, 1 if it does not; never applied */
     char fault[SF_PICTURE_FAULT_BYTES]; /* where loading failed: why, without the path (threads share
                                            sf_last_error) */
@@ -32,6 +33,13 @@ void sf_picture_free(sf_context *ctx, sf_picture *picture);
  * JPEG, where that number is even, a part of 2, 4 or 8 is done while decoding, which takes less memory and
  * time. */
 sf_status sf_picture_load_reduced(sf_context *ctx, const char *path, int side, sf_picture *picture);
+
+/* The same for who will divide its sides by `factor`. */
+sf_status sf_picture_load_divided(sf_context *ctx, const char *path, int factor, sf_picture *picture);
+
+/* What the header says of what sf_picture_load_divided decodes, as a rule from the first part of the file:
+ * all but rgb and weight. Fails as sf_picture_load does, but sees no damage beyond the header. */
+sf_status sf_picture_look(sf_context *ctx, const char *path, int factor, sf_picture *picture);
 
 /* Whether so many bytes of JPEG can hold a picture of that size: a block of 64 pixels takes a bit at least,
  * and a file of many passes over the picture is longer. What cannot is not worth its pixels' memory. */

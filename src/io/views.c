@@ -91,7 +91,8 @@ typedef struct result {
     sf_view *view; /* NULL if skipped */
     sf_status status;
     int bad_pose, rotated, undistorted, alpha;
-    int hidden; /* no pixel of the view counts */
+    int hidden;     /* no pixel of the view counts */
+    int has_weight; /* the view has weights, or would have them */
     char fault[SF_PICTURE_FAULT_BYTES];
 } result;
 
@@ -102,52 +103,91 @@ typedef struct loading {
     result *results; /* one an entry */
 } loading;
 
-static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
-    sf_optics lens = scaled_lens(e, p->width, p->height);
-    sf_camera camera = pinhole(e, &lens, p);
-    if (!sf_optics_is_valid(&lens) || sf_camera_check(&camera)) {
-        r->bad_pose = 1;
-        return SF_OK;
-    }
+/* The camera of the view, and what is known of its lens; r->fault or r->bad_pose says what is wrong. */
+static sf_status find_camera(const loading *l, const sf_entry *e, const sf_picture *p, result *r,
+                             sf_optics *lens, sf_camera *camera) {
+    *lens = scaled_lens(e, p->width, p->height);
+    *camera = pinhole(e, lens, p);
+    r->bad_pose = !sf_optics_is_valid(lens) || sf_camera_check(camera);
+    if (r->bad_pose) return SF_OK;
     int factor = l->options->downscale;
-    if (camera.width < factor || camera.height < factor) {
-        snprintf(r->fault, sizeof r->fault, "downscale: %d leaves nothing of %d x %d", factor, camera.width,
-                 camera.height);
+    if (camera->width < factor || camera->height < factor) {
+        snprintf(r->fault, sizeof r->fault, "downscale: %d leaves nothing of %d x %d", factor, camera->width,
+                 camera->height);
         return SF_ERR_ARGUMENT;
     }
-    r->undistorted = sf_optics_is_distorted(&lens);
-    sf_lens_note note = {.model = lens.model, .undistorted = r->undistorted};
-    sf_undistort_field(&lens, p->width, p->height, &note.seen, &note.kept);
-    sf_status status = r->undistorted ? sf_undistort(l->ctx, &lens, p) : SF_OK;
-    if (status) return status;
-    camera = sf_camera_downscaled(&camera, factor);
-    status = sf_view_create(l->ctx, e->name, &camera, e->split, p->weight != NULL, &r->view);
-    if (status) return status;
-    fill_view(p, factor, r->view);
+    r->undistorted = sf_optics_is_distorted(lens);
+    *camera = sf_camera_downscaled(camera, factor);
+    return SF_OK;
+}
+
+static void describe_view(const sf_entry *e, const sf_optics *lens, const sf_picture *p, const result *r) {
+    sf_lens_note note = {.model = lens->model, .undistorted = r->undistorted};
+    sf_undistort_field(lens, p->width, p->height, &note.seen, &note.kept);
     r->view->lens = note;
     r->view->masked = e->mask != NULL;
     r->view->alpha = r->alpha;
+    r->view->has_weight = r->has_weight;
+}
+
+static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
+    sf_optics lens;
+    sf_camera camera;
+    sf_picture before = *p; /* its size */
+    sf_status status = find_camera(l, e, p, r, &lens, &camera);
+    if (status || r->bad_pose) return status;
+    status = r->undistorted ? sf_undistort(l->ctx, &lens, p) : SF_OK;
+    if (status) return status;
+    r->has_weight = p->weight != NULL;
+    status = sf_view_create(l->ctx, e->name, &camera, e->split, r->has_weight, &r->view);
+    if (status) return status;
+    fill_view(p, l->options->downscale, r->view);
+    describe_view(e, &lens, &before, r);
     r->hidden = sf_view_is_hidden(r->view);
     return SF_OK;
+}
+
+static sf_status read_picture(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
+    sf_status status = sf_picture_load(l->ctx, e->path, p);
+    if (!status) status = check_shape(e, p);
+    r->alpha = p->weight != NULL;
+    if (!status) sf_alpha_apply(l->ctx, l->options, l->project->blends, p);
+    if (!status && e->mask) status = sf_mask_apply(l->ctx, e->mask, p);
+    memcpy(r->fault, p->fault, sizeof r->fault);
+    r->rotated = !status && p->orientation != 1;
+    if (!status) status = make_view(l, e, p, r);
+    sf_picture_free(l->ctx, p);
+    return status;
+}
+
+/* The same from headers alone: a view without pixels. */
+static sf_status look_at_picture(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
+    sf_optics lens;
+    sf_camera camera;
+    sf_status status = sf_picture_look(l->ctx, e->path, 1, p);
+    if (!status) status = check_shape(e, p);
+    if (!status && e->mask) status = sf_mask_look(l->ctx, e->mask, p);
+    memcpy(r->fault, p->fault, sizeof r->fault);
+    if (!status) status = find_camera(l, e, p, r, &lens, &camera);
+    if (status || r->bad_pose) return status;
+    r->alpha = p->has_alpha;
+    r->rotated = p->orientation != 1;
+    r->has_weight =
+        e->mask || r->undistorted || (r->alpha && sf_alpha_is_weight(l->options, l->project->blends));
+    status = sf_view_create_bare(l->ctx, e->name, &camera, e->split, &r->view);
+    if (!status) describe_view(e, &lens, p, r);
+    return status;
 }
 
 static void load_entry(void *arg, size_t task, int thread) {
     const loading *l = arg;
     const sf_entry *e = &l->project->entries[task];
     result *r = &l->results[task];
+    sf_picture p;
     (void)thread;
     r->bad_pose = e->bad_pose;
     if (r->bad_pose || atomic_load(&l->ctx->loads_cancelled)) return;
-    sf_picture p;
-    r->status = sf_picture_load(l->ctx, e->path, &p);
-    if (!r->status) r->status = check_shape(e, &p);
-    r->alpha = p.weight != NULL;
-    if (!r->status) sf_alpha_apply(l->ctx, l->options, l->project->blends, &p);
-    if (!r->status && e->mask) r->status = sf_mask_apply(l->ctx, e->mask, &p);
-    memcpy(r->fault, p.fault, sizeof r->fault);
-    r->rotated = !r->status && p.orientation != 1;
-    if (!r->status) r->status = make_view(l, e, &p, r);
-    sf_picture_free(l->ctx, &p);
+    r->status = (l->options->no_pixels ? look_at_picture : read_picture)(l, e, &p, r);
 }
 
 /* The scene from what was loaded. */
@@ -285,7 +325,7 @@ static sf_status check_training(const loading *l, const char *path, const sf_sce
     size_t training = 0;
     for (size_t i = 0; i < scene->view_count; i++) {
         if (scene->views[i]->split != SF_SPLIT_TRAIN) continue;
-        if (!sf_view_is_hidden(scene->views[i])) return SF_OK;
+        if (l->options->no_pixels || !sf_view_is_hidden(scene->views[i])) return SF_OK;
         training++;
     }
     if (training)
@@ -330,6 +370,7 @@ static double bytes_of_pictures(const loading *l, int of_files) {
 /* Pictures that the memory cannot hold are refused before one is read. */
 static sf_status check_memory(const loading *l, const char *path) {
     const double mega = 1048576;
+    if (l->options->no_pixels) return SF_OK;
     double budget = (double)sf_memory_budget((uint64_t)l->options->memory),
            before = (double)sf_memory_resident();
     /* the files' own sizes, which may be smaller, are looked up only where they matter */

@@ -2,11 +2,13 @@
 #include "fuse.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <string.h>
 
 #include "../base/pool.h"
 #include "../base/statistics.h"
 #include "neighbours.h"
+#include "pixels.h"
 
 enum {
     CELL = 2, /* px: at most one point in CELL x CELL */
@@ -34,6 +36,7 @@ typedef struct fuse_job {
     const sf_seen *seen;
     candidate *candidates; /* of view i from first[i], count[i] of them */
     size_t *first, *count;
+    atomic_int opened; /* an sf_status */
 } fuse_job;
 
 static void to_world(const sf_camera *c, double u, double v, double z, double *p) {
@@ -73,15 +76,17 @@ static int is_confirmed(const sf_seen *all, const sf_seen *seen, double x, doubl
 }
 
 /* The colour of the view, averaged over a pixel of the reduced picture. */
-static void color_of(const sf_seen *seen, size_t x, size_t y, uint8_t *rgb) {
+static void color_of(const sf_seen *seen, const uint8_t *planes, size_t x, size_t y, uint8_t *rgb) {
     size_t factor = (size_t)seen->grey.factor, width = (size_t)seen->view->camera.width;
     size_t pixels = width * (size_t)seen->view->camera.height;
-    const uint8_t *corner = seen->view->rgb + y * factor * width + x * factor;
+    const uint8_t *corner = planes + y * factor * width + x * factor;
     for (size_t ch = 0; ch < 3; ch++) rgb[ch] = sf_box_mean(corner + ch * pixels, factor, 1, width);
 }
 
-/* Makes pixel (x, y) the cell's candidate if its depth is confirmed and its score is higher. */
-static void consider_pixel(const sf_seen *all, const sf_seen *seen, size_t x, size_t y, candidate *best) {
+/* Makes pixel (x, y) the cell's candidate if its depth is confirmed and its score is higher. planes: the
+ * view's. */
+static void consider_pixel(const sf_seen *all, const sf_seen *seen, const uint8_t *planes, size_t x, size_t y,
+                           candidate *best) {
     const sf_camera *c = &seen->grey.camera;
     size_t i = y * (size_t)c->width + x;
     if (!(seen->inverse_depth[i] > 0) || seen->score[i] <= best->score) return;
@@ -92,13 +97,19 @@ static void consider_pixel(const sf_seen *all, const sf_seen *seen, size_t x, si
     best->score = seen->score[i];
     best->pixel = (float)(z / c->fx);
     best->view = seen->place;
-    color_of(seen, x, y, best->rgb);
+    color_of(seen, planes, x, y, best->rgb);
 }
 
 static void fuse_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    const fuse_job *job = job_pointer;
+    fuse_job *job = job_pointer;
     const sf_seen *seen = &job->seen[task];
+    sf_view_pixels pixels;
+    sf_status status = sf_view_open(seen->view, &pixels);
+    if (status) {
+        atomic_store(&job->opened, (int)status);
+        return;
+    }
     size_t width = (size_t)seen->grey.camera.width, height = (size_t)seen->grey.camera.height;
     candidate *out = job->candidates + job->first[task];
     for (size_t y = 0; y < height; y += CELL)
@@ -106,10 +117,11 @@ static void fuse_task(void *job_pointer, size_t task, int thread) {
             candidate best = {.score = 0};
             for (size_t v = y; v < y + CELL && v < height; v++)
                 for (size_t u = x; u < x + CELL && u < width; u++)
-                    consider_pixel(job->seen, seen, u, v, &best);
+                    consider_pixel(job->seen, seen, pixels.rgb, u, v, &best);
             if (best.score > 0) *out++ = best;
         }
     job->count[task] = (size_t)(out - (job->candidates + job->first[task]));
+    sf_view_close(seen->view, &pixels);
 }
 
 static uint64_t mix(uint64_t hash, int64_t value) {
@@ -194,7 +206,8 @@ sf_status sf_fuse(sf_context *ctx, const sf_seen *seen, size_t n, size_t wanted,
                     job.count[i] * sizeof *job.candidates);
             found += job.count[i];
         }
-        status = thin(ctx, job.candidates, found, wanted, cloud);
+        status = (sf_status)atomic_load(&job.opened);
+        if (!status) status = thin(ctx, job.candidates, found, wanted, cloud);
     }
     sf_free(ctx, job.candidates);
     sf_free(ctx, job.count);

@@ -13,6 +13,7 @@
 
 #include "../base/select.h"
 #include "../kernels/kernels.h"
+#include "pixels.h"
 
 enum {
     RADIUS = 3, /* of a window, px */
@@ -43,8 +44,11 @@ void sf_grey_destroy(sf_context *ctx, sf_grey *grey) {
     grey->values = NULL;
 }
 
-void sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey) {
+sf_status sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey) {
     static const float luma[3] = {0.299f, 0.587f, 0.114f};
+    sf_view_pixels p;
+    sf_status status = sf_view_open(view, &p);
+    if (status) return status;
     size_t width = (size_t)view->camera.width, pixels = width * (size_t)view->camera.height;
     for (int y = 0; y < grey->camera.height; y++) {
         float *row = grey->values + (size_t)y * grey->stride, part[BLOCK];
@@ -55,15 +59,17 @@ void sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey) {
             size_t at = from + (size_t)(x * grey->factor);
             for (int k = 0; k < n; k++) row[MARGIN + x + k] = -0.5f;
             for (size_t ch = 0; ch < 3; ch++) {
-                ctx->kernels->unpack(view->rgb + ch * pixels + at, NULL, width, grey->factor, part, n);
+                ctx->kernels->unpack(p.rgb + ch * pixels + at, NULL, width, grey->factor, part, n);
                 for (int k = 0; k < n; k++) row[MARGIN + x + k] += luma[ch] * part[k];
             }
-            if (!view->weight) continue;
-            ctx->kernels->unpack(NULL, view->weight + at, width, grey->factor, part, n);
+            if (!p.weight) continue;
+            ctx->kernels->unpack(NULL, p.weight + at, width, grey->factor, part, n);
             for (int k = 0; k < n; k++)
                 if (part[k] < 1.0f) row[MARGIN + x + k] = NAN;
         }
     }
+    sf_view_close(view, &p);
+    return SF_OK;
 }
 
 /* The homography from the reference to a neighbour through a plane: pixel (x, y) of the reference, at inverse

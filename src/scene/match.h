@@ -15,9 +15,9 @@ typedef struct sf_grey {
         *values; /* [height][stride], -0.5..0.5; NaN where a pixel is masked, and in a margin on both sides */
 } sf_grey;
 
-/* Allocates the picture; sf_grey_fill makes it and cannot fail, so that views can be filled in parallel. */
+/* Allocates the picture; sf_grey_fill makes it, of several views in parallel (errors as sf_view_open). */
 sf_status sf_grey_create(sf_context *ctx, const sf_view *view, int factor, sf_grey *grey);
-void sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey);
+sf_status sf_grey_fill(const sf_context *ctx, const sf_view *view, sf_grey *grey);
 void sf_grey_destroy(sf_context *ctx, sf_grey *grey);
 
 /* The parameters of a sweep. */

@@ -11,6 +11,7 @@
 #include "../base/pool.h"
 #include "../base/statistics.h"
 #include "neighbours.h"
+#include "pixels.h"
 
 enum {
     AROUND = 5,            /* pixels that sample a point's surroundings */
@@ -61,12 +62,8 @@ static void behind_pixel(const sf_camera *c, size_t x, size_t y, double depth, f
 
 /* Whether a pixel has a weight: masked pixels do not. */
 static int counts(const sf_view *view, size_t x, size_t y) {
-    return !view->weight || view->weight[y * (size_t)view->camera.width + x] > 0;
-}
-
-static void color_at(const sf_view *view, size_t x, size_t y, uint8_t *rgb) {
-    size_t width = (size_t)view->camera.width, pixels = width * (size_t)view->camera.height;
-    for (size_t k = 0; k < 3; k++) rgb[k] = view->rgb[k * pixels + y * width + x];
+    uint8_t rgb[3];
+    return !view->has_weight || sf_view_pixel(view, x, y, rgb) > 0;
 }
 
 /* Difference of the colour from that of a view at the point, at most MOST_DIFFERENCE, since something may
@@ -75,8 +72,8 @@ static int difference(const sf_view *view, const float *xyz, const uint8_t *rgb)
     size_t x, y;
     uint8_t there[3];
     int sum = 0;
-    if (!(pixel_of(&view->camera, xyz, &x, &y) > 0) || !counts(view, x, y)) return MOST_DIFFERENCE;
-    color_at(view, x, y, there);
+    if (!(pixel_of(&view->camera, xyz, &x, &y) > 0)) return MOST_DIFFERENCE;
+    if (!sf_view_pixel(view, x, y, there)) return MOST_DIFFERENCE;
     for (int k = 0; k < 3; k++) sum += abs((int)there[k] - (int)rgb[k]);
     return sum < MOST_DIFFERENCE ? sum : MOST_DIFFERENCE;
 }
@@ -101,7 +98,7 @@ static question ask(const sf_view *view, size_t x, size_t y) {
         q.ys[i] = clamped((int)y + step * down[i], c->height);
         if (!counts(view, q.xs[i], q.ys[i]))
             q.xs[i] = x, q.ys[i] = y; /* a masked pixel is replaced by the central one */
-        color_at(view, q.xs[i], q.ys[i], q.colors[i]);
+        (void)sf_view_pixel(view, q.xs[i], q.ys[i], q.colors[i]);
     }
     return q;
 }

@@ -8,12 +8,12 @@
 #include <string.h>
 
 #include "../base/statistics.h"
+#include "pixels.h"
 
-sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
-                         int with_weight, sf_view **out) {
-    *out = NULL;
-    size_t pixels = (size_t)camera->width * (size_t)camera->height, length = strlen(name) + 1;
-    sf_view *view = sf_calloc(ctx, 1, sizeof *view);
+sf_status sf_view_create_bare(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
+                              sf_view **out) {
+    size_t length = strlen(name) + 1;
+    sf_view *view = *out = sf_calloc(ctx, 1, sizeof *view);
     if (!view) return SF_ERR_MEMORY;
     view->ctx = ctx;
     atomic_init(&view->references, 1);
@@ -21,15 +21,28 @@ sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *cam
     view->split = split;
     view->camera = *camera;
     view->name = sf_alloc(ctx, length, 1);
+    if (view->name) {
+        memcpy(view->name, name, length);
+        return SF_OK;
+    }
+    sf_view_release(view);
+    *out = NULL;
+    return SF_ERR_MEMORY;
+}
+
+sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
+                         int with_weight, sf_view **out) {
+    size_t pixels = (size_t)camera->width * (size_t)camera->height;
+    sf_status status = sf_view_create_bare(ctx, name, camera, split, out);
+    if (status) return status;
+    sf_view *view = *out;
+    view->has_weight = with_weight;
     view->rgb = sf_alloc(ctx, pixels, 3);
     if (with_weight) view->weight = sf_alloc(ctx, pixels, 1);
-    if (!view->name || !view->rgb || (with_weight && !view->weight)) {
-        sf_view_release(view);
-        return SF_ERR_MEMORY;
-    }
-    memcpy(view->name, name, length);
-    *out = view;
-    return SF_OK;
+    if (view->rgb && (view->weight || !with_weight)) return SF_OK;
+    sf_view_release(view);
+    *out = NULL;
+    return SF_ERR_MEMORY;
 }
 
 sf_view *sf_view_retain(sf_view *view) {
@@ -41,6 +54,18 @@ int sf_view_is_hidden(const sf_view *view) {
     size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height, i = 0;
     while (view->weight && i < pixels && !view->weight[i]) i++;
     return view->weight && i == pixels;
+}
+
+uint64_t sf_scene_unread_bytes(sf_scene *scene) {
+    uint64_t bytes = 0;
+    pthread_mutex_lock(&scene->lock);
+    for (size_t i = 0; i < scene->view_count; i++) {
+        const sf_view *v = scene->views[i];
+        uint64_t pixels = (uint64_t)v->camera.width * (uint64_t)v->camera.height;
+        if (!v->rgb) bytes += pixels * (v->has_weight ? 4 : 3);
+    }
+    pthread_mutex_unlock(&scene->lock);
+    return bytes;
 }
 
 void sf_view_release(sf_view *view) {
@@ -149,11 +174,14 @@ sf_status sf_scene_remove_view(sf_scene *scene, uint32_t id) {
 /* Views never change: a new one with the same pixels replaces the old one. */
 static sf_status copy_view(sf_view *from, const sf_camera *camera, sf_view **out) {
     size_t pixels = (size_t)camera->width * (size_t)camera->height;
-    sf_status status = sf_view_create(from->ctx, from->name, camera, from->split, from->weight != NULL, out);
+    sf_status status = from->rgb
+                           ? sf_view_create(from->ctx, from->name, camera, from->split, from->has_weight, out)
+                           : sf_view_create_bare(from->ctx, from->name, camera, from->split, out);
     if (status) return status;
     sf_view *to = *out;
     to->id = from->id, to->lens = from->lens, to->masked = from->masked, to->alpha = from->alpha;
-    memcpy(to->rgb, from->rgb, 3 * pixels);
+    to->has_weight = from->has_weight;
+    if (to->rgb) memcpy(to->rgb, from->rgb, 3 * pixels);
     if (to->weight) memcpy(to->weight, from->weight, pixels);
     return SF_OK;
 }
@@ -281,7 +309,7 @@ sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
                                .name = view->name,
                                .split = view->split,
                                .camera = view->camera,
-                               .has_mask = view->weight != NULL,
+                               .has_mask = view->has_weight,
                                .lens = view->lens.model,
                                .undistorted = view->lens.undistorted,
                                .field_seen = view->lens.seen,
@@ -295,13 +323,16 @@ sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
 sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, float *weight) {
     sf_view *view = sf_scene_retain_id(scene, id);
     if (!view) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
+    sf_view_pixels p;
+    sf_status status = sf_view_open(view, &p);
     size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height;
-    for (size_t i = 0; i < pixels; i++) {
-        for (size_t ch = 0; rgb && ch < 3; ch++) rgb[3 * i + ch] = (float)view->rgb[ch * pixels + i] / 255.0f;
-        if (weight) weight[i] = view->weight ? (float)view->weight[i] / 255.0f : 1.0f;
+    for (size_t i = 0; i < pixels && !status; i++) {
+        for (size_t ch = 0; rgb && ch < 3; ch++) rgb[3 * i + ch] = (float)p.rgb[ch * pixels + i] / 255.0f;
+        if (weight) weight[i] = p.weight ? (float)p.weight[i] / 255.0f : 1.0f;
     }
+    if (!status) sf_view_close(view, &p);
     sf_view_release(view);
-    return SF_OK;
+    return status;
 }
 
 size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity, float *xyz, uint8_t *rgb) {

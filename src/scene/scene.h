@@ -29,6 +29,8 @@ typedef struct sf_view {
     int masked, alpha;          /* whether there was a mask file, an alpha channel */
     uint8_t *rgb;               /* [3][height][width], 8-bit sRGB values, planar */
     uint8_t *weight;            /* [height][width], 255 is full weight; NULL: all have it */
+    int has_weight;             /* whether there is a weight, or would be: rgb and weight are NULL in a view
+                                   whose pixels were not read (sf_load_options.no_pixels) */
     atomic_uint_least64_t hash; /* of rgb and weight, made when first asked for; 0: not yet */
 } sf_view;
 
@@ -54,8 +56,14 @@ int sf_choose_origin(const double at[3], double size, double origin[3]);
 /* A view with uninitialised pixels, one reference; the loader fills them in. `weight` only if with_weight. */
 sf_status sf_view_create(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
                          int with_weight, sf_view **view);
+/* The same without pixels. */
+sf_status sf_view_create_bare(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
+                              sf_view **view);
 sf_view *sf_view_retain(sf_view *view);
 void sf_view_release(sf_view *view);
+
+/* Bytes of the pictures whose pixels were not read (sf_load_options.no_pixels). */
+uint64_t sf_scene_unread_bytes(sf_scene *scene);
 
 /* Whether no pixel of the view counts: a mask or transparency hides all. */
 int sf_view_is_hidden(const sf_view *view);
@@ -94,8 +102,8 @@ size_t sf_scene_count_far_points(sf_scene *scene);
 
 /* Whether all training cameras are in one place, up to rounding. */
 int sf_scene_in_one_place(sf_scene *scene);
-/* fingerprint.c: the hash of a view's picture and weights. */
-uint64_t sf_view_hash(sf_view *view);
+/* fingerprint.c: the hash of a view's picture and weights. Errors as sf_view_open. */
+sf_status sf_view_hash(sf_view *view, uint64_t *hash);
 /* The ids of the training views, in order; *ids is sf_free'd by the caller. */
 sf_status sf_scene_training_ids(sf_scene *scene, uint32_t **ids, size_t *count);
 

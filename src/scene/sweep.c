@@ -3,6 +3,7 @@
 #include "sweep.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -38,12 +39,14 @@ typedef struct sweep_job {
     size_t n;
     size_t scratch_floats; /* a thread */
     float *scratch;        /* [threads][scratch_floats] */
+    atomic_int filled;     /* an sf_status */
 } sweep_job;
 
 static void fill_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    const sweep_job *job = job_pointer;
-    sf_grey_fill(job->ctx, job->seen[task].view, &job->seen[task].grey);
+    sweep_job *job = job_pointer;
+    sf_status status = sf_grey_fill(job->ctx, job->seen[task].view, &job->seen[task].grey);
+    if (status) atomic_store(&job->filled, (int)status);
 }
 
 static void match_task(void *job_pointer, size_t task, int thread) {
@@ -97,7 +100,7 @@ static sf_status make_pictures(sweep_job *job, int longest) {
     if (!status) job->scratch = sf_alloc(job->ctx, threads * job->scratch_floats, sizeof *job->scratch);
     if (!status && !job->scratch) status = SF_ERR_MEMORY;
     if (!status) sf_pool_run(job->ctx->pool, job->n, fill_task, job);
-    return status;
+    return status ? status : (sf_status)atomic_load(&job->filled);
 }
 
 /* Chooses the neighbours of each view at its distance, and the number of planes. */

@@ -414,6 +414,34 @@ static void check_points(sf_scene *scene) {
     assert_memory_equal(rgb, colors, sizeof rgb);
 }
 
+/* From the headers of its files alone a project has the same views. */
+static void check_headers(sf_context *ctx, const fixture *f, const char *path, sf_scene *whole) {
+    sf_scene *scene;
+    sf_scene_info info;
+    sf_view_info view, other;
+    sf_memory_bill bill = {0};
+    sf_load_options options = options_of(f);
+    options.no_pixels = 1;
+    if (sf_scene_load(ctx, path, &options, &scene)) fail_msg("%s: %s", where, sf_last_error(ctx));
+    sf_scene_get_info(scene, &info);
+    check_counts(f, &info);
+    for (size_t i = 0; !sf_scene_get_view(scene, i, &view); i++) {
+        check_camera(f, &view, f->sub_model ? 1 : (int)i);
+        assert_ok(ctx, sf_scene_get_view(whole, i, &other));
+        same("mask", view.has_mask, other.has_mask, 0);
+    }
+    sf_fitter *fitter;
+    uint64_t fingerprint;
+    assert_status(ctx, sf_scene_get_pixels(scene, 1, NULL, NULL), SF_ERR_ARGUMENT);
+    test_assert_contains(sf_last_error(ctx), "not read", __FILE__, __LINE__);
+    assert_status(ctx, sf_scene_fingerprint(scene, &fingerprint), SF_ERR_ARGUMENT);
+    assert_status(ctx, sf_fitter_create(ctx, scene, NULL, NULL, &fitter), SF_ERR_ARGUMENT);
+    assert_ok(ctx, sf_fit_memory(ctx, scene, NULL, &bill));
+    assert_true(bill.total > bill.before && bill.before > 0);
+    assert_ok(ctx, sf_scene_set_pose(scene, 1, view.camera.R_cw, view.camera.t_cw));
+    sf_scene_destroy(&scene);
+}
+
 static void check_fixture(sf_context *ctx, const fixture *f) {
     char path[512];
     sf_scene *scene;
@@ -435,6 +463,7 @@ static void check_fixture(sf_context *ctx, const fixture *f) {
         if (i == 0) check_pixel(ctx, f, scene, &view, number);
     }
     if (!f->no_points) check_points(scene);
+    check_headers(ctx, f, path, scene);
     sf_scene_destroy(&scene);
 }
 
