@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "../base/statistics.h"
-#include "pixels.h"
 
 sf_status sf_view_create_bare(sf_context *ctx, const char *name, const sf_camera *camera, sf_split split,
                               sf_view **out) {
@@ -318,21 +317,6 @@ sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
     pthread_mutex_unlock(&scene->lock);
     if (index < count) return SF_OK;
     return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "index: view %zu of %zu", index, count);
-}
-
-sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, float *weight) {
-    sf_view *view = sf_scene_retain_id(scene, id);
-    if (!view) return sf_fail(scene->ctx, SF_ERR_ARGUMENT, "id: no view %u in the scene", id);
-    sf_view_pixels p;
-    sf_status status = sf_view_open(view, &p);
-    size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height;
-    for (size_t i = 0; i < pixels && !status; i++) {
-        for (size_t ch = 0; rgb && ch < 3; ch++) rgb[3 * i + ch] = (float)p.rgb[ch * pixels + i] / 255.0f;
-        if (weight) weight[i] = p.weight ? (float)p.weight[i] / 255.0f : 1.0f;
-    }
-    if (!status) sf_view_close(view, &p);
-    sf_view_release(view);
-    return status;
 }
 
 size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity, float *xyz, uint8_t *rgb) {
