@@ -126,8 +126,15 @@ double app_median(double *values, size_t n);
 /* Writes JSON, indented, whole or not at all; takes the reference. 0 or an exit code. */
 int app_write_json(const args *a, sf_context *ctx, const char *path, json_t *json);
 
+/* After each view: how many of how many are done. Other than 0 ends the evaluation (SF_ERR_CANCELLED). */
+typedef int (*app_evaluated)(void *user, size_t done, size_t all);
+
 /* evaluate.c: views rendered and compared with their pictures. */
 typedef struct evaluation {
+    int most;               /* set by the caller: evaluate at most so many views; 0: all */
+    app_evaluated progress; /* set by the caller, may be NULL */
+    void *user;             /* of progress */
+    size_t of;              /* views of the split */
     size_t views;
     double psnr, ssim, psnr_corrected; /* means of sf_quality's */
     json_t *list;                      /* {name, psnr, ssim, psnr_corrected} of each */
@@ -144,7 +151,8 @@ typedef struct app_drawer {
 } app_drawer;
 sf_status app_draw_model(void *drawer, const sf_view_info *view, float *rgb);
 
-/* Evaluates the views of a split ("test", "train", "all"). The caller owns result->list. */
+/* Evaluates the views of a split ("test", "train", "all"), or result->most of them, evenly spread. The caller
+ * owns result->list. */
 sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
                        void *user, evaluation *result);
 

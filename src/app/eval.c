@@ -7,6 +7,7 @@
 
 static const arg_option own_options[] = {
     {"json", 0, "FILE", "also write psnr, ssim, gaussians, bytes and views[] as JSON"},
+    {"eval-views", 0, "N", "evaluate at most N views, evenly spread (all)"},
     {"cameras", 0, "FILE",
      "the project's cameras as the fit refined them: the cameras.json that it wrote; default: as given"},
     {0},
@@ -21,6 +22,7 @@ static void print_table(const evaluation *e, size_t gaussians, long long bytes) 
                json_real_value(json_object_get(view, "psnr")), json_real_value(json_object_get(view, "ssim")),
                json_real_value(json_object_get(view, "psnr_corrected")));
     printf("%-40s %8.3f %8.4f %10.3f\n", "mean", e->psnr, e->ssim, e->psnr_corrected);
+    if (e->most && e->of > (size_t)e->most) printf("%zu of %zu views evaluated\n", e->views, e->of);
     printf("%zu Gaussians, %lld bytes\n", gaussians, bytes);
 }
 
@@ -95,6 +97,7 @@ static int run(const args *a) {
     evaluation e = {0};
     const char *json = args_value(a, "json");
     int error = app_split_check(a);
+    if (!error) error = args_int(a, "eval-views", 1, 1000000000, &e.most);
     if (!error && json) error = app_check_output(a, json);
     if (!error) error = app_context(a, &ctx);
     if (!error) error = app_load_model(a, ctx, a->positional[0], &model);

@@ -46,18 +46,31 @@ static sf_status evaluate_view(sf_scene *scene, sf_renderer *renderer, const sf_
     return SF_OK;
 }
 
+static size_t count_views(sf_scene *scene, const args *a, const char *otherwise) {
+    sf_view_info view;
+    size_t count = 0;
+    for (size_t i = 0; !sf_scene_get_view(scene, i, &view); i++)
+        count += (size_t)app_split_wants(a, otherwise, view.split);
+    return count;
+}
+
 sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
                        void *user, evaluation *result) {
-    *result = (evaluation){.list = json_array()};
+    *result = (evaluation){
+        .list = json_array(), .most = result->most, .progress = result->progress, .user = result->user};
     sf_renderer *renderer = NULL;
-    sf_scene_info info;
-    sf_scene_get_info(scene, &info);
+    result->of = count_views(scene, a, otherwise);
+    size_t all = result->most && result->of > (size_t)result->most ? (size_t)result->most : result->of;
     sf_status status = sf_renderer_create(ctx, &renderer);
-    for (size_t i = 0; i < info.views && !status; i++) {
-        sf_view_info view;
+    sf_view_info view;
+    for (size_t i = 0, at = 0, done = 0; done < all && !status; i++) {
         status = sf_scene_get_view(scene, i, &view);
-        if (!status && app_split_wants(a, otherwise, view.split))
-            status = evaluate_view(scene, renderer, &view, draw, user, result);
+        if (status || !app_split_wants(a, otherwise, view.split)) continue;
+        if (at++ != done * result->of / all) continue;
+        status = evaluate_view(scene, renderer, &view, draw, user, result);
+        done++;
+        if (!status && result->progress && result->progress(result->user, done, all))
+            status = SF_ERR_CANCELLED;
     }
     sf_renderer_destroy(&renderer);
     if (result->views) {

@@ -175,6 +175,7 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         json_object_set_new(result, "ssim", json_real(e->ssim));
         json_object_set_new(result, "psnr_corrected", json_real(e->psnr_corrected));
         json_object_set(result, "views", e->list);
+        json_object_set_new(result, "held_out_evaluated", json_integer((json_int_t)e->views));
     }
     sf_fit_options in_force;
     sf_fitter_get_options(r->fitter, &in_force);
@@ -222,8 +223,44 @@ static int write_comparison(const fit_run *r) {
     return app_write_pair(r->ctx, r->scene, &view, draw, r->fitter, path) ? app_fail(r->a, r->ctx) : 0;
 }
 
+/* A line about an evaluation. */
+typedef struct eval_line {
+    fit_run *r;
+    const char *of; /* "held-out" or "training" */
+    double start;
+} eval_line;
+
+static int on_evaluated(void *user, size_t done, size_t all) {
+    const eval_line *e = user;
+    progress_line *line = &e->r->line;
+    char text[96];
+    snprintf(text, sizeof text, "evaluating: %zu of %zu %s views", done, all, e->of);
+    if (line->kind != PROGRESS_JSON && progress_due(line, app_seconds() - e->start, 0))
+        progress_text(line, text);
+    return app_stopped_by();
+}
+
+/* Views of the model that is done; a signal ends it. 0 or an exit code. */
+static int evaluate(fit_run *r, const char *split, evaluation *e) {
+    eval_line line = {r, strcmp(split, "test") ? "training" : "held-out", app_seconds()};
+    e->progress = on_evaluated;
+    e->user = &line;
+    r->line.last = 0;
+    sf_status status = watch_evaluate(&r->watch, split, e);
+    progress_break(&r->line);
+    if (status == SF_ERR_CANCELLED) r->stopped = app_stopped_by(), e->views = 0;
+    return status && status != SF_ERR_CANCELLED ? app_fail(r->a, r->ctx) : 0;
+}
+
+/* "N", or "N of M" where not all were evaluated. */
+static const char *count_text(const evaluation *e, char text[48]) {
+    snprintf(text, 48, e->most && e->of > (size_t)e->most ? "%zu of %zu" : "%zu", e->views, e->of);
+    return text;
+}
+
 static void print_result(fit_run *r, const evaluation *e) {
     sf_fit_progress p;
+    char count[48];
     sf_fitter_get_progress(r->fitter, &p);
     if (args_value(r->a, "quiet") || r->line.kind == PROGRESS_JSON) return;
     fprintf(r->out, "%s after %lld steps in %.1f s (%.1f ms a step, peak memory %.0f MB)\n",
@@ -237,11 +274,11 @@ static void print_result(fit_run *r, const evaluation *e) {
         fprintf(r->out, "diverged %lld times, and went on from an earlier model\n", (long long)p.diverged);
     if (e->views)
         fprintf(r->out,
-                "held out, %zu views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",
-                e->views, e->psnr, e->ssim, e->psnr_corrected);
+                "held out, %s views: PSNR %.2f dB, SSIM %.4f (PSNR with exposure corrected: %.2f dB)\n",
+                count_text(e, count), e->psnr, e->ssim, e->psnr_corrected);
     if (r->train.views)
-        fprintf(r->out, "trained on, %zu views: PSNR %.2f dB, SSIM %.4f\n", r->train.views, r->train.psnr,
-                r->train.ssim);
+        fprintf(r->out, "trained on, %s views: PSNR %.2f dB, SSIM %.4f\n", count_text(&r->train, count),
+                r->train.psnr, r->train.ssim);
     if (r->options.refine_poses)
         fprintf(r->out,
                 "poses corrected, in the median by %.3f degrees and %.2f %% of depth; held-out ones follow "
@@ -270,11 +307,9 @@ static int finish(fit_run *r) {
     if (!error) error = write_cameras(r);
     if (!error && !r->stopped) {
         json_decref(e.list);
-        if (app_evaluate(r->ctx, r->scene, r->a, "test", draw, r->fitter, &e)) error = app_fail(r->a, r->ctx);
+        error = evaluate(r, "test", &e);
     }
-    if (!error && !r->stopped && args_value(r->a, "eval-train") &&
-        app_evaluate(r->ctx, r->scene, r->a, "train", draw, r->fitter, &r->train))
-        error = app_fail(r->a, r->ctx);
+    if (!error && !r->stopped && args_value(r->a, "eval-train")) error = evaluate(r, "train", &r->train);
     if (!error) print_result(r, &e);
     if (!error) error = write_comparison(r);
     const char *log = app_output(r->a, "log");

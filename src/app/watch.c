@@ -12,6 +12,7 @@
 const arg_option watch_options[] = {
     {"eval-every", 0, "N", "evaluate the held-out views every N steps, for the log's curve"},
     {"eval-at", 0, "LIST", "and at these seconds since the program's start, for example 1,2,5,10"},
+    {"eval-views", 0, "N", "evaluate at most N views of a split, evenly spread (all)"},
     {"snapshots", 0, "DIR", "write the first held-out view at 1, 2, 5, 10, 30 and 60 s as PNG"},
     {"eval-train", 0, NULL, "also evaluate the training views at the end, for the log's result"},
     {"label", 0, "TEXT", "name of this run in charts, for the log"},
@@ -51,6 +52,7 @@ static int read_times(watch *w) {
 
 int watch_read(watch *w) {
     int error = args_int(w->a, "eval-every", 1, 1000000000, &w->eval_every);
+    if (!error) error = args_int(w->a, "eval-views", 1, 1000000000, &w->eval_views);
     return error ? error : read_times(w);
 }
 
@@ -149,8 +151,17 @@ static int snapshots_due(const watch *w, double seconds) {
     return due;
 }
 
+sf_status watch_evaluate(watch *w, const char *split, evaluation *e) {
+    double began = sf_clock();
+    e->most = w->eval_views;
+    sf_status status = app_evaluate(w->ctx, w->scene, w->a, split, w->draw, w->fitter, e);
+    w->looking += sf_clock() - began;
+    return status;
+}
+
 static void look(watch *w, int evaluate, int snapshots, double seconds, evaluation *e) {
     double began = sf_clock();
+    e->most = w->eval_views;
     if (evaluate) w->status = app_evaluate(w->ctx, w->scene, w->a, "test", w->draw, w->fitter, e);
     if (!w->status && snapshots && !w->snapshots_done) w->status = write_snapshot(w, 0, seconds);
     if (!w->status && snapshots) w->status = write_snapshot(w, snapshot_at[snapshots - 1], seconds);

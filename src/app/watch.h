@@ -27,6 +27,7 @@ typedef struct watch {
     double looking; /* seconds that went into evaluations and snapshots */
     double seconds; /* of the clock when the last step was done */
     int eval_every; /* steps; 0: not by steps */
+    int eval_views; /* of an evaluation, at most; 0: all */
     double eval_at[WATCH_TIMES];
     int eval_times, eval_done, snapshots_done;
     json_t *curve, *snapshots; /* snapshots NULL: none wanted */
@@ -45,6 +46,8 @@ int watch_read(watch *w);
 int watch_start(watch *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, app_draw draw);
 /* After each step: looks if it is time. */
 void watch_step(watch *w, const sf_fit_progress *p);
+/* Evaluates the views of a split now, out of the clock's time. progress and user as in evaluation. */
+sf_status watch_evaluate(watch *w, const char *split, evaluation *e);
 /* After the last step: stops the clock. */
 void watch_stop(watch *w, const sf_fit_progress *p);
 /* Puts all into the log, beside its "options", "result" and "scene"; `end` is the evaluation of the model

@@ -41,6 +41,32 @@ static void test_what_is_refined_is_said(void **state) {
     free_outcome(&o);
 }
 
+/* Of the held-out views as many as are asked for are evaluated, and that is said, logged and timed. */
+static void test_some_views_evaluated(void **state) {
+    (void)state;
+    static const char *const asked[] = {"1", "2", "99"}, *const said[] = {"1 of 2", "2", "2"};
+    clear_out();
+    for (int i = 0; i < 3; i++) {
+        char text[64];
+        outcome o = run_ok(FIT, "--steps", "3", "--eval-views", asked[i], "--log", "out/l.json");
+        snprintf(text, sizeof text, "held out, %s views: PSNR ", said[i]);
+        SAYS(o, text);
+        json_t *log = test_json(work("out/l.json")), *result = result_of(log);
+        size_t views = i ? 2 : 1;
+        assert_int_equal(json_array_size(json_object_get(result, "views")), views);
+        assert_int_equal((size_t)test_number(result, "held_out_evaluated"), views);
+        assert_int_equal((size_t)test_number(json_object_get(log, "scene"), "test_views"), 2);
+        assert_true(test_number(result, "evaluation_seconds") > 0);
+        json_decref(log);
+        free_outcome(&o);
+    }
+    outcome o = run_ok("eval", "out/m.ply", SCENE, "--eval-views", "1");
+    SAYS(o, "1 of 2 views evaluated");
+    free_outcome(&o);
+    clear_out();
+    assert_refused(ARGS("eval", "good.ply", SCENE, "--eval-views", "0"), USAGE, "--eval-views: ", 0);
+}
+
 static double psnr_of_eval(const char *cameras) {
     run_quietly(ARGS("eval", "out/m.ply", SCENE, "--json", "out/e.json", cameras ? "--cameras" : "--quiet",
                      cameras ? cameras : NULL));
@@ -328,6 +354,7 @@ int main(void) {
         cmocka_unit_test(test_live_writes_what_it_was_told_to),
         cmocka_unit_test(test_live_refuses),
         cmocka_unit_test(test_what_is_refined_is_said),
+        cmocka_unit_test(test_some_views_evaluated),
         cmocka_unit_test(test_eval_takes_refined_cameras),
         cmocka_unit_test(test_background_as_a_colour),
         cmocka_unit_test(test_cores),
