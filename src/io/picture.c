@@ -53,8 +53,9 @@ static sf_status take_planes(sf_context *ctx, sf_picture *p, const uint8_t *pixe
     size_t n = pixel_count(p);
     p->rgb = sf_alloc(ctx, n, 3);
     if (!p->rgb) return fault(p, SF_ERR_MEMORY, "out of memory");
-    for (int c = 0; c < 3; c++)
-        for (size_t i = 0; i < n; i++) p->rgb[(size_t)c * n + i] = pixels[i * (size_t)channels + (size_t)c];
+    uint8_t *red = p->rgb, *green = red + n, *blue = green + n;
+    for (size_t i = 0; i < n; i++, pixels += channels)
+        red[i] = pixels[0], green[i] = pixels[1], blue[i] = pixels[2];
     return SF_OK;
 }
 

@@ -18,10 +18,9 @@ enum { NAMES_IN_LOG = 5 /* of skipped pictures; the rest is counted */ };
 
 /* From a picture to a view. */
 
-/* The lens for a picture of that size. */
-static sf_optics scaled_lens(const sf_entry *e, int width, int height) {
+/* The lens for a picture whose sides are those of the entry times x and y. */
+static sf_optics scaled_lens(const sf_entry *e, double x, double y) {
     sf_optics lens = e->lens;
-    double x = (double)width / e->width, y = (double)height / e->height;
     lens.fx *= x;
     lens.cx *= x;
     lens.fy *= y;
@@ -31,10 +30,10 @@ static sf_optics scaled_lens(const sf_entry *e, int width, int height) {
 
 /* A picture that was turned or cropped after its camera was found is not what the camera saw. */
 static sf_status check_shape(const sf_entry *e, sf_picture *p) {
-    if (sf_is_same_shape(p->width, p->height, e->width, e->height)) return SF_OK;
-    int turned = sf_is_same_shape(p->height, p->width, e->width, e->height);
+    if (sf_is_same_shape(p->file_width, p->file_height, e->width, e->height)) return SF_OK;
+    int turned = sf_is_same_shape(p->file_height, p->file_width, e->width, e->height);
     snprintf(p->fault, sizeof p->fault, "size: %d x %d is not the camera's %d x %d, nor its shape: %s",
-             p->width, p->height, e->width, e->height, turned ? "turned, by EXIF?" : "cropped?");
+             p->file_width, p->file_height, e->width, e->height, turned ? "turned, by EXIF?" : "cropped?");
     return SF_ERR_FORMAT;
 }
 
@@ -63,9 +62,10 @@ static void average_box(const sf_picture *p, size_t x, size_t y, size_t factor, 
     if (v->weight) v->weight[at] = p->weight ? sf_box_mean(p->weight + from, factor, 1, width) : 0;
 }
 
+/* factor: by which the sides are still to be divided. */
 static void fill_view(const sf_picture *p, int factor, const sf_view *v) {
     size_t plane = (size_t)p->width * (size_t)p->height;
-    if (factor == 1) {
+    if (p->width == v->camera.width && p->height == v->camera.height) {
         memcpy(v->rgb, p->rgb, 3 * plane);
         if (v->weight) memcpy(v->weight, p->weight, plane);
         return;
@@ -75,7 +75,7 @@ static void fill_view(const sf_picture *p, int factor, const sf_view *v) {
 }
 
 static sf_camera pinhole(const sf_entry *e, const sf_optics *lens, const sf_picture *p) {
-    sf_undistorted frame = sf_undistort_frame(lens, p->width, p->height);
+    sf_undistorted frame = sf_undistort_frame(lens, p->file_width, p->file_height);
     sf_camera camera = {.width = frame.width,
                         .height = frame.height,
                         .fx = lens->fx,
@@ -106,7 +106,7 @@ typedef struct loading {
 /* The camera of the view, and what is known of its lens; r->fault or r->bad_pose says what is wrong. */
 static sf_status find_camera(const loading *l, const sf_entry *e, const sf_picture *p, result *r,
                              sf_optics *lens, sf_camera *camera) {
-    *lens = scaled_lens(e, p->width, p->height);
+    *lens = scaled_lens(e, (double)p->file_width / e->width, (double)p->file_height / e->height);
     *camera = pinhole(e, lens, p);
     r->bad_pose = !sf_optics_is_valid(lens) || sf_camera_check(camera);
     if (r->bad_pose) return SF_OK;
@@ -123,7 +123,7 @@ static sf_status find_camera(const loading *l, const sf_entry *e, const sf_pictu
 
 static void describe_view(const sf_entry *e, const sf_optics *lens, const sf_picture *p, const result *r) {
     sf_lens_note note = {.model = lens->model, .undistorted = r->undistorted};
-    sf_undistort_field(lens, p->width, p->height, &note.seen, &note.kept);
+    sf_undistort_field(lens, p->file_width, p->file_height, &note.seen, &note.kept);
     r->view->lens = note;
     r->view->masked = e->mask != NULL;
     r->view->alpha = r->alpha;
@@ -133,22 +133,34 @@ static void describe_view(const sf_entry *e, const sf_optics *lens, const sf_pic
 static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
     sf_optics lens;
     sf_camera camera;
-    sf_picture before = *p; /* its size */
     sf_status status = find_camera(l, e, p, r, &lens, &camera);
     if (status || r->bad_pose) return status;
-    status = r->undistorted ? sf_undistort(l->ctx, &lens, p) : SF_OK;
+    if (r->undistorted) {
+        double x = (double)p->file_width / p->divided, y = (double)p->file_height / p->divided;
+        sf_optics decoded = scaled_lens(e, x / e->width, y / e->height);
+        status = sf_undistort(l->ctx, &decoded, p);
+    }
     if (status) return status;
     r->has_weight = p->weight != NULL;
     status = sf_view_create(l->ctx, e->name, &camera, e->split, r->has_weight, &r->view);
     if (status) return status;
-    fill_view(p, l->options->downscale, r->view);
-    describe_view(e, &lens, &before, r);
+    fill_view(p, l->options->downscale / p->divided, r->view);
+    describe_view(e, &lens, p, r);
     r->hidden = sf_view_is_hidden(r->view);
     return SF_OK;
 }
 
+/* By what a JPEG's sides may be divided while it is decoded. A mask hides single pixels of the file. Where a
+ * lens is corrected, a division is left for afterwards: what correcting blurs, it averages. */
+static int decoded_factor(const loading *l, const sf_entry *e) {
+    int factor = l->options->downscale;
+    if (e->mask) return 1;
+    if (!sf_optics_is_distorted(&e->lens)) return factor;
+    return e->lens.projection == SF_PERSPECTIVE && factor % 2 == 0 ? factor / 2 : 1;
+}
+
 static sf_status read_picture(const loading *l, const sf_entry *e, sf_picture *p, result *r) {
-    sf_status status = sf_picture_load(l->ctx, e->path, p);
+    sf_status status = sf_picture_load_divided(l->ctx, e->path, decoded_factor(l, e), p);
     if (!status) status = check_shape(e, p);
     r->alpha = p->weight != NULL;
     if (!status) sf_alpha_apply(l->ctx, l->options, l->project->blends, p);
@@ -351,7 +363,7 @@ static double count_pixels(const loading *l, int of_files, double *largest) {
         const sf_entry *e = &l->project->entries[i];
         int width = e->width, height = e->height;
         if (e->bad_pose || (of_files && sf_picture_size(l->ctx, e->path, &width, &height))) continue;
-        sf_optics lens = scaled_lens(e, width, height);
+        sf_optics lens = scaled_lens(e, (double)width / e->width, (double)height / e->height);
         sf_undistorted frame = sf_undistort_frame(&lens, width, height);
         sum += (double)frame.width * frame.height;
         *largest = fmax(*largest, fmax((double)width * height, (double)frame.width * frame.height));
