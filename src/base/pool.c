@@ -1,5 +1,6 @@
 /* pool.c - the thread pool: workers sleep on a condition until a job is posted, then take its tasks. A step
- * posts a job every half millisecond: before a thread sleeps it looks out for a moment. */
+ * posts a job every half millisecond: before a thread sleeps it looks out for a moment. A job ends when its
+ * tasks are done: a worker that the system has not woken by then finds it closed. */
 #define _GNU_SOURCE
 #include "pool.h"
 
@@ -22,17 +23,27 @@ typedef struct share {
     size_t end;
 } share;
 
+typedef struct worker {
+    struct sf_pool *pool;
+    int thread;
+    pthread_t id;
+} worker;
+
+/* The gate: a job's number, whether threads may still enter it, and how many workers are inside. Nobody waits
+ * for a worker that did not enter: where the system gave it no processor, the others do its tasks. A worker
+ * enters by changing the gate as it saw it, so that it is inside an open job or not at all. */
+enum { INSIDE = SF_MAX_THREADS - 1, OPEN = SF_MAX_THREADS, NUMBER = 2 * SF_MAX_THREADS };
+
 struct sf_pool {
     int threads;
-    share *shares;      /* one a thread */
-    pthread_t *workers; /* threads - 1 */
+    share *shares;   /* one a thread */
+    worker *workers; /* threads - 1 */
     pthread_mutex_t turn;
-    pthread_mutex_t lock; /* who changes what follows up to `stop` from a value that is waited for holds it */
+    pthread_mutex_t lock; /* of who opens the gate or sets `stop`, and of the last to leave a closed job */
     pthread_cond_t posted, done;
-    atomic_ulong job; /* number of the job posted last */
-    atomic_int busy;  /* workers that have not yet finished it */
+    atomic_uint gate;
     atomic_int stop;
-    sf_task_fn fn;
+    sf_task_fn fn; /* this and the shares change while the gate is closed and nobody is inside */
     void *arg;
 };
 
@@ -83,40 +94,65 @@ static void pause_a_little(double looked_out) {
 #endif
 }
 
-/* Whether a job other than `seen` is posted, or all are to stop, before it is time to sleep. */
-static int looked_out_for_job(struct sf_pool *pool, unsigned long seen) {
+/* Whether the gate is open to a worker that was last inside when it was `seen`. The number may come round
+ * again while a worker sleeps: then that worker misses a job, which ends without it. */
+static int is_new(unsigned gate, unsigned seen) { return (gate & OPEN) && gate / NUMBER != seen / NUMBER; }
+
+/* Whether a new job is posted, or all are to stop, before it is time to sleep. */
+static int looked_out_for_job(struct sf_pool *pool, unsigned seen) {
     double start = sf_clock();
     for (double passed = 0; passed < LOOK_OUT_SECONDS; passed = sf_clock() - start) {
-        if (atomic_load(&pool->job) != seen || atomic_load(&pool->stop)) return 1;
+        if (is_new(atomic_load(&pool->gate), seen) || atomic_load(&pool->stop)) return 1;
         pause_a_little(passed);
     }
     return 0;
 }
 
-static void wait_for_job(struct sf_pool *pool, unsigned long seen) {
+static void wait_for_job(struct sf_pool *pool, unsigned seen) {
     if (looked_out_for_job(pool, seen)) return;
     pthread_mutex_lock(&pool->lock);
-    while (atomic_load(&pool->job) == seen && !atomic_load(&pool->stop))
+    while (!is_new(atomic_load(&pool->gate), seen) && !atomic_load(&pool->stop))
         pthread_cond_wait(&pool->posted, &pool->lock);
     pthread_mutex_unlock(&pool->lock);
 }
 
-static void wait_for_workers(struct sf_pool *pool) {
-    double start = sf_clock();
-    for (double passed = 0; passed < LOOK_OUT_SECONDS; passed = sf_clock() - start) {
-        if (!atomic_load(&pool->busy)) return;
-        pause_a_little(passed);
-    }
+/* Enters the posted job; *seen: the gate. 0: it is closed again. */
+static int enter(struct sf_pool *pool, unsigned *seen) {
+    unsigned gate = atomic_load(&pool->gate);
+    while (is_new(gate, *seen))
+        if (atomic_compare_exchange_weak(&pool->gate, &gate, gate + 1)) {
+            *seen = gate;
+            return 1;
+        }
+    return 0;
+}
+
+static void leave(struct sf_pool *pool) {
+    unsigned gate = atomic_fetch_sub(&pool->gate, 1);
+    if ((gate & OPEN) || (gate & INSIDE) > 1) return;
     pthread_mutex_lock(&pool->lock);
-    while (atomic_load(&pool->busy)) pthread_cond_wait(&pool->done, &pool->lock);
+    pthread_cond_signal(&pool->done);
     pthread_mutex_unlock(&pool->lock);
 }
 
-/* One worker less is busy. */
-static void report_back(struct sf_pool *pool) {
-    if (atomic_fetch_sub(&pool->busy, 1) > 1) return;
+/* Closes the job, all of whose tasks are begun, and waits until those inside have left. */
+static void close_job(struct sf_pool *pool) {
+    atomic_fetch_and(&pool->gate, ~(unsigned)OPEN);
+    double start = sf_clock();
+    for (double passed = 0; passed < LOOK_OUT_SECONDS; passed = sf_clock() - start) {
+        if (!(atomic_load(&pool->gate) & INSIDE)) return;
+        pause_a_little(passed);
+    }
     pthread_mutex_lock(&pool->lock);
-    pthread_cond_signal(&pool->done);
+    while (atomic_load(&pool->gate) & INSIDE) pthread_cond_wait(&pool->done, &pool->lock);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+static void open_job(struct sf_pool *pool) {
+    pthread_mutex_lock(&pool->lock);
+    unsigned number = atomic_load(&pool->gate) / NUMBER + 1;
+    atomic_store(&pool->gate, number * NUMBER | OPEN);
+    pthread_cond_broadcast(&pool->posted);
     pthread_mutex_unlock(&pool->lock);
 }
 
@@ -129,35 +165,28 @@ static void take_tasks(struct sf_pool *pool, int thread) {
     }
 }
 
-typedef struct worker_start {
-    struct sf_pool *pool;
-    int thread;
-} worker_start;
-
-static void *worker(void *start_pointer) {
-    worker_start start = *(worker_start *)start_pointer;
-    struct sf_pool *pool = start.pool;
-    unsigned long seen = 0;
+static void *work(void *worker_pointer) {
+    worker *self = worker_pointer;
+    struct sf_pool *pool = self->pool;
+    unsigned seen = 0;
     flush_denormals();
-    report_back(pool); /* has read its start */
     for (;;) {
         wait_for_job(pool, seen);
         if (atomic_load(&pool->stop)) return NULL;
-        seen = atomic_load(&pool->job);
-        take_tasks(pool, start.thread);
-        report_back(pool);
+        if (!enter(pool, &seen)) continue;
+        take_tasks(pool, self->thread);
+        leave(pool);
     }
 }
 
 /* Starts one worker with all signals blocked, so that signal handlers run on the program's threads. */
 static int start_worker(struct sf_pool *pool, int thread) {
-    worker_start start = {pool, thread};
+    worker *w = &pool->workers[thread - 1];
+    *w = (worker){.pool = pool, .thread = thread};
     sigset_t all, old;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &old);
-    atomic_store(&pool->busy, 1);
-    int error = pthread_create(&pool->workers[thread - 1], NULL, worker, &start);
-    if (!error) wait_for_workers(pool);
+    int error = pthread_create(&w->id, NULL, work, w);
     pthread_sigmask(SIG_SETMASK, &old, NULL);
     return error;
 }
@@ -192,7 +221,7 @@ void sf_pool_destroy(sf_context *ctx, struct sf_pool **pool_pointer) {
     atomic_store(&pool->stop, 1);
     pthread_cond_broadcast(&pool->posted);
     pthread_mutex_unlock(&pool->lock);
-    for (int t = 1; t < pool->threads; t++) pthread_join(pool->workers[t - 1], NULL);
+    for (int t = 1; t < pool->threads; t++) pthread_join(pool->workers[t - 1].id, NULL);
     pthread_cond_destroy(&pool->posted);
     pthread_cond_destroy(&pool->done);
     pthread_mutex_destroy(&pool->lock);
@@ -219,15 +248,9 @@ void sf_pool_run(struct sf_pool *pool, size_t tasks, sf_task_fn fn, void *arg) {
         pool->shares[t].end = share_begin(tasks, t + 1, n);
     }
     int shared = pool->threads > 1 && tasks > 1;
-    if (shared) {
-        pthread_mutex_lock(&pool->lock);
-        atomic_store(&pool->busy, pool->threads - 1);
-        atomic_fetch_add(&pool->job, 1);
-        pthread_cond_broadcast(&pool->posted);
-        pthread_mutex_unlock(&pool->lock);
-    }
+    if (shared) open_job(pool);
     take_tasks(pool, 0);
-    if (shared) wait_for_workers(pool);
+    if (shared) close_job(pool);
     restore_denormals(old);
     pthread_mutex_unlock(&pool->turn);
 }

@@ -9,6 +9,7 @@
 #include <sched.h>
 #include <signal.h>
 #include <stdatomic.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/pool.h"
@@ -23,9 +24,28 @@ int __real_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, v
 int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*start)(void *),
                           void *arg);
 
+/* Threads that start while this is set wait until it is cleared: as if the system gave them no processor. */
+static atomic_int held_back;
+
+typedef struct late_start {
+    void *(*start)(void *);
+    void *arg;
+} late_start;
+
+static void *start_late(void *late_pointer) {
+    late_start late = *(late_start *)late_pointer;
+    free(late_pointer);
+    while (held_back) sched_yield();
+    return late.start(late.arg);
+}
+
 int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*start)(void *),
                           void *arg) {
-    return threads_left-- > 0 ? __real_pthread_create(thread, attributes, start, arg) : EAGAIN;
+    if (threads_left-- <= 0) return EAGAIN;
+    if (!held_back) return __real_pthread_create(thread, attributes, start, arg);
+    late_start *late = malloc(sizeof *late);
+    *late = (late_start){start, arg};
+    return __real_pthread_create(thread, attributes, start_late, late);
 }
 
 typedef struct tally {
@@ -80,6 +100,11 @@ static void begin_task(void *beginnings_pointer, size_t task, int thread) {
     while (b->begun < b->threads) sched_yield();
 }
 
+static void count_begun_task(void *beginnings_pointer, size_t task, int thread) {
+    (void)task, (void)thread;
+    atomic_fetch_add(&((beginnings *)beginnings_pointer)->begun, 1);
+}
+
 /* What a thread wrote in one job it reads in the next. */
 static void threads_begin_with_their_shares(void **state) {
     (void)state;
@@ -95,6 +120,35 @@ static void threads_begin_with_their_shares(void **state) {
         }
         sf_context_destroy(&ctx);
     }
+}
+
+/* Jobs end without workers that never come, and these take part in later ones. */
+static void jobs_do_not_wait_for_who_never_came(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    struct sf_pool *pool;
+    held_back = 1;
+    assert_ok(ctx, sf_pool_create(ctx, 3, &pool));
+    for (size_t tasks = 0; tasks < 40; tasks++) assert_runs_once(pool, tasks);
+    held_back = 0;
+    beginnings b = {.threads = 3};
+    sf_pool_run(pool, 3, begin_task, &b); /* would hang if they did not come */
+    for (int t = 0; t < 3; t++) assert_true(b.has[t]);
+    sf_pool_destroy(ctx, &pool);
+    sf_context_destroy(&ctx);
+}
+
+/* Jobs so short that workers come while they are closed, and in the next one. */
+static void short_jobs_follow_one_another(void **state) {
+    (void)state;
+    sf_context *ctx = test_context_threads(4);
+    for (int job = 0; job < 3000; job++) {
+        beginnings b = {.threads = 1};
+        size_t tasks = 2 + (size_t)job % 3;
+        sf_pool_run(ctx->pool, tasks, count_begun_task, &b);
+        assert_int_equal(b.begun, tasks);
+    }
+    sf_context_destroy(&ctx);
 }
 
 static void pools_live_side_by_side(void **state) {
@@ -273,6 +327,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_task_runs_once),
         cmocka_unit_test(threads_begin_with_their_shares),
+        cmocka_unit_test(jobs_do_not_wait_for_who_never_came),
+        cmocka_unit_test(short_jobs_follow_one_another),
         cmocka_unit_test(pools_live_side_by_side),
         cmocka_unit_test(callers_take_turns),
         cmocka_unit_test(all_threads_work_at_once),
