@@ -2,7 +2,7 @@
  *
  * All sizes but those of the tile lists follow from the options. The number of tiles of a Gaussian depends on
  * the scene: MEAN_TILES is typical of fits that have reached their cap, TILE_LAYERS of the entries in a tile
- * even with few and large Gaussians; both are estimated high.
+ * where few and large Gaussians fill pictures, as after a start at random; both are estimated high.
  */
 #include "memory.h"
 
@@ -28,7 +28,7 @@ enum { SELECTING = 128 + sizeof(sf_merge) / 4 };
 /* Mean entries (a Gaussian's tiles) and strips (its rows of tiles). */
 #define MEAN_TILES  4.5
 #define MEAN_STRIPS 2.5
-#define TILE_LAYERS 40.0
+#define TILE_LAYERS 100.0
 #define LAYER_ROWS  0.5 /* strips an entry, of the TILE_LAYERS */
 /* Factors of what the allocator holds: low for arrays that are made once, higher for those that grow or are
  * made again. */
