@@ -150,8 +150,9 @@ static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, r
     return SF_OK;
 }
 
-/* By what a JPEG's sides may be divided while it is decoded. A mask hides single pixels of the file. Where a
- * lens is corrected, a division is left for afterwards: what correcting blurs, it averages. */
+/* The factor by which a JPEG's sides may be divided while it is decoded. 1 with a mask, which hides single
+ * pixels of the file. Where a lens is corrected, a factor of 2 is left for afterwards: averaging hides the
+ * blur of resampling. */
 static int decoded_factor(const loading *l, const sf_entry *e) {
     int factor = l->options->downscale;
     if (e->mask) return 1;

@@ -18,7 +18,7 @@
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
-    FITTED = 8,      /* keyframes after which one is fitted well enough for depths */
+    FITTED = 8,      /* newer keyframes, after which one is fitted well enough for depths */
     RECENT = 6,      /* keyframes: the newest, none of which makes room for another */
     ADJUSTED = 60    /* keyframes whose poses are adjusted with each new one */
 };
@@ -227,7 +227,8 @@ static sf_status adjust(sf_live *live, uint32_t id) {
     return status;
 }
 
-/* Depths of a keyframe that was fitted for a while, before anything drifted hides what it shows. */
+/* Draws the depths of a keyframe once the fit has learned it, before Gaussians that drifted lie in front of
+ * it. */
 static sf_status draw_depths(sf_live *live) {
     size_t count = live->keyframes.count;
     int drawn;

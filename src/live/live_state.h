@@ -30,10 +30,10 @@ typedef struct sf_live_input {
     size_t byte_capacity;
 } sf_live_input;
 
-/* What was asked of the last keyframes before a loss. */
+/* Whether the last keyframes before a loss were compared with old ones. */
 typedef struct sf_loop_checked {
     uint64_t lost, found_again; /* times, when it was lost */
-    uint64_t next;              /* frame that they are asked again with */
+    uint64_t next;              /* frame from which on they are compared again */
     int tries;                  /* left */
 } sf_loop_checked;
 

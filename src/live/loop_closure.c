@@ -1,4 +1,5 @@
-/* loop_closure.c - whether the camera is back at an old place that nothing joins the way here with. */
+/* loop_closure.c - closes loops: finds that the camera is back at a place that it left long ago, and corrects
+ * the drift since. */
 #include "loop_closure.h"
 
 #include <math.h>
@@ -9,16 +10,16 @@
 
 enum {
     LEAST_KEYFRAMES = 5,
-    ASKED = 6, /* keyframes before a loss that are asked for the old place, the newest first: */
-    SAY = 3,   /* of which so many must say the same */
-    TRIES = 4, /* after the camera was found again, */
-    EVERY = 3  /* frames apart */
+    COMPARED = 6,    /* the last keyframes before a loss that are compared with old ones, the newest first */
+    LEAST_AGREE = 3, /* of their links must agree */
+    TRIES = 4,       /* comparisons after the camera was found again, */
+    EVERY = 3        /* frames apart */
 };
 
-/* Rad, parts of the distance to the scene: so far two keyframes may differ in what they say. */
+/* Two links agree up to this difference: rad, and parts of the distance to the scene. */
 #define AGREES 0.03
 
-/* The picture's landmarks, from where it is by now: those of the old place are among them. */
+/* Tracks the landmarks again from the corrected pose, from which those of the old place are visible too. */
 static sf_status follow_again(sf_live *live) {
     sf_localizer *l = &live->localizer;
     sf_status status = sf_landmarks_follow(l->landmarks, &l->pose, NULL, &l->followed);
@@ -28,7 +29,7 @@ static sf_status follow_again(sf_live *live) {
     return SF_OK;
 }
 
-/* Spreads the drift that links tell. */
+/* Spreads the drift that the links show over the keyframes, and corrects the pose of the frame. */
 static sf_status correct(sf_live *live, const sf_loop_link *links, size_t count, const sf_loop_back *back) {
     const sf_rigid tracked = live->localizer.pose;
     sf_rigid pose;
@@ -40,7 +41,7 @@ static sf_status correct(sf_live *live, const sf_loop_link *links, size_t count,
     return follow_again(live);
 }
 
-/* 1. With a new keyframe */
+/* 1. Loops found with a new keyframe */
 
 static size_t index_of(const sf_keyframes *keyframes, uint32_t id) {
     size_t i = 0;
@@ -48,21 +49,27 @@ static size_t index_of(const sf_keyframes *keyframes, uint32_t id) {
     return i;
 }
 
-/* The keyframe before saw it as well: the way between the two is the same in both maps. *before: its link. */
+/* Whether two links agree: the relative pose of their keyframes is the same by tracking and by the old map.
+ */
+static int links_agree(const sf_live *live, const sf_loop_link *a, const sf_loop_link *b) {
+    sf_rigid way, expected;
+    sf_rigid_invert(sf_loop_tracked_pose(live, a->keyframe), &way);
+    sf_rigid_compose(sf_loop_tracked_pose(live, b->keyframe), &way, &way);
+    sf_rigid_compose(&way, &a->pose, &expected);
+    return sf_loop_gap(&expected, &b->pose, live->localizer.distance) < AGREES;
+}
+
+/* Whether the keyframe before has a link that agrees. *before: that link. */
 static int is_confirmed(const sf_live *live, const sf_loop_link *link, sf_loop_link *before) {
     const sf_loop *loop = &live->loop;
     size_t last = live->keyframes.count - 1;
-    sf_rigid way, expected;
     *before = (sf_loop_link){.keyframe = last,
                              .old = index_of(&live->keyframes, loop->old),
                              .pose = loop->pose,
                              .scale = loop->scale,
                              .is_scaled = loop->is_scaled};
     if (!loop->is_seen || loop->made + 1 != live->keyframes.made || before->old > last) return 0;
-    sf_rigid_invert(&live->keyframes.list[last].pose, &way);
-    sf_rigid_compose(&live->localizer.pose, &way, &way);
-    sf_rigid_compose(&way, &loop->pose, &expected);
-    return sf_loop_gap(&expected, &link->pose, live->localizer.distance) < AGREES;
+    return links_agree(live, before, link);
 }
 
 static void remember(sf_live *live, const sf_loop_link *link) {
@@ -90,36 +97,29 @@ sf_status sf_live_close_loop(sf_live *live) {
     return correct(live, links, 2, &back);
 }
 
-/* 2. After a loss */
+/* 2. Loops found after the camera was lost */
 
-/* Whether two keyframes' links say the same: the way between the two is the same in both maps. */
-static int say_the_same(const sf_live *live, const sf_loop_link *a, const sf_loop_link *b) {
-    sf_rigid way, expected;
-    sf_rigid_invert(&live->keyframes.list[a->keyframe].pose, &way);
-    sf_rigid_compose(&live->keyframes.list[b->keyframe].pose, &way, &way);
-    sf_rigid_compose(&way, &a->pose, &expected);
-    return sf_loop_gap(&expected, &b->pose, live->localizer.distance) < AGREES;
-}
-
-/* Of the links, those that say the same as most others: to the front. Returns how many. */
-static size_t agree(const sf_live *live, sf_loop_link *links, size_t count) {
+/* Moves the largest set of links that agree with one of them to the front; returns how many they are. */
+static size_t keep_agreeing(const sf_live *live, sf_loop_link *links, size_t count) {
     size_t best = 0, most = 0, kept = 0;
+    if (!count) return 0;
     for (size_t i = 0; i < count; i++) {
         size_t n = 0;
-        for (size_t j = 0; j < count; j++) n += say_the_same(live, &links[i], &links[j]);
+        for (size_t j = 0; j < count; j++) n += links_agree(live, &links[i], &links[j]);
         if (n > most) most = n, best = i;
     }
     const sf_loop_link chosen = links[best];
     for (size_t j = 0; j < count; j++)
-        if (say_the_same(live, &chosen, &links[j])) links[kept++] = links[j];
+        if (links_agree(live, &chosen, &links[j])) links[kept++] = links[j];
     return kept;
 }
 
-/* What keyframes say, from index `last` backwards. *drifted: how many of them are off. */
-static sf_status ask(sf_live *live, size_t last, sf_loop_link links[ASKED], size_t *count, size_t *drifted) {
+/* Links of the keyframes with old places, from index `last` backwards. *drifted: how many show drift. */
+static sf_status find_links(sf_live *live, size_t last, sf_loop_link links[COMPARED], size_t *count,
+                            size_t *drifted) {
     sf_status status = SF_OK;
     *count = *drifted = 0;
-    for (size_t i = 0; !status && i < ASKED && i < last; i++) {
+    for (size_t i = 0; !status && i < COMPARED && i < last; i++) {
         sf_loop_found found;
         status = sf_live_find_link(live, last - i, &links[*count], &found);
         *drifted += !status && found == SF_LOOP_DRIFTED;
@@ -128,8 +128,9 @@ static sf_status ask(sf_live *live, size_t last, sf_loop_link links[ASKED], size
     return status;
 }
 
-/* Those that came after the loss are where the old place says, and stay there. */
-static size_t hold(const sf_live *live, size_t after, size_t old, sf_loop_link *links) {
+/* Links that hold the keyframes made after the loss, and the frame, where they are: their poses are of the
+ * old map. */
+static size_t hold_newer(const sf_live *live, size_t after, size_t old, sf_loop_link *links) {
     size_t count = 0, all = live->keyframes.count;
     int again = live->localizer.state == SF_LIVE_TRACKING;
     for (size_t i = after; i < all + (size_t)again; i++)
@@ -141,17 +142,18 @@ static size_t hold(const sf_live *live, size_t after, size_t old, sf_loop_link *
     return count;
 }
 
-/* *joined: whether the last keyframes before a loss are joined with an old place by now. */
+/* Corrects the drift where links of the last keyframes before a loss, which end at index `after`, agree.
+ * *joined: they do, with or without drift. */
 static sf_status join(sf_live *live, size_t after, int *joined) {
     size_t all = live->keyframes.count, count, drifted;
-    sf_loop_link *links = sf_alloc(live->ctx, ASKED + all - after + 1, sizeof *links);
+    sf_loop_link *links = sf_alloc(live->ctx, COMPARED + all - after + 1, sizeof *links);
     if (!links) return SF_ERR_MEMORY;
-    sf_status status = ask(live, after - 1, links, &count, &drifted);
-    if (!status) count = agree(live, links, count);
-    *joined = !status && count >= SAY;
+    sf_status status = find_links(live, after - 1, links, &count, &drifted);
+    if (!status) count = keep_agreeing(live, links, count);
+    *joined = !status && count >= LEAST_AGREE;
     if (*joined && 2 * drifted > count) {
         const sf_loop_back back = {links[count - 1].keyframe, after - links[count - 1].keyframe};
-        count += hold(live, after, links[0].old, links + count);
+        count += hold_newer(live, after, links[0].old, links + count);
         live->loop.is_seen = 0;
         status = correct(live, links, count, &back);
         live->keyframes.forced = 1;

@@ -1,5 +1,5 @@
-/* loop_link.c - the pose of the picture in hand, or of a keyframe, by an old place that nothing joins it
- * with. */
+/* loop_link.c - the pose of the present frame, or of a keyframe, in the map of an old place that it shares
+ * few landmarks with. */
 #include "loop_closure.h"
 
 #include <math.h>
@@ -12,8 +12,8 @@
 #include "relocalization.h"
 
 enum {
-    JOINED = 15,      /* landmarks that two share, and are joined by */
-    RECENT = 5,       /* keyframes: of the way here, whatever they share */
+    JOINED = 15,      /* landmarks that two keyframes share: tracking has joined them */
+    RECENT = 5,       /* keyframes before and after, which are never candidates */
     LEAST_SHARED = 4, /* of the few features, for a place to be looked at */
     ALIKE = 5,        /* keyframes that the picture is compared with in full */
     DRAWINGS = 2,     /* of the model, for depths */
@@ -22,29 +22,27 @@ enum {
     LEAST_SCALES = 10 /* of them */
 };
 
-/* Rad, and parts of the distance to the scene: so far off the pose is to be worth while. */
+/* A smaller difference of the two poses is no drift: rad, and parts of the distance to the scene. */
 #define SAME 0.01
-/* The most that tracking drifts by: parts of the way; rad. */
+/* The most that tracking drifts by: a part of the length of the way; rad. */
 #define DRIFT 0.1
 #define TURN  0.35
-/* Rad: from so far aside the same is recognized. */
+/* Rad: features match between views up to this angle apart. */
 #define ASIDE 0.8
 /* Transmittance up to which a drawn pixel has a depth. */
 #define SOLID 0.5f
 /* Of the factors of depths: the most that the median is off from 1, and that they scatter about it. */
 #define SCATTER 0.15
 
-/* How far apart two poses are: the greater of the turn, rad, and the move, in distances. */
 double sf_loop_gap(const sf_rigid *a, const sf_rigid *b, double distance) {
     double angle, apart;
     sf_rigid_gap(a, b, &angle, &apart);
     return fmax(angle, apart / fmax(distance, 1e-9));
 }
 
-/* 1. Keyframes that show the same */
+/* 1. Candidates: old keyframes that look alike */
 
-/* The length of the way from one keyframe to another, world units; to as many as there are: to the picture.
- */
+/* The length of the way from one keyframe to another, or to the present frame, world units. */
 static double way_between(const sf_live *live, size_t from, size_t to) {
     double sum = 0;
     for (size_t i = from + 1; i <= to && i < live->keyframes.count; i++) {
@@ -54,7 +52,7 @@ static double way_between(const sf_live *live, size_t from, size_t to) {
     return sum;
 }
 
-static const sf_rigid *pose_of(const sf_live *live, size_t which) {
+const sf_rigid *sf_loop_tracked_pose(const sf_live *live, size_t which) {
     return which < live->keyframes.count ? &live->keyframes.list[which].pose : &live->localizer.pose;
 }
 
@@ -63,7 +61,7 @@ static const sf_rigid *pose_of(const sf_live *live, size_t which) {
 static int may_be_here(const sf_live *live, size_t which, const sf_rigid *pose, size_t since, double angle,
                        double apart) {
     double turned, moved, way = way_between(live, since < which ? since : 0, which);
-    sf_rigid_gap(pose_of(live, which), pose, &turned, &moved);
+    sf_rigid_gap(sf_loop_tracked_pose(live, which), pose, &turned, &moved);
     return turned < TURN + angle && moved < DRIFT * way + apart;
 }
 
@@ -107,10 +105,10 @@ static sf_status choose(sf_live *live, size_t which, const sf_place *of, size_t 
     return status;
 }
 
-/* 2. What they say */
+/* 2. The pose in their map */
 
-/* Its landmarks have depths in the map that came along, the model at the pose that the old map
- * gives has those of the old one. */
+/* The drift of scale: the median ratio of the depths of the landmarks, which tracking has, to those of the
+ * model drawn at the pose in the old map. */
 static sf_status compare_scales(sf_live *live, sf_loop_link *link) {
     double(*at)[3] = sf_alloc(live->ctx, SEEN_MOST, sizeof *at), factors[SEEN_MOST];
     double(*pixels)[2] = sf_alloc(live->ctx, SEEN_MOST, sizeof *pixels);
@@ -131,7 +129,7 @@ static sf_status compare_scales(sf_live *live, sf_loop_link *link) {
         if (x >= (size_t)camera.width || y >= (size_t)camera.height || !(ws->transmittance[place] < SOLID))
             continue;
         double z = ldexp((double)(ws->depth[place] / (1 - ws->transmittance[place])), ws->unit);
-        sf_rigid_apply(pose_of(live, which), at[i], p);
+        sf_rigid_apply(sf_loop_tracked_pose(live, which), at[i], p);
         if (z > 0 && p[2] > 0) factors[n++] = log(p[2] / z);
     }
     sf_free(live->ctx, at);
@@ -156,7 +154,8 @@ sf_status sf_live_find_link(sf_live *live, size_t which, sf_loop_link *link, sf_
     if (status || !place.found || place.agree < LEAST_AGREE) return status;
     *link = (sf_loop_link){.keyframe = which, .old = chosen[0], .pose = place.pose, .scale = 1};
     *found = SF_LOOP_SAME;
-    if (sf_loop_gap(pose_of(live, which), &place.pose, live->localizer.distance) < SAME) return SF_OK;
+    if (sf_loop_gap(sf_loop_tracked_pose(live, which), &place.pose, live->localizer.distance) < SAME)
+        return SF_OK;
     *found = may_be_here(live, which, &place.pose, link->old, 0, 0) ? SF_LOOP_DRIFTED : SF_LOOP_NONE;
     return *found ? compare_scales(live, link) : SF_OK;
 }
