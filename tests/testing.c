@@ -164,8 +164,10 @@ void test_skip(const char *reason) {
     skip();
 }
 
+int test_is_emulated(void) { return getenv("SPLATFIT_EMULATED") != NULL; }
+
 void test_skip_emulated(void) {
-    if (getenv("SPLATFIT_EMULATED"))
+    if (test_is_emulated())
         test_skip("this is the same on every machine, and takes long where it is emulated");
 }
 

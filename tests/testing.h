@@ -126,7 +126,9 @@ const char *test_data(void);
 int test_is_quick(void);
 /* Ends the test as skipped with the reason printed. */
 void test_skip(const char *reason);
-/* Skips the rest where another machine is emulated (SPLATFIT_EMULATED, see tests/run.sh). */
+/* Whether another machine is emulated (SPLATFIT_EMULATED, see tests/run.sh). */
+int test_is_emulated(void);
+/* Skips the rest where it is. */
 void test_skip_emulated(void);
 
 #endif

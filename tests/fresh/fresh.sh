@@ -7,8 +7,8 @@
 #   bare      minbase with git, make and gcc
 #   desktop   that with g++ and pkg-config
 #   user      build-essential and git, and a user without root and sudo; the line that the command prints is typed as root
-# CACHE is where packages and roots are kept; MIRROR another mirror than this system's; COMPILERS=1 also builds
-# with the root's clang, with warnings as errors. Needs root.
+# CACHE is where packages and roots are kept; MIRROR another mirror than this system's; COMPILERS names
+# the suites whose clang builds too, with warnings as errors; SOME_TESTS the tests that are enough in roots after the first. Needs root.
 set -euo pipefail
 
 cd "$(dirname "$0")/../.."
@@ -43,7 +43,7 @@ remove() { # ROOT
 in_root() { # COMMAND...: as root, or as $as
     chroot ${as:+--userspec="$as:$as"} "$root" /usr/bin/env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         HOME="${as:+/home/}${as:-/root}" LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive ${SPLATFIT_QUICK:+SPLATFIT_QUICK=1} \
-        ${MAKEFLAGS_IN_ROOT:+MAKEFLAGS="$MAKEFLAGS_IN_ROOT"} "$@"
+        MAKEFLAGS="${MAKEFLAGS_IN_ROOT:-}${tests:+ -- TESTS=${tests// /\\ }}" "$@"
 }
 
 serves() { # SUITE
@@ -119,7 +119,7 @@ readme() { # START
 # The newest clang of the root, where this is asked for; what gcc warns of has been seen.
 compilers() {
     local tree=$home/splatfit
-    [ "${COMPILERS:-}" = 1 ] || return 0
+    [[ " ${COMPILERS:-} " == *" $suite "* ]] || return 0
     (as='' && in_root apt-get install -qq -y --no-install-recommends clang) || return 1
     in_root sh -c "cd $tree && make WERROR=1 CC=clang CFLAGS=-O0 KERNELS_O=0"
 }
@@ -132,7 +132,7 @@ check_parts() {
     diff "$work/parts" "$root.parts"
 }
 
-passed=0 failed=0 skipped=0
+passed=0 failed=0 skipped=0 tests=
 one() { # SUITE/START
     suite=${1%/*} start=${1#*/} began=$SECONDS as='' result=
     log=$work/$suite-$start.log
@@ -178,6 +178,7 @@ for root_name in "$@"; do
     bookworm/bare | bookworm/desktop | bookworm/user | trixie/bare | trixie/desktop | trixie/user | sid/bare | sid/desktop | sid/user) one "$root_name" ;;
     *) echo "fresh.sh: \"$root_name\" is not {bookworm,trixie,sid}/{bare,desktop,user}" >&2; exit 2 ;;
     esac
+    tests=${SOME_TESTS:-}
 done
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" = 0 ]

@@ -25,18 +25,19 @@ programs() { # FOLDER
     done)
 }
 
-build() { # FOLDER JOBS
-    # Names of programs are words.
-    # shellcheck disable=SC2046
-    "${MAKE:-make}" --no-print-directory "-j$2" -C "$1" TOOLCHAIN=native SAN= ${CC:+CC="$CC"} CFLAGS="-g0 -O1" WERROR= \
-        O=build/native $(programs "$1") >"$1/build.log" 2>&1
+build() { # FOLDER JOBS PROGRAM...
+    folder=$1 build_jobs=$2
+    shift 2
+    "${MAKE:-make}" --no-print-directory "-j$build_jobs" -C "$folder" TOOLCHAIN=native SAN= ${CC:+CC="$CC"} CFLAGS="-g0 -O1" WERROR= \
+        O=build/native "$@" >"$folder/build.log" 2>&1
 }
 
-# Runs a copy's tests, up to the first that fails, whose name is left in FOLDER/failed; first those of the file that was edited.
-run_tests() { # FOLDER [FILE]
-    : >"$1/failed"
-    (cd "$1" && own=$bin/test_$(basename "${2:-none}" .c) && for program in $own $(programs . | grep -vx "$own"); do
-        [ -x "$program" ] || continue
+# Runs programs of a copy, up to the first that fails, whose name is left in FOLDER/failed.
+run_tests() { # FOLDER PROGRAM...
+    folder=$1
+    shift
+    : >"$folder/failed"
+    (cd "$folder" && for program in "$@"; do
         SPLATFIT_QUICK=1 SPLATFIT_SEED='' timeout -k 5 120 "$program" >"$program.out" 2>&1 && continue
         basename "$program" >failed
         break
@@ -86,11 +87,22 @@ mutant() { # N
         return
     fi
     mv "$dir/edited" "$dir/$file"
-    if ! build "$dir" 1; then
-        echo "failed  $name: does not compile: $dir/build.log"
-        return
-    fi
-    run_tests "$dir" "$file"
+    # Mostly the test of the edited file notices; the others are built only where it does not.
+    own=$bin/test_$(basename "$file" .c)
+    [ -x "$dir/$own" ] || own=
+    others=$(programs "$dir" | grep -vxF "${own:-none}")
+    for tests in "$own" "$others"; do
+        [ -n "$tests" ] || continue
+        # Names of programs are words.
+        # shellcheck disable=SC2086
+        if ! build "$dir" 1 $tests; then
+            echo "failed  $name: does not compile: $dir/build.log"
+            return
+        fi
+        # shellcheck disable=SC2086
+        run_tests "$dir" $tests
+        [ ! -s "$dir/failed" ] || break
+    done
     if [ -s "$dir/failed" ]; then
         echo "passed  $name: caught by $(cat "$dir/failed")"
         rm -rf "$dir"
@@ -125,11 +137,14 @@ rm -rf $all
 mkdir -p $all/sane
 tar cf - Makefile arch include src tests toolchains | tar xf - -C $all/sane
 jobs=${JOBS:-$(nproc)}
-if ! build $all/sane "$jobs"; then
+tests=$(programs $all/sane)
+# shellcheck disable=SC2086
+if ! build $all/sane "$jobs" $tests; then
     cat $all/sane/build.log
     exit 1
 fi
-run_tests $all/sane
+# shellcheck disable=SC2086
+run_tests $all/sane $tests
 if [ -s $all/sane/failed ]; then
     echo "failed  no edit: $(cat $all/sane/failed) fails without one"
     exit 1

@@ -21,6 +21,7 @@ static sf_rigid truth[MOST];
 
 static int open_walk(void **state) {
     (void)state;
+    if (test_is_emulated()) return 0; /* all tests are skipped */
     live_walk_open(SOURCE, FRAMES, STEPS, &walk);
     sf_landmarks *l = walk.live->localizer.landmarks; /* the first pose alone is known from outside */
     for (size_t i = 1; i < l->keyframe_count; i++) l->keyframes[i].view.is_known = 0;
