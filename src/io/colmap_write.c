@@ -64,10 +64,10 @@ void sf_colmap_put_point(sf_writer *w, const sf_colmap_point *point) {
     put_doubles(w, point->at, 3);
     sf_writer_put(w, point->rgb, 3);
     put_double(w, point->error);
-    put_uint(w, point->sightings, 8);
+    put_uint(w, point->observations, 8);
 }
 
-void sf_colmap_put_sighting(sf_writer *w, uint32_t image, uint32_t feature) {
+void sf_colmap_put_observation(sf_writer *w, uint32_t image, uint32_t feature) {
     put_uint(w, image, 4);
     put_uint(w, feature, 4);
 }

@@ -31,17 +31,17 @@ void sf_colmap_put_image(sf_writer *w, const sf_colmap_image *image);
 /* px; point UINT64_MAX: of none. */
 void sf_colmap_put_feature(sf_writer *w, double x, double y, uint64_t point);
 
-/* A point and how many sightings follow it. */
+/* A point and how many observations follow it. */
 typedef struct sf_colmap_point {
     uint64_t id;
     const double *at; /* [3] */
     uint8_t rgb[3];
     double error; /* px */
-    uint64_t sightings;
+    uint64_t observations;
 } sf_colmap_point;
 
 void sf_colmap_put_point(sf_writer *w, const sf_colmap_point *point);
 /* By the image's id, and the index of its feature. */
-void sf_colmap_put_sighting(sf_writer *w, uint32_t image, uint32_t feature);
+void sf_colmap_put_observation(sf_writer *w, uint32_t image, uint32_t feature);
 
 #endif

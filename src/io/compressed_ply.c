@@ -144,7 +144,7 @@ static sf_status enter_sh(compressed *c, sf_ply *ply, const sf_model_file_option
     return status ? status : sf_ply_bind_values(ply, "f_rest_", file_degree, *degree);
 }
 
-static sf_status put_all(const compressed *c, sf_ply *ply, int degree, sf_intake *in) {
+static sf_status put_all(const compressed *c, sf_ply *ply, int degree, sf_model_builder *in) {
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);
     sf_status status = SF_OK;
@@ -156,26 +156,27 @@ static sf_status put_all(const compressed *c, sf_ply *ply, int degree, sf_intake
         unpack_vector(limits, LOG_SCALE, c->words[i].scale, fields.log_scales);
         unpack_rotation(c->words[i].rotation, fields.quats);
         unpack_color(limits, c->words[i].color, &fields);
-        if (!status) status = sf_intake_put(in, &g);
+        if (!status) status = sf_model_builder_put(in, &g);
     }
     return status;
 }
 
-static sf_status load(compressed *c, sf_ply *ply, const sf_model_file_options *options, sf_intake *in) {
+static sf_status load(compressed *c, sf_ply *ply, const sf_model_file_options *options,
+                      sf_model_builder *in) {
     int degree;
     sf_status status = read_chunks(c, ply);
     if (!status) status = read_words(c, ply);
     if (!status) status = enter_sh(c, ply, options, &degree);
-    if (!status) status = sf_intake_begin(in, c->ctx, c->path, c->count, degree);
+    if (!status) status = sf_model_builder_begin(in, c->ctx, c->path, c->count, degree);
     return status ? status : put_all(c, ply, degree, in);
 }
 
 sf_status sf_compressed_ply_load(sf_context *ctx, const char *path, sf_ply *ply,
                                  const sf_model_file_options *options, sf_model **model) {
     compressed c = {.ctx = ctx, .path = path, .count = sf_ply_rows(ply)};
-    sf_intake in = {0};
+    sf_model_builder in = {0};
     sf_status status = load(&c, ply, options, &in);
     sf_free(ctx, c.chunks);
     sf_free(ctx, c.words);
-    return sf_ply_end_intake(ply, &in, status, model);
+    return sf_ply_end_builder(ply, &in, status, model);
 }

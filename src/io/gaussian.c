@@ -102,8 +102,9 @@ static int keep_ends(float *v) {
     return moved;
 }
 
-sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree) {
-    *in = (sf_intake){.ctx = ctx, .path = path};
+sf_status sf_model_builder_begin(sf_model_builder *in, sf_context *ctx, const char *path, size_t count,
+                                 int sh_degree) {
+    *in = (sf_model_builder){.ctx = ctx, .path = path};
     in->values = sf_gaussian_values(sh_degree, in->list);
     sf_status status =
         sf_memory_check(ctx, path, "Gaussians", (uint64_t)count * (uint64_t)in->values * sizeof(float));
@@ -111,7 +112,7 @@ sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size
     return sf_model_create(ctx, count, sh_degree, &in->model);
 }
 
-sf_status sf_intake_put(sf_intake *in, sf_gaussian *g) {
+sf_status sf_model_builder_put(sf_model_builder *in, sf_gaussian *g) {
     sf_fault found;
     size_t index = in->offered++;
     in->moved += (size_t)keep_ends(g->values);
@@ -125,7 +126,7 @@ sf_status sf_intake_put(sf_intake *in, sf_gaussian *g) {
     return sf_model_set(in->model, in->kept++, 1, &fields);
 }
 
-static void report_moved(const sf_intake *in) {
+static void report_moved(const sf_model_builder *in) {
     if (in->moved)
         sf_log(
             in->ctx, SF_LOG_INFO,
@@ -134,9 +135,9 @@ static void report_moved(const sf_intake *in) {
             in->path, in->moved, (double)SF_INVISIBLE, -(double)SF_INVISIBLE, (double)SF_LOG_SCALE_LEAST);
 }
 
-sf_status sf_intake_end(sf_intake *in, int antialiased, sf_model **model) {
+sf_status sf_model_builder_end(sf_model_builder *in, int antialiased, sf_model **model) {
     if (in->offered && !in->kept) {
-        sf_intake_abandon(in);
+        sf_model_builder_abandon(in);
         return sf_fail(
             in->ctx, SF_ERR_FORMAT,
             "%s: none of its %zu Gaussians can be used: their values are not finite or out of range "
@@ -155,4 +156,4 @@ sf_status sf_intake_end(sf_intake *in, int antialiased, sf_model **model) {
     return SF_OK;
 }
 
-void sf_intake_abandon(sf_intake *in) { sf_model_destroy(&in->model); }
+void sf_model_builder_abandon(sf_model_builder *in) { sf_model_destroy(&in->model); }

@@ -46,7 +46,7 @@ sf_status sf_model_check(const sf_model *model, const char *path);
 
 /* Gaussians of a file becoming a model: faulty ones are left out and counted, infinite opacities and
  * log-scales below the least are moved to the ends of what a model holds, and counted. */
-typedef struct sf_intake {
+typedef struct sf_model_builder {
     sf_context *ctx;
     const char *path;
     sf_model *model;
@@ -54,15 +54,16 @@ typedef struct sf_intake {
     int values;
     size_t offered, kept, moved, first_skipped;
     sf_fault first_fault;
-} sf_intake;
+} sf_model_builder;
 
 /* A model with room for `count` Gaussians of a degree. */
-sf_status sf_intake_begin(sf_intake *in, sf_context *ctx, const char *path, size_t count, int sh_degree);
-sf_status sf_intake_put(sf_intake *in, sf_gaussian *g);
+sf_status sf_model_builder_begin(sf_model_builder *in, sf_context *ctx, const char *path, size_t count,
+                                 int sh_degree);
+sf_status sf_model_builder_put(sf_model_builder *in, sf_gaussian *g);
 /* After the last one: reports what was left out, and gives the model away. SF_ERR_FORMAT where there were
- * Gaussians and all were left out; the intake is abandoned then. */
-sf_status sf_intake_end(sf_intake *in, int antialiased, sf_model **model);
+ * Gaussians and all were left out; the builder is abandoned then. */
+sf_status sf_model_builder_end(sf_model_builder *in, int antialiased, sf_model **model);
 /* After a failure. */
-void sf_intake_abandon(sf_intake *in);
+void sf_model_builder_abandon(sf_model_builder *in);
 
 #endif

@@ -285,21 +285,21 @@ static sf_status read_piece(const sf_gltf *in, const piece *p, int logs, int kep
                             sf_model **model) {
     static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     sf_similarity motion;
-    sf_intake intake;
+    sf_model_builder builder;
     sf_gaussian g;
     piece part = *p;
     if (kept < part.sh_degree) part.sh_degree = kept;
     sf_status status = motion_of(in, p->M, &motion);
     if (status) return status;
-    status = sf_intake_begin(&intake, in->ctx, in->path, p->count, part.sh_degree);
+    status = sf_model_builder_begin(&builder, in->ctx, in->path, p->count, part.sh_degree);
     for (size_t i = 0; i < p->count && !status; i++) {
         decode(&part, i, logs, &g);
-        status = sf_intake_put(&intake, &g);
+        status = sf_model_builder_put(&builder, &g);
     }
     if (status)
-        sf_intake_abandon(&intake);
+        sf_model_builder_abandon(&builder);
     else
-        status = sf_intake_end(&intake, 0, model);
+        status = sf_model_builder_end(&builder, 0, model);
     if (status || !memcmp(p->M, identity, sizeof identity)) return status;
     double origin[3] = {0};
     if (alone && is_far(*model, &motion)) {

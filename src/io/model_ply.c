@@ -46,23 +46,23 @@ static sf_status check_kind(sf_context *ctx, const char *path, const sf_ply *ply
                    path);
 }
 
-sf_status sf_ply_end_intake(sf_ply *ply, sf_intake *in, sf_status status, sf_model **model) {
+sf_status sf_ply_end_builder(sf_ply *ply, sf_model_builder *in, sf_status status, sf_model **model) {
     if (status) {
-        sf_intake_abandon(in);
+        sf_model_builder_abandon(in);
         return status;
     }
-    status = sf_intake_end(in, sf_ply_antialiased(ply), model);
+    status = sf_model_builder_end(in, sf_ply_antialiased(ply), model);
     if (!status) memcpy((*model)->origin, sf_ply_origin(ply), sizeof(*model)->origin);
     if (!status) sf_ply_report_rest(ply);
     return status;
 }
 
-static sf_status load_all(sf_intake *in, sf_ply *ply) {
+static sf_status load_all(sf_model_builder *in, sf_ply *ply) {
     sf_gaussian g;
     sf_status status = SF_OK;
     for (size_t i = 0; i < sf_ply_rows(ply) && !status; i++) {
         status = sf_ply_next(ply, g.values);
-        if (!status) status = sf_intake_put(in, &g);
+        if (!status) status = sf_model_builder_put(in, &g);
     }
     return status;
 }
@@ -71,14 +71,14 @@ static sf_status load_all(sf_intake *in, sf_ply *ply) {
 static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
                            const sf_model_file_options *options, sf_model **model) {
     int file_degree, degree = 0;
-    sf_intake in = {0};
+    sf_model_builder in = {0};
     sf_status status = check_kind(ctx, path, ply);
     if (!status) status = sf_ply_find_degree(ctx, path, ply, &file_degree);
     if (!status) degree = sf_file_degree(ctx, path, file_degree, options);
     if (!status) status = sf_ply_bind_values(ply, "", file_degree, degree);
-    if (!status) status = sf_intake_begin(&in, ctx, path, sf_ply_rows(ply), degree);
+    if (!status) status = sf_model_builder_begin(&in, ctx, path, sf_ply_rows(ply), degree);
     if (!status) status = load_all(&in, ply);
-    return sf_ply_end_intake(ply, &in, status, model);
+    return sf_ply_end_builder(ply, &in, status, model);
 }
 
 sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_options *options,

@@ -13,9 +13,9 @@ sf_status sf_ply_find_degree(sf_context *ctx, const char *path, const sf_ply *pl
  * of file_degree to a model of degree. */
 sf_status sf_ply_bind_values(sf_ply *ply, const char *prefix, int file_degree, int degree);
 
-/* Ends an intake after the last Gaussian, or, where status says so, after a failure: returns that, or what
- * sf_intake_end says. */
-sf_status sf_ply_end_intake(sf_ply *ply, sf_intake *in, sf_status status, sf_model **model);
+/* Ends a builder after the last Gaussian, or, where status says so, after a failure: returns that, or what
+ * sf_model_builder_end says. */
+sf_status sf_ply_end_builder(sf_ply *ply, sf_model_builder *in, sf_status status, sf_model **model);
 
 /* A compressed .ply, its vertices entered. On failure *model stays as it is. */
 sf_status sf_compressed_ply_load(sf_context *ctx, const char *path, sf_ply *ply,

@@ -27,12 +27,12 @@ static void decode(const uint8_t *row, sf_gaussian *g) {
     for (int k = 0; k < 4; k++) f.quats[k] = (float)((row[QUAT_AT + k] - 128) / 128.0);
 }
 
-static sf_status decode_all(sf_intake *in, const uint8_t *data, size_t count) {
+static sf_status decode_all(sf_model_builder *in, const uint8_t *data, size_t count) {
     sf_gaussian g;
     sf_status status = SF_OK;
     for (size_t i = 0; i < count && !status; i++) {
         decode(data + ROW * i, &g);
-        status = sf_intake_put(in, &g);
+        status = sf_model_builder_put(in, &g);
     }
     return status;
 }
@@ -41,19 +41,19 @@ sf_status sf_splat_load(sf_context *ctx, const char *path, const sf_model_file_o
                         sf_model **model) {
     uint8_t *data;
     size_t size;
-    sf_intake in = {0};
+    sf_model_builder in = {0};
     (void)options;
     sf_status status = sf_read_file(ctx, path, SF_MODEL_FILE_MOST, &data, &size);
     if (!status && size % ROW)
         status =
             sf_fail(ctx, SF_ERR_FORMAT,
                     "%s: size: %zu bytes are not a multiple of %d: truncated, or no .splat", path, size, ROW);
-    if (!status) status = sf_intake_begin(&in, ctx, path, size / ROW, 0);
+    if (!status) status = sf_model_builder_begin(&in, ctx, path, size / ROW, 0);
     if (!status) status = decode_all(&in, data, size / ROW);
     if (status)
-        sf_intake_abandon(&in);
+        sf_model_builder_abandon(&in);
     else
-        status = sf_intake_end(&in, 0, model);
+        status = sf_model_builder_end(&in, 0, model);
     sf_free(ctx, data);
     return status;
 }

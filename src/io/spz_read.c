@@ -294,7 +294,7 @@ static sf_status find_flips(const spz_in *s, const sf_model_file_options *option
     return SF_OK;
 }
 
-static sf_status decode_all(const spz_in *s, int sh_degree, unsigned flips, sf_intake *in) {
+static sf_status decode_all(const spz_in *s, int sh_degree, unsigned flips, sf_model_builder *in) {
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);
     sf_status status = SF_OK;
@@ -303,22 +303,22 @@ static sf_status decode_all(const spz_in *s, int sh_degree, unsigned flips, sf_i
             sf_spz_decode(&s->header, c, sh_degree, s->columns[c] + i * (size_t)sf_spz_width(&s->header, c),
                           &fields);
         sf_gaussian_flip(&g, sh_degree, flips);
-        status = sf_intake_put(in, &g);
+        status = sf_model_builder_put(in, &g);
     }
     return status;
 }
 
 static sf_status make_model(const spz_in *s, const sf_model_file_options *options, sf_model **model) {
-    sf_intake in = {0};
+    sf_model_builder in = {0};
     unsigned flips;
     int kept = sf_file_degree(s->ctx, s->path, s->header.sh_degree, options);
     sf_status status = find_flips(s, options, &flips);
-    if (!status) status = sf_intake_begin(&in, s->ctx, s->path, s->header.count, kept);
+    if (!status) status = sf_model_builder_begin(&in, s->ctx, s->path, s->header.count, kept);
     if (!status) status = decode_all(s, kept, flips, &in);
     if (status)
-        sf_intake_abandon(&in);
+        sf_model_builder_abandon(&in);
     else
-        status = sf_intake_end(&in, s->header.antialiased, model);
+        status = sf_model_builder_end(&in, s->header.antialiased, model);
     return status;
 }
 

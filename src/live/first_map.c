@@ -125,12 +125,12 @@ static double widest_angle(const sf_map *map, size_t track) {
     if (!map->has_point[track]) return 0;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
         double first[3], second[3];
-        const sf_map_picture *p = &map->pictures[map->tracks.sightings[i].picture];
+        const sf_map_picture *p = &map->pictures[map->tracks.observations[i].picture];
         if (!map->is_used[i] || !p->is_placed) continue;
         sf_rigid_center(&p->pose, first);
         for (int k = 0; k < 3; k++) first[k] -= map->at[track][k];
         for (size_t j = map->tracks.first[track]; j < i; j++) {
-            const sf_map_picture *q = &map->pictures[map->tracks.sightings[j].picture];
+            const sf_map_picture *q = &map->pictures[map->tracks.observations[j].picture];
             if (!map->is_used[j] || !q->is_placed) continue;
             sf_rigid_center(&q->pose, second);
             for (int k = 0; k < 3; k++) second[k] -= map->at[track][k];
@@ -147,7 +147,7 @@ static double median_depth(const sf_map *map, size_t picture, double *scratch, s
     for (size_t t = 0; t < map->tracks.count; t++)
         for (size_t i = map->tracks.first[t]; map->has_point[t] && i < map->tracks.first[t + 1]; i++) {
             double point[3];
-            if (!map->is_used[i] || map->tracks.sightings[i].picture != picture) continue;
+            if (!map->is_used[i] || map->tracks.observations[i].picture != picture) continue;
             sf_rigid_apply(&map->pictures[picture].pose, map->at[t], point);
             scratch[n++] = point[2];
             break;
@@ -156,13 +156,14 @@ static double median_depth(const sf_map *map, size_t picture, double *scratch, s
     return sf_median(scratch, n);
 }
 
-/* Of the sightings in placed pictures: the part that points were made from. A wrong map loses many of them.
+/* Of the observations in placed pictures: the part that points were made from. A wrong map loses many of
+ * them.
  */
 static double used_part(const sf_map *map) {
     double all = 0, used = 0;
     for (size_t t = 0; t < map->tracks.count; t++)
         for (size_t i = map->tracks.first[t]; i < map->tracks.first[t + 1]; i++) {
-            if (!map->pictures[map->tracks.sightings[i].picture].is_placed) continue;
+            if (!map->pictures[map->tracks.observations[i].picture].is_placed) continue;
             all++;
             used += map->has_point[t] && map->is_used[i];
         }
@@ -173,7 +174,7 @@ static double mean_square_error(const sf_map *map) {
     double sum = 0, count = 0;
     for (size_t t = 0; t < map->tracks.count; t++)
         for (size_t i = map->tracks.first[t]; map->has_point[t] && i < map->tracks.first[t + 1]; i++) {
-            const sf_sighting *s = &map->tracks.sightings[i];
+            const sf_track_observation *s = &map->tracks.observations[i];
             const sf_map_picture *p = &map->pictures[s->picture];
             double point[3], pixel[2];
             if (!map->is_used[i] || !p->is_placed) continue;
@@ -194,9 +195,9 @@ static int is_good(const maker *m, const sf_first_map *map) {
 
 /* Measures the map; scratch [tracks]. */
 static void measure(const maker *m, sf_first_map *map, double *scratch) {
-    size_t n = 0, sightings;
+    size_t n = 0, observations;
     map->lens = m->map->cameras[0].lens;
-    map->points = sf_map_count_points(m->map, &sightings);
+    map->points = sf_map_count_points(m->map, &observations);
     for (size_t t = 0; t < m->map->tracks.count; t++)
         if (m->map->has_point[t]) scratch[n++] = widest_angle(m->map, t);
     map->angle = sf_median(scratch, n);

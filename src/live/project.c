@@ -11,7 +11,7 @@
 #include "../pose/landmark_map.h"
 #include "live_state.h"
 
-enum { QUALITY = 95, LEAST_SIGHTINGS = 2, NAME = 32 };
+enum { QUALITY = 95, LEAST_OBSERVATIONS = 2, NAME = 32 };
 
 /* A keyframe as it is written. */
 typedef struct entry {
@@ -32,7 +32,7 @@ typedef struct project {
     uint32_t cameras;
     uint32_t *entry_of;   /* [keyframes of the map]; count: of none */
     uint32_t *feature_of; /* [observations of the map] */
-    size_t *sightings;    /* [landmarks] */
+    size_t *observations; /* [landmarks] */
 } project;
 
 /* ---- 1. What is written ---- */
@@ -65,7 +65,7 @@ static sf_status take_keyframes(project *p, sf_live *live) {
     return p->count ? SF_OK : sf_fail(p->ctx, SF_ERR_EMPTY, "live: there is no keyframe yet");
 }
 
-/* Which sightings become features, in which order; and how many each landmark has. */
+/* Which observations become features, in which order; and how many each landmark has. */
 static void number_features(project *p) {
     const sf_landmarks *map = p->map;
     for (size_t k = 0; k < map->keyframe_count; k++) {
@@ -78,7 +78,7 @@ static void number_features(project *p) {
         uint32_t at = p->entry_of[o->keyframe];
         if (at == p->count) continue;
         p->feature_of[i] = (uint32_t)p->entries[at].features++;
-        p->sightings[o->landmark]++;
+        p->observations[o->landmark]++;
     }
 }
 
@@ -89,8 +89,8 @@ static sf_status prepare(project *p, sf_live *live) {
     p->entries = sf_calloc(p->ctx, live->keyframes.count + 1, sizeof *p->entries);
     p->entry_of = sf_calloc(p->ctx, map->keyframe_count + 1, sizeof *p->entry_of);
     p->feature_of = sf_calloc(p->ctx, map->observation_count + 1, sizeof *p->feature_of);
-    p->sightings = sf_calloc(p->ctx, map->count + 1, sizeof *p->sightings);
-    if (!p->entries || !p->entry_of || !p->feature_of || !p->sightings) return SF_ERR_MEMORY;
+    p->observations = sf_calloc(p->ctx, map->count + 1, sizeof *p->observations);
+    if (!p->entries || !p->entry_of || !p->feature_of || !p->observations) return SF_ERR_MEMORY;
     sf_status status = take_keyframes(p, live);
     if (!status) number_features(p);
     return status;
@@ -101,13 +101,14 @@ static void release(project *p) {
     sf_free(p->ctx, p->entries);
     sf_free(p->ctx, p->entry_of);
     sf_free(p->ctx, p->feature_of);
-    sf_free(p->ctx, p->sightings);
+    sf_free(p->ctx, p->observations);
 }
 
 /* ---- 2. sparse/0 ---- */
 
 static int is_point(const project *p, size_t landmark) {
-    return p->map->all[landmark].state == SF_LANDMARK_KNOWN && p->sightings[landmark] >= LEAST_SIGHTINGS;
+    return p->map->all[landmark].state == SF_LANDMARK_KNOWN &&
+           p->observations[landmark] >= LEAST_OBSERVATIONS;
 }
 
 static void put_cameras(sf_writer *w, const void *user) {
@@ -167,7 +168,7 @@ typedef struct by_landmark {
 
 static void sort_observations(const project *p, by_landmark *by) {
     const sf_landmarks *map = p->map;
-    for (size_t l = 0; l < map->count; l++) by->first[l + 1] = by->first[l] + p->sightings[l];
+    for (size_t l = 0; l < map->count; l++) by->first[l + 1] = by->first[l] + p->observations[l];
     for (size_t i = 0; i < map->observation_count; i++)
         if (p->entry_of[map->observations[i].keyframe] != p->count)
             by->list[by->first[map->observations[i].landmark]++] = i;
@@ -176,7 +177,7 @@ static void sort_observations(const project *p, by_landmark *by) {
 }
 
 static void put_point(sf_writer *w, const project *p, size_t landmark, const size_t *list) {
-    size_t count = p->sightings[landmark];
+    size_t count = p->observations[landmark];
     double at[3], rgb[3] = {0}, squares = 0;
     const sf_similarity *s = &p->world->similarity;
     memcpy(at, p->map->all[landmark].at, sizeof at);
@@ -191,12 +192,12 @@ static void put_point(sf_writer *w, const project *p, size_t landmark, const siz
         squares += squared_error(e, o, at);
     }
     sf_colmap_point point = {
-        .id = landmark + 1, .at = at, .error = sqrt(squares / (double)count), .sightings = count};
+        .id = landmark + 1, .at = at, .error = sqrt(squares / (double)count), .observations = count};
     for (int c = 0; c < 3; c++) point.rgb[c] = (uint8_t)(rgb[c] / (double)count + 0.5);
     sf_colmap_put_point(w, &point);
     for (size_t i = 0; i < count; i++)
-        sf_colmap_put_sighting(w, p->entry_of[p->map->observations[list[i]].keyframe] + 1,
-                               p->feature_of[list[i]]);
+        sf_colmap_put_observation(w, p->entry_of[p->map->observations[list[i]].keyframe] + 1,
+                                  p->feature_of[list[i]]);
 }
 
 static void put_points(sf_writer *w, const void *user) {

@@ -42,7 +42,7 @@ typedef struct comparison {
     size_t count;
     sf_matches *matches; /* [count] */
     sf_status *statuses;
-    uint32_t *feature; /* [sightings]: of the picture */
+    uint32_t *feature; /* [observations]: of the picture */
     uint8_t *agrees;   /* [features] */
     sf_pose_search search;
 } comparison;
@@ -56,7 +56,7 @@ static void match_task(void *pointer, size_t at, int thread) {
 }
 
 /* A feature of a keyframe that the picture shows as well, as a point of the world. */
-static void add_sighting(comparison *c, const sf_keyframe *k, const sf_match *match) {
+static void add_observation(comparison *c, const sf_keyframe *k, const sf_match *match) {
     const sf_keypoint *there = &k->place.features.points[match->b];
     const sf_keypoint *here = &c->place->features.points[match->a];
     const sf_lens *lens = &c->search.lens;
@@ -91,7 +91,7 @@ static sf_status gather(comparison *c, int drawings) {
         if (status) return status;
         drawings -= drawn;
         for (size_t m = 0; k->place.depths && m < c->matches[i].count; m++)
-            add_sighting(c, k, &c->matches[i].items[m]);
+            add_observation(c, k, &c->matches[i].items[m]);
     }
     return SF_OK;
 }
@@ -115,7 +115,7 @@ static size_t count_features(const comparison *c, size_t members) {
     return filled >= LEAST_CELLS ? count : 0;
 }
 
-/* Leaves the sightings that agree with no pose yet. members[] ascends. */
+/* Leaves the observations that agree with no pose yet. members[] ascends. */
 static void leave_others(comparison *c, size_t members) {
     size_t kept = 0, next = 0;
     for (size_t i = 0; i < c->search.all.count; i++) {
@@ -130,7 +130,7 @@ static void leave_others(comparison *c, size_t members) {
     c->search.all.count = kept;
 }
 
-/* Returns how many features agree with the pose, 0: there is none; *members: sightings. */
+/* Returns how many features agree with the pose, 0: there is none; *members: observations. */
 static size_t search(comparison *c, size_t least, sf_rigid *pose, size_t *members) {
     const sf_camera *camera = &c->live->input.picture->camera;
     sf_ransac_result found;

@@ -220,7 +220,7 @@ static void take_product(const double *Y, const double *Z, double *block) {
 }
 
 /* Takes a point out of the row of a view that sees it. */
-static void take_out(sf_bundle_work *a, size_t row, const sf_bundle_sighting *s, const uint32_t *table,
+static void take_out(sf_bundle_work *a, size_t row, const sf_bundle_row_entry *s, const uint32_t *table,
                      double *border) {
     const double *Z = a->Z[s->observation];
     for (size_t j = s->first; j < s->end; j++)
@@ -237,7 +237,7 @@ static void take_out(sf_bundle_work *a, size_t row, const sf_bundle_sighting *s,
 }
 
 /* What take_out will read lies scattered over more than a cache holds. */
-static void fetch(const sf_bundle_work *a, const sf_bundle_sighting *s) {
+static void fetch(const sf_bundle_work *a, const sf_bundle_row_entry *s) {
     const char *at = (const char *)a->Z[s->first], *end = (const char *)a->Z[s->end];
     __builtin_prefetch(&a->rank_of[s->first]);
     if (a->first_slot) __builtin_prefetch(&a->first_slot[s->point]);

@@ -39,10 +39,10 @@ typedef struct sf_bundle_slot {
 } sf_bundle_slot;
 
 /* An observation of a view, and what else saw its point: all that a row of the equations reads from. */
-typedef struct sf_bundle_sighting {
+typedef struct sf_bundle_row_entry {
     uint32_t observation, point;
     uint32_t first, end; /* first..end-1: the observations of the point, up to the last one of the row */
-} sf_bundle_sighting;
+} sf_bundle_row_entry;
 
 /* Where which rows of the reduced equations are: blocks [6][6] of views and views, row by row, each row's
  * columns ascending up to its own; rows of the lens columns by views; lens columns by lens columns. */
@@ -68,15 +68,15 @@ typedef struct sf_bundle_work {
     const sf_bundle *b;
     size_t *rank; /* [views]: among the free ones, SIZE_MAX of others */
     size_t free_count;
-    uint32_t *rank_of;           /* [observations]: of their views, UINT32_MAX: of one that is not free */
-    size_t *view_of;             /* [free] */
-    size_t *first;               /* [points + 1]: each one's first observation */
-    sf_bundle_sighting *of_view; /* [observations]: those of the free views, by view; */
-    size_t *from;                /* [free + 2]: each one's first there */
-    sf_bundle_columns *columns;  /* [cameras] */
-    sf_bundle_slot *slots;       /* by point; none without lens columns */
-    size_t *first_slot;          /* [points + 1] */
-    uint32_t *slot_of;           /* [observations] */
+    uint32_t *rank_of;            /* [observations]: of their views, UINT32_MAX: of one that is not free */
+    size_t *view_of;              /* [free] */
+    size_t *first;                /* [points + 1]: each one's first observation */
+    sf_bundle_row_entry *of_view; /* [observations]: those of the free views, by view; */
+    size_t *from;                 /* [free + 2]: each one's first there */
+    sf_bundle_columns *columns;   /* [cameras] */
+    sf_bundle_slot *slots;        /* by point; none without lens columns */
+    size_t *first_slot;           /* [points + 1] */
+    uint32_t *slot_of;            /* [observations] */
     size_t *camera_slots, *camera_from; /* [slots], [cameras + 2]: the slots by camera */
     double (*Z)[SF_BUNDLE_CROSS];       /* [observations]: pose by point, times L^-T, [3][6] */
     sf_bundle_point_sums *sums;         /* [points] */

@@ -84,7 +84,7 @@ static void sort_observations(sf_bundle_work *a) {
             size_t end = a->first[point + 1];
             while (a->rank_of[end - 1] > a->rank_of[i]) end--; /* those of the row alone are read */
             a->of_view[a->from[a->rank_of[i] + 1]++] =
-                (sf_bundle_sighting){(uint32_t)i, point, (uint32_t)a->first[point], (uint32_t)end};
+                (sf_bundle_row_entry){(uint32_t)i, point, (uint32_t)a->first[point], (uint32_t)end};
         }
 }
 

@@ -12,20 +12,20 @@ static size_t index_of(const sf_landmarks *l, uint32_t id) {
 }
 
 /* Who sees each landmark: lists of places in `ids`, the picture's last. */
-typedef struct sighting_lists {
+typedef struct observation_lists {
     size_t *first; /* [landmarks + 1] */
-    uint32_t *who; /* [sightings] */
-} sighting_lists;
+    uint32_t *who; /* [observations] */
+} observation_lists;
 
-static void add_pairs(const sighting_lists *s, size_t landmark, size_t side, uint32_t *shared) {
+static void add_pairs(const observation_lists *s, size_t landmark, size_t side, uint32_t *shared) {
     for (size_t i = s->first[landmark]; i < s->first[landmark + 1]; i++)
         for (size_t j = s->first[landmark]; j < s->first[landmark + 1]; j++)
             if (i != j) shared[s->who[i] * side + s->who[j]]++;
 }
 
 /* place [keyframes]: in ids; UINT32_MAX: not there. */
-static void list_sightings(const sf_landmarks *l, const uint32_t *place, uint32_t picture,
-                           const sighting_lists *s) {
+static void list_observations(const sf_landmarks *l, const uint32_t *place, uint32_t picture,
+                              const observation_lists *s) {
     memset(s->first, 0, (l->count + 2) * sizeof *s->first);
     for (size_t i = 0; i < l->observation_count; i++)
         s->first[l->observations[i].landmark + 2] += place[l->observations[i].keyframe] != UINT32_MAX;
@@ -43,8 +43,8 @@ static void list_sightings(const sf_landmarks *l, const uint32_t *place, uint32_
 sf_status sf_landmarks_count_shared(const sf_landmarks *l, const uint32_t *ids, size_t count,
                                     uint32_t *shared) {
     uint32_t *place = sf_alloc(l->ctx, l->keyframe_count + 1, sizeof *place);
-    sighting_lists s = {.first = sf_alloc(l->ctx, l->count + 2, sizeof *s.first),
-                        .who = sf_alloc(l->ctx, l->observation_count + l->match_count + 1, sizeof *s.who)};
+    observation_lists s = {.first = sf_alloc(l->ctx, l->count + 2, sizeof *s.first),
+                           .who = sf_alloc(l->ctx, l->observation_count + l->match_count + 1, sizeof *s.who)};
     int ready = place && s.first && s.who;
     if (ready) {
         for (size_t i = 0; i < l->keyframe_count; i++) place[i] = UINT32_MAX;
@@ -52,7 +52,7 @@ sf_status sf_landmarks_count_shared(const sf_landmarks *l, const uint32_t *ids, 
             size_t at = index_of(l, ids[i]);
             if (at < l->keyframe_count) place[at] = (uint32_t)i;
         }
-        list_sightings(l, place, (uint32_t)count, &s);
+        list_observations(l, place, (uint32_t)count, &s);
         memset(shared, 0, (count + 1) * (count + 1) * sizeof *shared);
         for (size_t m = 0; m < l->count; m++) add_pairs(&s, m, count + 1, shared);
     }

@@ -143,8 +143,8 @@ typedef struct sums {
     double cost, A[MOST_PARAMETERS * MOST_PARAMETERS], g[MOST_PARAMETERS];
 } sums;
 
-static void add_sighting(const sf_lens *lens, const sf_rigid *T, const double *point, const double *seen,
-                         double c2, int n, sums *s) {
+static void add_observation(const sf_lens *lens, const sf_rigid *T, const double *point, const double *seen,
+                            double c2, int n, sums *s) {
     double p[3], pixel[2], d_point[6], J[2 * SF_TWIST], K[2 * SF_LENS_PARAMETERS], rows[2][MOST_PARAMETERS];
     sf_rigid_apply(T, point, p);
     if (!sf_lens_project(lens, p, pixel, d_point, K)) {
@@ -169,7 +169,7 @@ static void add_sighting(const sf_lens *lens, const sf_rigid *T, const double *p
 
 /* What is refined, and from what. */
 typedef struct refinement {
-    const sf_sightings *all;
+    const sf_correspondences *all;
     const uint32_t *members;
     size_t count;
     double c2;
@@ -180,11 +180,11 @@ static void add_all(const refinement *f, const sf_lens *lens, const sf_rigid *T,
     memset(s, 0, sizeof *s);
     for (size_t i = 0; i < f->count; i++) {
         size_t at = f->members[i];
-        add_sighting(lens, T, f->all->points + 3 * at, f->all->pixels + 2 * at, f->c2, f->n, s);
+        add_observation(lens, T, f->all->points + 3 * at, f->all->pixels + 2 * at, f->c2, f->n, s);
     }
 }
 
-double sf_pose_refine(const sf_sightings *all, const uint32_t *members, size_t count, double scale,
+double sf_pose_refine(const sf_correspondences *all, const uint32_t *members, size_t count, double scale,
                       int with_focal, sf_lens *lens, sf_rigid *T) {
     enum { STEPS = 30 };
     const int n = with_focal ? MOST_PARAMETERS : SF_TWIST;

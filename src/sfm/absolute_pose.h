@@ -16,16 +16,16 @@ int sf_pose_from_3(const double *points, const double *rays, const uint32_t samp
                    sf_rigid poses[SF_P3P_MOST]);
 
 /* Which points of which pixels; where nothing is said, of all. */
-typedef struct sf_sightings {
+typedef struct sf_correspondences {
     const double *points; /* [count][3], world */
     const double *pixels; /* [count][2], px */
     size_t count;
-} sf_sightings;
+} sf_correspondences;
 
 /* Moves the pose, and the focal length with with_focal (fx and fy by one factor), to where the squares of the
  * residuals, with Cauchy's weights of the given scale (c, px), are least; `members` [member_count]: which
- * sightings. Returns the cost per member; infinite where there is none. */
-double sf_pose_refine(const sf_sightings *s, const uint32_t *members, size_t member_count, double scale,
+ * observations. Returns the cost per member; infinite where there is none. */
+double sf_pose_refine(const sf_correspondences *s, const uint32_t *members, size_t member_count, double scale,
                       int with_focal, sf_lens *lens, sf_rigid *T);
 
 #endif

@@ -34,7 +34,7 @@ static sf_status make_tracks(sf_map *map, const sf_map_input *input) {
         sf_tracks_make(map->ctx, input->pairs, input->pair_count, counts, map->picture_count, &map->tracks);
     for (size_t track = 0; track < map->tracks.count; track++)
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-            const sf_sighting *s = &map->tracks.sightings[i];
+            const sf_track_observation *s = &map->tracks.observations[i];
             map->pictures[s->picture].track_of[s->keypoint] = (uint32_t)track;
         }
     sf_free(map->ctx, counts);
@@ -47,10 +47,10 @@ static sf_status fill(sf_map *map, const sf_map_input *input) {
     map->camera_count = input->camera_count;
     sf_status status = make_tracks(map, input);
     if (status) return status;
-    size_t tracks = map->tracks.count, sightings = map->tracks.first[tracks];
+    size_t tracks = map->tracks.count, observations = map->tracks.first[tracks];
     map->at = sf_alloc(map->ctx, tracks + 1, sizeof *map->at);
     map->has_point = sf_alloc(map->ctx, tracks + 1, 1);
-    map->is_used = sf_alloc(map->ctx, sightings + 1, 1);
+    map->is_used = sf_alloc(map->ctx, observations + 1, 1);
     if (!map->at || !map->has_point || !map->is_used) return SF_ERR_MEMORY;
     sf_map_clear(map, input);
     return SF_OK;

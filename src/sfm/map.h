@@ -54,7 +54,7 @@ typedef struct sf_map {
     sf_tracks tracks;
     double (*at)[3];                   /* [tracks]: world */
     uint8_t *has_point;                /* [tracks] */
-    uint8_t *is_used;                  /* [sightings]: the point was made from it */
+    uint8_t *is_used;                  /* [observations]: the point was made from it */
     size_t other_maps, other_pictures; /* maps of other places, and the pictures that they had */
     double spread;                     /* px: of a residual's coordinate, by the last bundle */
 } sf_map;
@@ -83,20 +83,20 @@ sf_map_options sf_map_options_default(void);
 
 /* 1. map_points.c */
 
-/* The sighting as a camera that sees it, without its ray; 0: its picture is not placed. */
+/* The observation as a camera that sees it, without its ray; 0: its picture is not placed. */
 
-int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight);
+int sf_map_observe(const sf_map *map, size_t observation, sf_sight *sight);
 
-/* Gives points to tracks without one that placed pictures see, and uses further sightings for those that have
- * one. picture: only tracks that this one sees; SIZE_MAX: all. */
+/* Gives points to tracks without one that placed pictures see, and uses further observations for those that
+ * have one. picture: only tracks that this one sees; SIZE_MAX: all. */
 void sf_map_make_points(sf_map *map, size_t picture);
 
-/* Drops sightings with an error above `most` px, and points that less than two are left of, or whose angle is
- * too small; picture as above. *dropped: sightings. SF_ERR_MEMORY. */
+/* Drops observations with an error above `most` px, and points that less than two are left of, or whose angle
+ * is too small; picture as above. *dropped: observations. SF_ERR_MEMORY. */
 sf_status sf_map_drop_bad(sf_map *map, size_t picture, double most, size_t *dropped);
 
-/* Points, and sightings of them that are used, in placed pictures. */
-size_t sf_map_count_points(const sf_map *map, size_t *sightings);
+/* Points, and observations of them that are used, in placed pictures. */
+size_t sf_map_count_points(const sf_map *map, size_t *observations);
 
 /* 2. map_place.c */
 

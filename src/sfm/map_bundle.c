@@ -15,11 +15,11 @@ typedef struct gathering {
 
 static int make_gathering(const sf_map *map, gathering *g) {
     sf_context *ctx = map->ctx;
-    size_t sightings, points = sf_map_count_points(map, &sightings), n = map->picture_count;
+    size_t observations, points = sf_map_count_points(map, &observations), n = map->picture_count;
     g->bundle.views = sf_calloc(ctx, n + 1, sizeof *g->bundle.views);
     g->bundle.cameras = sf_calloc(ctx, map->camera_count + 1, sizeof *g->bundle.cameras);
     g->bundle.points = sf_calloc(ctx, points + 1, sizeof *g->bundle.points);
-    g->observations = sf_alloc(ctx, sightings + 1, sizeof *g->observations);
+    g->observations = sf_alloc(ctx, observations + 1, sizeof *g->observations);
     g->picture_of = sf_alloc(ctx, n + 1, sizeof *g->picture_of);
     g->view_of = sf_alloc(ctx, n + 1, sizeof *g->view_of);
     g->track_of = sf_alloc(ctx, points + 1, sizeof *g->track_of);
@@ -52,7 +52,7 @@ static void gather_point(const sf_map *map, gathering *g, size_t track, size_t f
     sf_bundle *b = &g->bundle;
     size_t seen = 0;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-        const sf_sighting *s = &map->tracks.sightings[i];
+        const sf_track_observation *s = &map->tracks.observations[i];
         const double *pixel = map->pictures[s->picture].keypoints + 2 * (size_t)s->keypoint;
         size_t view = g->view_of[s->picture];
         if (!map->is_used[i]) continue;
@@ -82,7 +82,7 @@ static void gather_points_around(const sf_map *map, gathering *g) {
         if (!map->has_point[track]) continue;
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
             if (!map->is_used[i]) continue;
-            int is_free = g->bundle.views[g->view_of[map->tracks.sightings[i].picture]].is_free;
+            int is_free = g->bundle.views[g->view_of[map->tracks.observations[i].picture]].is_free;
             free_count += is_free != 0, fixed += is_free == 0;
         }
         if (free_count) gather_point(map, g, track, fixed);
@@ -145,9 +145,9 @@ static void choose_free(const sf_map *map, gathering *g, size_t view, size_t mos
         int is_seen = 0;
         if (!map->has_point[track]) continue;
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
-            is_seen |= map->is_used[i] && g->view_of[map->tracks.sightings[i].picture] == view;
+            is_seen |= map->is_used[i] && g->view_of[map->tracks.observations[i].picture] == view;
         for (size_t i = map->tracks.first[track]; is_seen && i < map->tracks.first[track + 1]; i++)
-            if (map->is_used[i]) shared[g->view_of[map->tracks.sightings[i].picture]]++;
+            if (map->is_used[i]) shared[g->view_of[map->tracks.observations[i].picture]]++;
     }
     g->bundle.views[view].is_free = 1;
     for (size_t n = 0; n < most; n++) {

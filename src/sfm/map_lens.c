@@ -46,7 +46,7 @@ static void restore(sf_map *map, const saved *s) {
 }
 
 /* Sightings of each n-th track's point. */
-static size_t count_sightings(const sf_map *map, size_t each) {
+static size_t count_observations(const sf_map *map, size_t each) {
     size_t count = 0;
     for (size_t track = 0; track < map->tracks.count; track += each)
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
@@ -60,7 +60,7 @@ static size_t measure_distances(const sf_map *map, size_t each, size_t camera, d
     size_t n = 0;
     for (size_t track = 0; track < map->tracks.count; track += each)
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-            const sf_sighting *s = &map->tracks.sightings[i];
+            const sf_track_observation *s = &map->tracks.observations[i];
             const sf_map_picture *picture = &map->pictures[s->picture];
             double point[3], pixel[2];
             if (!map->has_point[track] || !map->is_used[i] || !picture->is_placed) continue;
@@ -75,7 +75,7 @@ static size_t measure_distances(const sf_map *map, size_t each, size_t camera, d
 
 /* medians [cameras]: the median distance of each camera, px. SF_ERR_MEMORY. */
 static sf_status find_medians(const sf_map *map, size_t each, double *medians) {
-    double *distances = sf_alloc(map->ctx, count_sightings(map, each) + 1, sizeof *distances);
+    double *distances = sf_alloc(map->ctx, count_observations(map, each) + 1, sizeof *distances);
     for (size_t i = 0; distances && i < map->camera_count; i++) {
         size_t n = measure_distances(map, each, i, distances);
         medians[i] = n ? sf_median(distances, n) : 0;
@@ -157,7 +157,8 @@ static sf_status try_radial(sf_map *map, choice *c, int radial) {
     return status;
 }
 
-/* The residuals with all parameters, by the sightings of the trials: fewer sightings are explained better. */
+/* The residuals with all parameters, by the observations of the trials: fewer observations are explained
+ * better. */
 static sf_status measure_full(sf_map *map, choice *c) {
     save(map, &c->full);
     sf_status status = c->each > 1 ? sf_map_adjust_sample(map, c->each, 10, 1e-3) : SF_OK;
@@ -169,7 +170,7 @@ static sf_status measure_full(sf_map *map, choice *c) {
 
 sf_status sf_map_choose_lens(sf_map *map) {
     enum { ENOUGH = 30000 };
-    choice c = {.each = count_sightings(map, 1) / ENOUGH + 1};
+    choice c = {.each = count_observations(map, 1) / ENOUGH + 1};
     sf_status status = make_choice(map, &c) ? SF_OK : SF_ERR_MEMORY;
     if (!status) status = measure_full(map, &c);
     for (int radial = 0; radial < map->options.radial && !status; radial++)

@@ -23,7 +23,7 @@ size_t sf_map_count_seen(const sf_map *map, size_t picture, size_t *cells) {
     return seen;
 }
 
-static int make_sightings(const sf_map *map, size_t picture, sf_pose_search *s) {
+static int make_observations(const sf_map *map, size_t picture, sf_pose_search *s) {
     const sf_map_picture *p = &map->pictures[picture];
     const sf_lens *lens = &map->cameras[p->camera].lens;
     if (!sf_pose_search_make(map->ctx, sf_map_count_seen(map, picture, NULL), lens, s)) return 0;
@@ -94,7 +94,7 @@ sf_status sf_map_place(sf_map *map, size_t picture, int *is_placed) {
     const sf_pose_search_options options = options_for(map, picture);
     sf_pose_search s;
     sf_ransac_result found = {.count = 0};
-    int with_focal = is_new_camera(map, picture), ready = make_sightings(map, picture, &s);
+    int with_focal = is_new_camera(map, picture), ready = make_observations(map, picture, &s);
     *is_placed = 0;
     p->tried_at = s.all.count;
     if (ready && s.all.count >= map->options.least_seen) {

@@ -1,4 +1,4 @@
-/* map_points.c - points of tracks: made, used by more sightings, dropped (GEOMETRY.md, S.25). */
+/* map_points.c - points of tracks: made, used by more observations, dropped (GEOMETRY.md, S.25). */
 #include <math.h>
 #include <string.h>
 
@@ -13,8 +13,8 @@ enum {
     CHUNK = 256      /* tracks a task */
 };
 
-int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight) {
-    const sf_sighting *s = &map->tracks.sightings[sighting];
+int sf_map_observe(const sf_map *map, size_t observation, sf_sight *sight) {
+    const sf_track_observation *s = &map->tracks.observations[observation];
     const sf_map_picture *p = &map->pictures[s->picture];
     if (!p->is_placed) return 0;
     sight->lens = &map->cameras[p->camera].lens, sight->pose = &p->pose;
@@ -25,7 +25,7 @@ int sf_map_sight(const sf_map *map, size_t sighting, sf_sight *sight) {
 /* The placed pictures' sights of a track, with rays. */
 typedef struct view_of_track {
     sf_sight sights[SIGHTS_MOST];
-    size_t sightings[SIGHTS_MOST], count;
+    size_t observations[SIGHTS_MOST], count;
 } view_of_track;
 
 static void gather(const sf_map *map, size_t track, view_of_track *v) {
@@ -33,8 +33,8 @@ static void gather(const sf_map *map, size_t track, view_of_track *v) {
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1] && v->count < SIGHTS_MOST;
          i++) {
         sf_sight *sight = &v->sights[v->count];
-        if (sf_map_sight(map, i, sight) && sf_lens_ray(sight->lens, sight->pixel, sight->ray))
-            v->sightings[v->count++] = i;
+        if (sf_map_observe(map, i, sight) && sf_lens_ray(sight->lens, sight->pixel, sight->ray))
+            v->observations[v->count++] = i;
     }
 }
 
@@ -88,14 +88,14 @@ static void make_point(sf_map *map, size_t track) {
     map->has_point[track] = 1;
     memcpy(map->at[track], at, sizeof at);
     for (size_t i = 0; i < v.count; i++)
-        map->is_used[v.sightings[i]] = sf_sight_error(&v.sights[i], at) <= map->options.error_px;
+        map->is_used[v.observations[i]] = sf_sight_error(&v.sights[i], at) <= map->options.error_px;
 }
 
 /* Sightings of placed pictures that agree with the point. */
 static void use_more(sf_map *map, size_t track) {
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
         sf_sight sight;
-        if (map->is_used[i] || !sf_map_sight(map, i, &sight)) continue;
+        if (map->is_used[i] || !sf_map_observe(map, i, &sight)) continue;
         map->is_used[i] = sf_sight_error(&sight, map->at[track]) <= map->options.error_px;
     }
 }
@@ -148,7 +148,7 @@ static size_t drop_bad_of(sf_map *map, size_t track, double most) {
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
         sf_sight sight;
         if (!map->is_used[i]) continue;
-        if (!sf_map_sight(map, i, &sight) || !(sf_sight_error(&sight, map->at[track]) <= most)) {
+        if (!sf_map_observe(map, i, &sight) || !(sf_sight_error(&sight, map->at[track]) <= most)) {
             map->is_used[i] = 0;
             dropped++;
         } else if (kept < SIGHTS_MOST) {
@@ -180,14 +180,14 @@ sf_status sf_map_drop_bad(sf_map *map, size_t picture, double most, size_t *drop
     return SF_OK;
 }
 
-size_t sf_map_count_points(const sf_map *map, size_t *sightings) {
+size_t sf_map_count_points(const sf_map *map, size_t *observations) {
     size_t points = 0;
-    *sightings = 0;
+    *observations = 0;
     for (size_t track = 0; track < map->tracks.count; track++) {
         if (!map->has_point[track]) continue;
         points++;
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
-            *sightings += map->is_used[i];
+            *observations += map->is_used[i];
     }
     return points;
 }

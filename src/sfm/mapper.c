@@ -55,17 +55,17 @@ static void place_at(sf_map *map, size_t picture, const sf_rigid *T) {
 static sf_status try_start(mapper *m, const sf_matched_pair *pair, int *is_good) {
     const sf_rigid still = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     sf_map *map = m->map;
-    size_t sightings, dropped;
+    size_t observations, dropped;
     *is_good = 0;
     sf_map_clear(map, m->input);
     place_at(map, pair->first, &still);
     place_at(map, pair->second, &pair->geometry.T);
     sf_map_make_points(map, SIZE_MAX);
-    if (sf_map_count_points(map, &sightings) < map->options.first_count) return SF_OK;
+    if (sf_map_count_points(map, &observations) < map->options.first_count) return SF_OK;
     sf_status status = sf_map_adjust(map, 10, 1e-4);
     if (status) return status;
     status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
-    *is_good = !status && sf_map_count_points(map, &sightings) >= map->options.first_count;
+    *is_good = !status && sf_map_count_points(map, &observations) >= map->options.first_count;
     return status;
 }
 
@@ -115,12 +115,12 @@ static sf_status adjust_all(mapper *m, int rounds, double enough) {
     sf_map *map = m->map;
     for (int round = 0; round < 2; round++) {
         sf_status status = sf_map_adjust(map, rounds, enough);
-        size_t sightings, dropped;
+        size_t observations, dropped;
         if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
         if (status) return status;
         sf_map_make_points(map, SIZE_MAX);
-        sf_map_count_points(map, &sightings);
-        if (200 * dropped < sightings) break;
+        sf_map_count_points(map, &observations);
+        if (200 * dropped < observations) break;
     }
     m->adjusted_at = map->placed_count;
     return SF_OK;

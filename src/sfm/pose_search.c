@@ -10,7 +10,7 @@ int sf_pose_search_make(sf_context *ctx, size_t most, const sf_lens *lens, sf_po
     s->members = sf_alloc(ctx, most + 1, sizeof *s->members);
     if (!s->points || !s->members) return 0;
     s->pixels = s->points + 3 * most, s->rays = s->pixels + 2 * most, s->scratch = s->rays + 2 * most;
-    s->all = (sf_sightings){s->points, s->pixels, 0};
+    s->all = (sf_correspondences){s->points, s->pixels, 0};
     return 1;
 }
 

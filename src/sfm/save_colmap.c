@@ -12,8 +12,8 @@
 
 /* ---- Figures ---- */
 
-static double squared_error(const sf_map *map, size_t sighting, size_t track) {
-    const sf_sighting *s = &map->tracks.sightings[sighting];
+static double squared_error(const sf_map *map, size_t observation, size_t track) {
+    const sf_track_observation *s = &map->tracks.observations[observation];
     const sf_map_picture *picture = &map->pictures[s->picture];
     double point[3], pixel[2];
     sf_rigid_apply(&picture->pose, map->at[track], point);
@@ -22,12 +22,12 @@ static double squared_error(const sf_map *map, size_t sighting, size_t track) {
     return pow(pixel[0] - seen[0], 2) + pow(pixel[1] - seen[1], 2);
 }
 
-/* The sightings that a track's point was made from. Returns how many. */
+/* The observations that a track's point was made from. Returns how many. */
 static size_t used(const sf_map *map, size_t track, double *squares) {
     size_t count = 0;
     if (!map->has_point[track]) return 0;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-        if (!map->is_used[i] || !map->pictures[map->tracks.sightings[i].picture].is_placed) continue;
+        if (!map->is_used[i] || !map->pictures[map->tracks.observations[i].picture].is_placed) continue;
         *squares += squared_error(map, i, track);
         count++;
     }
@@ -57,7 +57,7 @@ static size_t observations_of(const sf_map *map, size_t picture) {
         uint32_t track = p->track_of[k];
         if (track == UINT32_MAX || !map->has_point[track]) continue;
         for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
-            count += map->is_used[i] && map->tracks.sightings[i].picture == picture;
+            count += map->is_used[i] && map->tracks.observations[i].picture == picture;
     }
     return count;
 }
@@ -122,7 +122,7 @@ static uint64_t point_of(const sf_map *map, size_t picture, size_t feature) {
     uint32_t track = map->pictures[picture].track_of[feature];
     if (track == UINT32_MAX || !map->has_point[track]) return UINT64_MAX;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-        const sf_sighting *s = &map->tracks.sightings[i];
+        const sf_track_observation *s = &map->tracks.observations[i];
         if (s->picture == picture && s->keypoint == feature) return map->is_used[i] ? track + 1u : UINT64_MAX;
     }
     return UINT64_MAX;
@@ -151,17 +151,17 @@ static void put_point(sf_writer *w, const sf_reconstruction *r, size_t track, si
     const sf_map *map = r->map;
     unsigned rgb[3] = {0};
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-        const sf_sighting *s = &map->tracks.sightings[i];
+        const sf_track_observation *s = &map->tracks.observations[i];
         if (!map->is_used[i] || !map->pictures[s->picture].is_placed) continue;
         for (int c = 0; c < 3; c++) rgb[c] += r->list.photos[s->picture].colors[s->keypoint][c];
     }
-    sf_colmap_point point = {.id = track + 1u, .at = map->at[track], .error = error, .sightings = count};
+    sf_colmap_point point = {.id = track + 1u, .at = map->at[track], .error = error, .observations = count};
     for (int c = 0; c < 3; c++) point.rgb[c] = (uint8_t)((rgb[c] + count / 2) / count);
     sf_colmap_put_point(w, &point);
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-        const sf_sighting *s = &map->tracks.sightings[i];
+        const sf_track_observation *s = &map->tracks.observations[i];
         if (!map->is_used[i] || !map->pictures[s->picture].is_placed) continue;
-        sf_colmap_put_sighting(w, (uint32_t)s->picture + 1u, (uint32_t)s->keypoint);
+        sf_colmap_put_observation(w, (uint32_t)s->picture + 1u, (uint32_t)s->keypoint);
     }
 }
 

@@ -83,32 +83,32 @@ static void free_joiner(sf_context *ctx, joiner *j) {
 
 /* Sets of two and more, in the order of their first keypoints: keypoints are numbered picture by picture, so
  * that each track comes sorted. number [keypoints]: of roots, the track. */
-static void number_tracks(joiner *j, size_t n, uint32_t *number, sf_tracks *t, size_t *sightings) {
+static void number_tracks(joiner *j, size_t n, uint32_t *number, sf_tracks *t, size_t *observations) {
     memset(number, 0xff, n * sizeof *number);
     for (size_t k = 0; k < n; k++) {
         uint32_t root = root_of(j, (uint32_t)k);
         if (j->size[root] < 2) continue;
-        ++*sightings;
+        ++*observations;
         if (number[root] == UINT32_MAX) number[root] = (uint32_t)t->count++;
     }
 }
 
 static sf_status collect(sf_context *ctx, joiner *j, size_t pictures, sf_tracks *t) {
-    size_t n = j->base[pictures], sightings = 0;
+    size_t n = j->base[pictures], observations = 0;
     uint32_t *number = sf_alloc(ctx, n + 1, sizeof *number);
     if (!number) return SF_ERR_MEMORY;
-    number_tracks(j, n, number, t, &sightings);
+    number_tracks(j, n, number, t, &observations);
     t->first = sf_calloc(ctx, t->count + 2, sizeof *t->first);
-    t->sightings = sf_alloc(ctx, sightings + 1, sizeof *t->sightings);
-    int ready = t->first && t->sightings;
+    t->observations = sf_alloc(ctx, observations + 1, sizeof *t->observations);
+    int ready = t->first && t->observations;
     for (size_t k = 0; ready && k < n; k++)
         if (j->parent[k] == k && j->size[k] > 1) t->first[number[k] + 2] = j->size[k];
     for (size_t i = 2; ready && i < t->count + 2; i++) t->first[i] += t->first[i - 1];
     for (size_t k = 0; ready && k < n; k++) {
         uint32_t root = root_of(j, (uint32_t)k), picture = j->picture[k];
         if (j->size[root] > 1)
-            t->sightings[t->first[number[root] + 1]++] =
-                (sf_sighting){picture, (uint32_t)(k - j->base[picture])};
+            t->observations[t->first[number[root] + 1]++] =
+                (sf_track_observation){picture, (uint32_t)(k - j->base[picture])};
     }
     sf_free(ctx, number);
     return ready ? SF_OK : SF_ERR_MEMORY;
@@ -135,6 +135,6 @@ sf_status sf_tracks_make(sf_context *ctx, const sf_matched_pair *pairs, size_t p
 
 void sf_tracks_free(sf_context *ctx, sf_tracks *tracks) {
     sf_free(ctx, tracks->first);
-    sf_free(ctx, tracks->sightings);
+    sf_free(ctx, tracks->observations);
     *tracks = (sf_tracks){0};
 }

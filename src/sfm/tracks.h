@@ -17,16 +17,16 @@ typedef struct sf_matched_pair {
 } sf_matched_pair;
 
 /* Where a track is seen. */
-typedef struct sf_sighting {
+typedef struct sf_track_observation {
     uint32_t picture, keypoint;
-} sf_sighting;
+} sf_track_observation;
 
-/* Tracks, each of at least two pictures, no picture twice in one: sightings[first[i]] .. of track i, by
+/* Tracks, each of at least two pictures, no picture twice in one: observations[first[i]] .. of track i, by
  * picture. */
 typedef struct sf_tracks {
     size_t count;
     size_t *first; /* [count + 1] */
-    sf_sighting *sightings;
+    sf_track_observation *observations;
 } sf_tracks;
 
 /* Joins matches to tracks; keypoint_counts [pictures]. Pairs with more matches come first; a match that would

@@ -22,9 +22,10 @@ static void tracks_are_joined(void **state) {
     sf_tracks t;
     assert_ok(ctx, sf_tracks_make(ctx, pairs, 3, counts, 3, &t));
     assert_int_equal(t.count, 3);
-    static const sf_sighting expected[] = {{0, 0}, {1, 0}, {2, 2}, {0, 1}, {1, 1}, {2, 1}, {1, 2}, {2, 0}};
+    static const sf_track_observation expected[] = {{0, 0}, {1, 0}, {2, 2}, {0, 1},
+                                                    {1, 1}, {2, 1}, {1, 2}, {2, 0}};
     assert_int_equal(t.first[3], 8);
-    assert_memory_equal(t.sightings, expected, sizeof expected);
+    assert_memory_equal(t.observations, expected, sizeof expected);
     sf_tracks_free(ctx, &t);
     assert_ok(ctx, sf_tracks_make(ctx, NULL, 0, counts, 3, &t));
     assert_int_equal(t.count, 0);
@@ -38,7 +39,7 @@ static void make_map(const sfm_scene_options *o, double most_rotation, double mo
     sf_map_options options = sf_map_options_default();
     sfm_scene s;
     sf_map *map;
-    size_t sightings;
+    size_t observations;
     sfm_scene_make(ctx, o, &s);
     sfm_scene_verify(&s);
     for (size_t c = 0; c < s.cameras; c++) {
@@ -49,12 +50,12 @@ static void make_map(const sfm_scene_options *o, double most_rotation, double mo
     const sf_map_input input = sfm_scene_input(&s);
     assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
     sfm_map_errors e = sfm_scene_compare(&s, map);
-    size_t points = sf_map_count_points(map, &sightings);
+    size_t points = sf_map_count_points(map, &observations);
     print_message(
-        "%zu of %zu placed, %zu points, %zu sightings, spread %.2f px, f %.2f for %.0f; rotations %.4f "
+        "%zu of %zu placed, %zu points, %zu observations, spread %.2f px, f %.2f for %.0f; rotations %.4f "
         "(%.4f) degrees, centers %.4f (%.4f) %%\n",
-        map->placed_count, s.views, points, sightings, map->spread, map->cameras[0].lens.fx, s.lenses[0].fx,
-        e.rotation * degree, e.rotation_most * degree, 100 * e.center, 100 * e.center_most);
+        map->placed_count, s.views, points, observations, map->spread, map->cameras[0].lens.fx,
+        s.lenses[0].fx, e.rotation * degree, e.rotation_most * degree, 100 * e.center, 100 * e.center_most);
     assert_int_equal(map->placed_count, s.views);
     assert_true(e.rotation < most_rotation / degree && e.center < most_center);
     assert_true(e.rotation_most < 4 * most_rotation / degree && e.center_most < 4 * most_center);

@@ -78,7 +78,7 @@ static void poses_are_refined(void **state) {
         sf_rigid T = p.T;
         sf_rigid_move(&T, twist);
         if (i % 2) guess.fx *= 1.1, guess.fy *= 1.1;
-        const sf_sightings s = {p.points, pixels, 40};
+        const sf_correspondences s = {p.points, pixels, 40};
         sf_pose_refine(&s, members, 40, 20, 0, &guess, &T); /* first widely, */
         sf_pose_refine(&s, members, 40, 0.05, i % 2, &guess, &T);
         assert_true(pose_error(&T, &p.T) < 1e-4 && fabs(guess.fx / lens.fx - 1) < 1e-4);
