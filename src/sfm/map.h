@@ -21,6 +21,7 @@ typedef struct sf_map_camera {
     int is_doubtful;    /* the prior is what files say: pictures may overrule it, which makes it 0 */
     double focal_voted; /* px: what pairs of pictures say of fx where the prior is doubtful (0: nothing) */
     double focal_told;  /* px: what files say of fx (0: nothing) */
+    int is_vague;       /* pairs say the same of a much longer focal length as of the one voted */
 } sf_map_camera;
 
 typedef struct sf_map_picture {

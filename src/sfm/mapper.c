@@ -8,10 +8,14 @@
 enum {
     STARTS_MOST = 30, /* first pairs that are tried */
     NEIGHBOURS = 5,   /* pictures that are adjusted with a new one */
-    FINAL_ROUNDS = 3  /* of points, bundle and outliers at the end */
+    FINAL_ROUNDS = 3, /* of points, bundle and outliers at the end */
+    MISSING_PART = 10 /* another focal length is tried where one picture in so many is missing */
 };
 
 #define GROWTH 1.25 /* of placed pictures, from one adjustment of all to the next */
+/* Focal lengths that are tried where the voted one is doubtful: from one to the next, and the farthest. */
+#define FOCAL_STEP     1.6
+#define FOCAL_FARTHEST 6.6
 
 typedef struct mapper {
     const sf_map_input *input;
@@ -198,13 +202,101 @@ static int overrule(const sf_map *map, sf_map_camera *cameras) {
     return count;
 }
 
-/* A map, and once more where it overrules what files tell. */
-static sf_status run_twice(sf_context *ctx, mapper *m, const sf_map_options *options,
+/* Pictures that are not placed though a pair connects them with one that is. */
+static size_t count_missing(const mapper *m) {
+    const sf_map *map = m->map;
+    uint8_t *is_missing = sf_calloc(map->ctx, map->picture_count + 1, 1);
+    size_t count = 0;
+    for (size_t i = 0; is_missing && i < m->input->pair_count; i++) {
+        const sf_matched_pair *p = &m->input->pairs[i];
+        const sf_map_picture *a = &map->pictures[p->first], *b = &map->pictures[p->second];
+        if (a->is_placed != b->is_placed && !a->is_left_out && !b->is_left_out)
+            is_missing[a->is_placed ? p->second : p->first] = 1;
+    }
+    for (size_t i = 0; is_missing && i < map->picture_count; i++) count += is_missing[i];
+    sf_free(map->ctx, is_missing);
+    return count;
+}
+
+/* Changes the focal lengths that only pairs of pictures tell. Returns whether there are any. */
+static int change_focal(const sf_map_camera *from, size_t count, double factor, sf_map_camera *cameras) {
+    int changed = 0;
+    for (size_t i = 0; i < count; i++) {
+        cameras[i] = from[i];
+        if (from[i].is_fixed || from[i].focal_prior > 0) continue;
+        cameras[i].lens.fx *= factor, cameras[i].lens.fy *= factor;
+        changed = 1;
+    }
+    return changed;
+}
+
+static int are_vague(const sf_map_camera *cameras, size_t count) {
+    int vague = 0;
+    for (size_t i = 0; i < count; i++) vague |= cameras[i].is_vague;
+    return vague;
+}
+
+/* Makes maps with focal lengths that are `step`, step^2 ... times the voted ones, as long as they hold more
+ * observations than the best one so far, which stays in m. */
+static sf_status climb(sf_context *ctx, mapper *m, const sf_map_options *options, const sf_map_camera *voted,
+                       sf_map_camera *cameras, double step) {
+    sf_status status = SF_OK;
+    int is_better = 1;
+    for (double factor = step; is_better && factor < FOCAL_FARTHEST && factor * FOCAL_FARTHEST > 1;
+         factor *= step) {
+        mapper other = *m;
+        size_t most, observations;
+        if (!change_focal(voted, m->input->camera_count, factor, cameras)) break;
+        status = run_once(ctx, &other, options);
+        if (status) break;
+        sf_map_count_points(m->map, &most), sf_map_count_points(other.map, &observations);
+        is_better = observations > most;
+        sf_map *worse = is_better ? m->map : other.map;
+        if (is_better) m->map = other.map;
+        sf_map_destroy(&worse);
+    }
+    return status == SF_ERR_EMPTY ? SF_OK : status;
+}
+
+/* Pairs hardly tell a long focal length from a longer one, and from far off the bundle does not find the
+ * right one: where their vote is vague, or pictures are missing, others are tried. */
+static sf_status try_other_focal(sf_context *ctx, mapper *m, const sf_map_options *options,
+                                 sf_map_camera *cameras) {
+    size_t count = m->input->camera_count, missing = count_missing(m);
+    const sf_map *first = m->map;
+    int is_missing = missing > 1 && MISSING_PART * missing >= m->map->placed_count;
+    if (!is_missing && !are_vague(cameras, count)) return SF_OK;
+    sf_map_camera *voted = sf_alloc(ctx, count + 1, sizeof *voted);
+    if (!voted) return SF_ERR_MEMORY;
+    memcpy(voted, cameras, count * sizeof *voted);
+    sf_status status = climb(ctx, m, options, voted, cameras, FOCAL_STEP);
+    if (!status && m->map == first) status = climb(ctx, m, options, voted, cameras, 1 / FOCAL_STEP);
+    memcpy(cameras, voted, count * sizeof *voted);
+    sf_free(ctx, voted);
+    for (size_t i = 0; !status && i < count; i++)
+        if (cameras[i].is_vague)
+            sf_log(
+                ctx, SF_LOG_WARNING,
+                "focal: the photos hardly tell the focal length, %.0f px: give it if you know it (--focal, "
+                "--lens)",
+                m->map->cameras[i].lens.fx);
+    if (status) sf_map_destroy(&m->map);
+    return status;
+}
+
+/* A map, and once more where it overrules what files tell, or where pictures are missing. */
+static sf_status run_again(sf_context *ctx, mapper *m, const sf_map_options *options,
                            sf_map_camera *cameras) {
     sf_status status = run_once(ctx, m, options);
-    if (status || !overrule(m->map, cameras)) return status;
-    sf_map_destroy(&m->map);
-    return run_once(ctx, m, options);
+    if (!status && overrule(m->map, cameras)) {
+        sf_map_destroy(&m->map);
+        status = run_once(ctx, m, options);
+    }
+    if (!status)
+        status = try_other_focal(ctx, m, options, cameras);
+    else
+        sf_map_destroy(&m->map);
+    return status;
 }
 
 /* 3. Several places: a map of each, until none that is left can be larger than the largest */
@@ -249,7 +341,7 @@ sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map
     rest.pictures = pictures, rest.cameras = cameras;
     while (!status && left > 1 && (!*map || left > (*map)->placed_count)) {
         mapper m = {.input = &rest, .progress = progress, .user = user};
-        status = run_twice(ctx, &m, options, cameras);
+        status = run_again(ctx, &m, options, cameras);
         if (status) break;
         left = leave_out(m.map, pictures);
         keep_larger(map, m.map);

@@ -10,6 +10,7 @@
 #include "reasons.h"
 #include "reconstruction.h"
 #include "verify.h"
+#include "view_graph.h"
 
 sf_sfm_options sf_sfm_options_default(void) {
     return (sf_sfm_options){.side = 1600, .features = 2048, .all_pairs = 200, .error = 4};
@@ -134,6 +135,9 @@ static sf_status verify_pairs(run *work, size_t *verified) {
                               .count = work->matches[i].count};
     sf_status status = sf_verify_pairs(r->ctx, &options, r->pictures, r->cameras, r->camera_count,
                                        work->verified, work->pair_count);
+    size_t dropped;
+    if (!status)
+        status = sf_view_graph_filter(r->ctx, r->list.count, work->verified, work->pair_count, &dropped);
     *verified = 0;
     for (size_t i = 0; i < work->pair_count; i++)
         if (work->verified[i].count) work->verified[(*verified)++] = work->verified[i];

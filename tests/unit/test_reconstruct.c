@@ -53,7 +53,7 @@ static double distance(const double a[3], const double b[3]) {
 }
 
 /* The frame and the unit are arbitrary: what is compared is between cameras. */
-static void compare(const sf_reconstruction *r, sf_scene *scene) {
+static void compare(const sf_reconstruction *r, sf_scene *scene, double most_turn) {
     double turns[PHOTOS], ratios[PHOTOS];
     sf_reconstruction_photo first, photo;
     sf_view_info truth = test_view_info(scene, 0);
@@ -69,7 +69,7 @@ static void compare(const sf_reconstruction *r, sf_scene *scene) {
         sf_camera_center(&truth.camera, true_a), sf_camera_center(&view.camera, true_b);
         ratios[i - 1] = distance(a, b) / distance(true_a, true_b);
     }
-    assert_true(sf_median(turns, PHOTOS - 1) < 0.1);
+    assert_true(sf_median(turns, PHOTOS - 1) < most_turn);
     double unit = sf_median(ratios, PHOTOS - 1);
     for (size_t i = 0; i < PHOTOS - 1; i++) assert_true(fabs(ratios[i] / unit - 1) < 0.02);
     assert_true(fabs(photo.lens.fx / truth.camera.fx - 1) < 0.01);
@@ -88,7 +88,7 @@ static void test_studio(void **state) {
     assert_int_equal(info.placed, PHOTOS);
     assert_true(info.points > 300 && info.observations > 3 * info.points);
     assert_true(info.error > 0 && info.error < 1);
-    compare(r, scene);
+    compare(r, scene, 0.1);
     mkdir(test_path("project"), 0777);
     mkdir(test_path_in("project", "sparse"), 0777);
     mkdir(test_path_in("project", "sparse/0"), 0777);
@@ -101,6 +101,23 @@ static void test_studio(void **state) {
     sf_reconstruction_destroy(&r);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
+}
+
+/* Through a wide lens, opposite walls have so many matches that they were taken for one; pairs of pictures
+ * through a long lens vote for half of its focal length. */
+static void test_other_lenses(void **state) {
+    (void)state;
+    static const char *const lenses[] = {STUDIO "&fov=110", STUDIO "&fov=30"};
+    for (size_t i = 0; i < sizeof lenses / sizeof *lenses; i++) {
+        sf_context *ctx = test_context();
+        sf_scene *scene = test_load_scene(ctx, lenses[i], NULL);
+        sf_reconstruction *r;
+        assert_ok(ctx, sf_sfm_run(ctx, write_photos(ctx, "lens", scene, 0, PHOTOS), NULL, &r));
+        compare(r, scene, 0.3);
+        sf_reconstruction_destroy(&r);
+        sf_scene_destroy(&scene);
+        sf_context_destroy(&ctx);
+    }
 }
 
 /* Some frames of a camera that looks at one place from one height: pairs of them hardly tell its focal
@@ -221,9 +238,8 @@ static void test_refusals(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_studio),
-        cmocka_unit_test(test_uneven_frames),
-        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_studio),        cmocka_unit_test(test_other_lenses),
+        cmocka_unit_test(test_uneven_frames), cmocka_unit_test(test_threads),
         cmocka_unit_test(test_refusals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
