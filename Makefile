@@ -33,7 +33,8 @@
 # make lint-quick    what of it takes seconds, and of C files and scripts those alone that differ from the last commit
 # make ci            lint, and the tests by every compiler, sanitizer and emulated machine
 #
-# make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg, build/bench-sfm.txt; minutes
+# make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg, build/bench-sfm.txt; minutes.
+#                    PARTS=against AGAINST=PROGRAM: fits beside another build's program: build/bench-against.md
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above;
 #                    some 45 minutes with PARTS=fits, else more

@@ -112,15 +112,12 @@ compile_commands.json:
 # ---- measurements ------------------------------------------------------------------------------------------
 
 .PHONY: bench bench-quick charts charts-quick stability demo
-# Instructions are counted first, where valgrind is there, and go into the report. BENCH_FLAGS, e.g. --quick. Last come cameras from photos,
-# beside COLMAP where that is there; SPLATFIT_DATA as above.
+# PARTS, AGAINST and BENCH_FLAGS: as tests/bench/bench.sh says; SPLATFIT_DATA as above.
 bench: $(PROGRAM)
-	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/callgrind.sh build/bench-instructions.txt $(LEVELS)
-	$(RUN) $(PROGRAM) bench --json build/bench.json --svg build --instructions build/bench-instructions.txt \
-	    $(BENCH_FLAGS)
-	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/sfm.sh >build/bench-sfm.txt && cat build/bench-sfm.txt
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' LEVELS='$(LEVELS)' BENCH_FLAGS='$(BENCH_FLAGS)' PARTS='$(PARTS)' AGAINST='$(AGAINST)' \
+	    tests/bench/bench.sh
 bench-quick: $(PROGRAM)
-	$(RUN) $(PROGRAM) bench --quick --json build/bench-quick.json >build/bench-quick.txt
+	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/bench.sh quick
 charts: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/charts.sh build/charts
 charts-quick: $(PROGRAM)

@@ -7,4 +7,4 @@ command -v shellcheck >/dev/null || {
     exit 77
 }
 find .ci findings src tests toolchains -type f \( -name '*.sh' -o -name '*.bash' -o -path .ci/run \) | tests/lint/changed.sh |
-    xargs -r shellcheck
+    xargs -r shellcheck -x
