@@ -97,6 +97,13 @@ int app_names_model(const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
+/* Where a fit writes the cameras of the model at `path`: splat.cameras.json beside splat.ply, whatever format
+ * the model has. free() it; NULL: out of memory. */
+char *app_cameras_beside(const char *path);
+/* The cameras that were written beside a model: the file of this name, else the cameras.json of its folder,
+ * as other trainers write it. free() it; NULL: there are none. */
+char *app_find_cameras_beside(const char *path);
+
 /* From here on the first SIGINT, SIGTERM or SIGHUP calls `fn`, in its handler (NULL: nothing), and is told by
  * app_stopped_by, 0 before; another one ends the program, unless it comes within a second of the first. */
 void app_catch_signals(void (*fn)(void));

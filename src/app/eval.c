@@ -9,7 +9,8 @@ static const arg_option own_options[] = {
     {"json", 0, "FILE", "also write psnr, ssim, gaussians, bytes and views[] as JSON"},
     {"eval-views", 0, "N", "evaluate at most N views, evenly spread (all)"},
     {"cameras", 0, "FILE",
-     "the project's cameras as the fit refined them: the cameras.json that it wrote; default: as given"},
+     "the project's cameras as the fit refined them: the splat.cameras.json that it wrote; default: as "
+     "given"},
     {0},
 };
 

@@ -24,6 +24,33 @@ char *app_folder(const char *path) {
     return folder;
 }
 
+char *app_cameras_beside(const char *path) {
+    static const char end[] = ".cameras.json", packed[] = ".compressed";
+    size_t n = strlen(path), more = sizeof packed - 1;
+    if (app_names_model(path)) n = (size_t)(strrchr(path, '.') - path);
+    if (n > more && !strncasecmp(path + n - more, packed, more))
+        n -= more; /* NAME.compressed.ply is NAME too */
+    char *cameras = malloc(n + sizeof end);
+    if (!cameras) return NULL;
+    memcpy(cameras, path, n);
+    memcpy(cameras + n, end, sizeof end);
+    return cameras;
+}
+
+char *app_find_cameras_beside(const char *path) {
+    static const char common[] = "cameras.json";
+    char *found = app_cameras_beside(path);
+    if (found && !access(found, R_OK)) return found;
+    free(found);
+    char *folder = app_folder(path);
+    found = folder ? malloc(strlen(folder) + sizeof common) : NULL;
+    if (found) strcat(strcpy(found, folder), common);
+    free(folder);
+    if (found && !access(found, R_OK)) return found;
+    free(found);
+    return NULL;
+}
+
 int app_make_folders(const args *a, const char *path) {
     char *part = malloc(strlen(path) + 1);
     if (!part) return app_say(a, path, "out of memory");

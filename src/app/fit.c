@@ -14,7 +14,8 @@ static const arg_option own_options[] = {
     {"from", 0, "MODEL",
      "start from a model, of splatfit or another trainer; full resolution from the first step"},
     {"cameras", 0, "FILE",
-     "write the cameras, with refined poses, as cameras.json; none: write no such file (beside the model)"},
+     "write the cameras, with refined poses, as INRIA's cameras.json; none: write no such file (beside the "
+     "model: splat.cameras.json of splat.ply)"},
     {"preset", 0, "draft|standard|high",
      "the defaults of all hyperparameters: draft (seconds), standard (a minute) or high (minutes) "
      "(standard)"},
@@ -198,18 +199,16 @@ static int is_file(const char *path) {
     return strcmp(path, "-") && !stat(path, &st) && S_ISREG(st.st_mode);
 }
 
-/* cameras.json beside the model, or where --cameras says; nothing for a model that went down a pipe. */
+/* Beside the model and named after it, or where --cameras says; nothing for a model that went down a pipe. */
 static int write_cameras(const fit_run *r) {
     const char *asked = app_output(r->a, "cameras");
     int world = args_value(r->a, "world") != NULL;
     if (asked) return sf_fitter_save_cameras(r->fitter, asked, world) ? app_fail(r->a, r->ctx) : 0;
     if (args_value(r->a, "cameras")) return 0;
     if (!is_file(r->output)) return 0;
-    char *folder = app_folder(r->output), *path = folder ? malloc(strlen(folder) + 16) : NULL;
-    int error = 0;
-    if (path) sprintf(path, "%scameras.json", folder);
-    if (!path || sf_fitter_save_cameras(r->fitter, path, world)) error = app_fail(r->a, r->ctx);
-    free(folder);
+    char *path = app_cameras_beside(r->output);
+    if (!path) return app_say(r->a, r->output, "out of memory");
+    int error = sf_fitter_save_cameras(r->fitter, path, world) ? app_fail(r->a, r->ctx) : 0;
     free(path);
     return error;
 }

@@ -27,7 +27,8 @@ const arg_option shot_options[] = {
     {"up", 0, "AXIS",
      "orbit: x, -x, y, -y, z or -z; default: as the cameras, else the normal of the model's main plane"},
     {"cameras", 0, "FILE",
-     "orbit: cameras.json of the fit, from which up, distance and elevation are taken (beside the model)"},
+     "orbit: the cameras of the fit, from which up, distance and elevation are taken (splat.cameras.json "
+     "beside splat.ply, else cameras.json there)"},
     {"distance", 0, "X",
      "orbit: distance from the model's center, world units; 0: look around from the center; default: the "
      "cameras' median, else 0 if the model surrounds an empty center, else 2 radii"},
@@ -152,13 +153,11 @@ int shots_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene
     *cameras = NULL;
     *count = 0;
     if (scene) return scene_cameras(a, ctx, scene, cameras, count);
-    char *folder = app_folder(a->positional[0]), *beside = folder ? malloc(strlen(folder) + 16) : NULL;
-    if (beside) sprintf(beside, "%scameras.json", folder);
-    const char *path = named ? named : beside && !access(beside, R_OK) ? beside : NULL;
+    char *beside = named ? NULL : app_find_cameras_beside(a->positional[0]);
+    const char *path = named ? named : beside;
     sf_camera *read = NULL;
     int error = path && sf_cameras_load(ctx, path, &read, count, origin) ? app_fail(a, ctx) : 0;
     if (!error && read && meet(ctx, model, origin, read, *count)) error = app_fail(a, ctx);
-    free(folder);
     free(beside);
     if (error || !read) {
         sf_cameras_free(ctx, &read);

@@ -27,8 +27,9 @@ void shots_free(shots *s);
 char *shots_path(const shots *s, const sf_model *model);
 
 /* The cameras that are known: of the scene's views that --split wants, else of the file that --cameras names,
- * else of a cameras.json beside the model; *count 0 where there are none. In the model's coordinates: one
- * that states no origin gets the file's (sf_scene_place_model). free() them. 0 or an exit code. */
+ * else of those beside the model (app_find_cameras_beside); *count 0 where there are none. In the model's
+ * coordinates: one that states no origin gets the file's (sf_scene_place_model). free() them. 0 or an exit
+ * code. */
 int shots_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, sf_camera **cameras,
                 size_t *count);
 

@@ -15,7 +15,8 @@ static const arg_option own_options[] = {
     {"token", 0, "TEXT",
      "a secret that the page's address must contain; default: random, but no token on a loopback address"},
     {"cameras", 0, "FILE",
-     "cameras.json: the initial view and a list of views (cameras.json beside the model, if it exists)"},
+     "cameras of a fit: the initial view and a list of views (splat.cameras.json beside splat.ply, else "
+     "cameras.json there, if one exists)"},
     {"up", 0, "AXIS",
      "x, -x, y, -y, z or -z; default: as the cameras, else the normal of the model's main plane"},
     {"background", 0, "COLOR", "black, white or R,G,B in 0..1 (black)"},

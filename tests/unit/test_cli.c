@@ -148,7 +148,7 @@ static void test_fit_writes_all(void **state) {
     assert_int_equal(test_count_entries(work("out")), 4);
     size_t count = count_in("out/m.ply");
     assert_between(count, 1, 400);
-    json_t *cameras = test_json(work("out/cameras.json"));
+    json_t *cameras = test_json(work("out/m.cameras.json"));
     assert_int_equal(json_array_size(cameras), SCENE_VIEWS);
     json_decref(cameras);
     assert_png("out/c.png", 2 * SCENE_WIDTH, SCENE_HEIGHT);
@@ -358,7 +358,7 @@ static void test_same_bytes(void **state) {
     assert_true(a.size != b.size || memcmp(a.data, b.data, a.size));
     free(a.data);
     free(b.data);
-    assert_same_files("out/c.json", "out/cameras.json");
+    assert_same_files("out/c.json", "out/5.cameras.json");
 }
 
 /* A model gone on from: not worse by more than 0.5 dB after 20 steps. */

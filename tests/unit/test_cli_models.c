@@ -5,6 +5,7 @@
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -14,7 +15,7 @@ static void test_model_to_standard_output(void **state) {
     (void)state;
     clear_out();
     run_quietly(ARGS("fit", SHORT_FIT, "-o", "out/m.ply"));
-    assert_int_equal(unlink(work("out/cameras.json")), 0);
+    assert_int_equal(unlink(work("out/m.cameras.json")), 0);
     content file = content_of("out/m.ply");
     outcome o = run_ok("fit", SHORT_FIT, "-o", "-");
     assert_int_equal(o.out_size, file.size);
@@ -70,6 +71,46 @@ static void test_model_to_a_device(void **state) {
 }
 
 /* Models in other formats. */
+
+/* The bytes that the first step round a model is drawn from, by the cameras beside it or those that are
+ * named. */
+static content orbit_of(const char *model, const char *cameras) {
+    run_quietly(ARGS("render", model, "--path", "orbit", "--frames", "1", "--size", "16x12", "--out", "out",
+                     "-q", cameras ? "--cameras" : NULL, cameras));
+    return content_of("out/path.txt");
+}
+
+static void assert_orbit(const char *model, const char *expected) {
+    content a = orbit_of(model, NULL), b = orbit_of("good.ply", expected);
+    assert_int_equal(a.size, b.size);
+    assert_memory_equal(a.data, b.data, a.size);
+    free(a.data);
+    free(b.data);
+}
+
+/* Two models in a folder have a file of cameras each, which what reads them finds before the cameras.json of
+ * the folder. */
+static void test_cameras_beside_a_model(void **state) {
+    (void)state;
+    static const char *const other = "[{\"width\": 64, \"height\": 48, \"fx\": 48, \"fy\": 48, \"rotation\": "
+                                     "[[1, 0, 0], [0, 0, -1], [0, 1, 0]], \"position\": [0, 9, 0]}]";
+    clear_out();
+    run_quietly(ARGS("fit", SHORT_FIT, "-o", "out/a.ply"));
+    run_quietly(ARGS("fit", SHORT_FIT, "-o", "out/b.splat", "--hold-out", "0"));
+    assert_int_equal(test_count_entries(work("out")), 4);
+    assert_same_files("out/a.cameras.json", "out/b.cameras.json");
+    write_text("other.json", other);
+    assert_int_equal(rename(work("out/b.cameras.json"), work("known.json")), 0);
+    static const char *const models[] = {"out/a.ply", "out/a.SPLAT", "out/a.compressed.ply", "out/b.ply"};
+    for (int i = 0; i < 4; i++) run_quietly(ARGS("convert", "good.ply", models[i]));
+    write_text("out/cameras.json", other);
+    for (int i = 0; i < 3; i++) assert_orbit(models[i], "known.json");
+    assert_orbit("out/b.ply", "other.json"); /* it has none of its own */
+    content a = orbit_of("good.ply", "known.json"), b = orbit_of("good.ply", "other.json");
+    assert_true(a.size != b.size || memcmp(a.data, b.data, a.size));
+    free(a.data);
+    free(b.data);
+}
 
 static void test_convert(void **state) {
     (void)state;
@@ -148,6 +189,7 @@ int main(void) {
         cmocka_unit_test(test_model_to_standard_output),
         cmocka_unit_test(test_model_to_a_pipe),
         cmocka_unit_test(test_model_to_a_device),
+        cmocka_unit_test(test_cameras_beside_a_model),
         cmocka_unit_test(test_convert),
         cmocka_unit_test(test_formats),
         cmocka_unit_test(test_convert_refuses),

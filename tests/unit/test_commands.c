@@ -76,7 +76,7 @@ static double psnr_of_eval(const char *cameras) {
     return psnr;
 }
 
-/* cameras.json holds the poses that the model fits: with them eval gives the fit's own figure. */
+/* The file of cameras holds the poses that the model fits: with them eval gives the fit's own figure. */
 static void test_eval_takes_refined_cameras(void **state) {
     (void)state;
     clear_out();
@@ -86,9 +86,9 @@ static void test_eval_takes_refined_cameras(void **state) {
     json_t *log = test_json(work("out/l.json"));
     double psnr = test_number(result_of(log), "psnr");
     json_decref(log);
-    assert_true(fabs(psnr_of_eval("out/cameras.json") - psnr) < 1e-3);
+    assert_true(fabs(psnr_of_eval("out/m.cameras.json") - psnr) < 1e-3);
     assert_true(fabs(psnr_of_eval(NULL) - psnr) > 1e-2);
-    assert_int_equal(rename(work("out/cameras.json"), work("refined.json")), 0);
+    assert_int_equal(rename(work("out/m.cameras.json"), work("refined.json")), 0);
     assert_int_equal(rename(work("out/m.ply"), work("refined.ply")), 0);
     clear_out();
     assert_refused(
