@@ -97,6 +97,10 @@ int app_names_model(const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
+/* freeze.c: with --freeze, makes options of which no step changes anything of `from`, which may be NULL. 0 or
+ * an exit code. */
+int app_freeze(const args *a, sf_context *ctx, sf_model *from, sf_fit_options *options);
+
 /* Where a fit writes the cameras of the model at `path`: splat.cameras.json beside splat.ply, whatever format
  * the model has. free() it; NULL: out of memory. */
 char *app_cameras_beside(const char *path);

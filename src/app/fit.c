@@ -13,6 +13,10 @@ static const arg_option own_options[] = {
      "(splat.ply)"},
     {"from", 0, "MODEL",
      "start from a model, of splatfit or another trainer; full resolution from the first step"},
+    {"freeze", 0, NULL,
+     "with --from: steps do all of their work and the Gaussians stay as they are, to measure steps and "
+     "quality of "
+     "exactly that model"},
     {"cameras", 0, "FILE",
      "write the cameras, with refined poses, as INRIA's cameras.json; none: write no such file (beside the "
      "model: splat.cameras.json of splat.ply)"},
@@ -371,6 +375,7 @@ static int prepare(fit_run *r) {
     if (!error && from_path) error = app_load_model(r->a, r->ctx, from_path, &from);
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");
+    if (!error) error = app_freeze(r->a, r->ctx, from, &r->options);
     if (!error) error = load_scene(r);
     if (!error && r->replay) error = replay_check(r->a, r->ctx, r->replay, r->scene);
     if (!error) error = make_fitter(r, from);

@@ -64,7 +64,9 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
         f->warm_start = 1;
         sf_status status = sf_fitter_plan_memory(f, from->count, degree);
         if (status) return status;
-        status = sf_model_copy_whole(from, degree, &f->model);
+        /* without a rate, bands that a Gaussian lacks stay 0 */
+        status = o->lr_sh_rest > 0 || degree > from->sh_degree ? sf_model_copy_whole(from, degree, &f->model)
+                                                               : sf_model_copy(from, from->count, &f->model);
         if (!status) sf_scene_place_model(f->scene, f->model);
         if (!status) sf_model_set_unit(f->model, unit_of(f));
         return status;
