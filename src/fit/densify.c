@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../base/statistics.h"
 #include "opacity.h"
 #include "local_units.h"
 #include "densify_relocate.h"
@@ -36,11 +37,6 @@ static int longest_axis(const sf_params *params, size_t i) {
         if (*sf_value(params, SF_FIELD_log_scale, i, k) > *sf_value(params, SF_FIELD_log_scale, i, longest))
             longest = k;
     return longest;
-}
-
-/* The entry that keeps Gaussian i as it is. */
-static sf_remap_entry entry_of(const sf_fitter *f, size_t i) {
-    return (sf_remap_entry){(uint32_t)i, (uint8_t)sf_degree_of(f->model, i)};
 }
 
 /* Splits Gaussian i; j is a copy of it. */
@@ -80,7 +76,7 @@ static void clone(sf_fitter *f, size_t i, size_t j) {
 
 typedef struct candidate {
     double score;
-    uint32_t index;
+    uint32_t index; /* among the entries of those that are kept */
 } candidate;
 
 /* Largest score first, ties by index: a total order, so that any sort gives the same. */
@@ -96,35 +92,59 @@ void sf_densify_end(sf_fitter *f) {
     sf_log(f->ctx, SF_LOG_WARNING, "out of memory: the model stays at %zu Gaussians", f->model->count);
 }
 
-/* The Gaussians with the largest scores, at most `wanted`, largest first; *n: how many. */
-static candidate *find_candidates(const sf_fitter *f, size_t wanted, size_t *n) {
-    size_t found = 0, count = f->model->count;
-    candidate *candidates = sf_alloc(f->ctx, count, sizeof *candidates);
-    if (!candidates) return NULL;
-    for (size_t i = 0; i < count; i++) {
+/* Moves the n first in the order of by_score to the front, in the order of the model. */
+static sf_status keep_largest(const sf_fitter *f, candidate *candidates, size_t found, size_t n) {
+    if (!n || n == found) return SF_OK;
+    double *scores = sf_alloc(f->ctx, found, sizeof *scores);
+    if (!scores) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < found; k++) scores[k] = candidates[k].score;
+    double least = sf_ranked(scores, found, found - n); /* of those kept; of equals the first are */
+    sf_free(f->ctx, scores);
+    size_t equals = n, kept = 0;
+    for (size_t k = 0; k < found; k++) equals -= candidates[k].score > least;
+    for (size_t k = 0; k < found; k++) {
+        int equal = candidates[k].score == least && equals;
+        equals -= (size_t)equal;
+        if (equal || candidates[k].score > least) candidates[kept++] = candidates[k];
+    }
+    return SF_OK;
+}
+
+/* Gaussians on their way through a densification. */
+typedef struct densification {
+    sf_remap_entry *entries; /* [kept + added]: those that are kept, in the order of the model, then copies */
+    candidate *candidates;   /* [added], largest score first */
+    size_t kept, added;
+} densification;
+
+/* The kept Gaussians with the largest scores, at most `wanted`. */
+static sf_status find_candidates(const sf_fitter *f, size_t wanted, densification *d) {
+    size_t found = 0;
+    if (!wanted) return SF_OK;
+    d->candidates = sf_alloc(f->ctx, d->kept + 1, sizeof *d->candidates);
+    if (!d->candidates) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < d->kept; k++) {
+        size_t i = d->entries[k].from;
         double score =
             f->densify.visible_count[i] ? f->densify.gradient_sum[i] / f->densify.visible_count[i] : 0;
         if (score > 0 && score >= f->options.densify_threshold)
-            candidates[found++] = (candidate){score, (uint32_t)i};
+            d->candidates[found++] = (candidate){score, (uint32_t)k};
     }
-    qsort(candidates, found, sizeof *candidates, by_score);
-    *n = found < wanted ? found : wanted;
-    return candidates;
+    d->added = found < wanted ? found : wanted;
+    sf_status status = keep_largest(f, d->candidates, found, d->added);
+    if (!status) qsort(d->candidates, d->added, sizeof *d->candidates, by_score);
+    return status;
 }
 
-/* Adds a copy of each candidate, of the same degree, and splits or clones it. */
-static sf_status add_copies(sf_fitter *f, const candidate *candidates, size_t n) {
-    size_t count = f->model->count;
-    sf_remap_entry *entries = sf_alloc(f->ctx, count + n, sizeof *entries);
-    uint32_t *moved_to = sf_alloc(f->ctx, count + n, sizeof *moved_to);
-    sf_status status = entries && moved_to ? SF_OK : SF_ERR_MEMORY;
-    if (!status) {
-        for (size_t i = 0; i < count; i++) entries[i] = entry_of(f, i);
-        for (size_t k = 0; k < n; k++) entries[count + k] = entries[candidates[k].index];
-        status = sf_reorder(f, entries, count + n, moved_to);
-    }
-    for (size_t k = 0; k < n && !status; k++) {
-        size_t i = moved_to[candidates[k].index], j = moved_to[count + k];
+/* Removes what is not kept, adds a copy of each candidate, of the same degree, and splits or clones it. */
+static sf_status apply(sf_fitter *f, densification *d) {
+    size_t all = d->kept + d->added;
+    if (all == f->model->count && !d->added) return SF_OK;
+    uint32_t *moved_to = sf_alloc(f->ctx, all + 1, sizeof *moved_to);
+    for (size_t k = 0; k < d->added; k++) d->entries[d->kept + k] = d->entries[d->candidates[k].index];
+    sf_status status = moved_to ? sf_reorder_unsorted(f, d->entries, all, moved_to) : SF_ERR_MEMORY;
+    for (size_t k = 0; k < d->added && !status; k++) {
+        size_t i = moved_to[d->candidates[k].index], j = moved_to[d->kept + k];
         int longest = longest_axis(&f->model->params, i);
         double scale = exp((double)*sf_value(&f->model->params, SF_FIELD_log_scale, i, longest));
         if (scale > f->options.split_scale * (double)sf_unit_of(f, i))
@@ -132,39 +152,41 @@ static sf_status add_copies(sf_fitter *f, const candidate *candidates, size_t n)
         else
             clone(f, i, j);
     }
-    sf_free(f->ctx, entries);
     sf_free(f->ctx, moved_to);
     return status;
 }
 
-static sf_status add_gaussians(sf_fitter *f, size_t wanted) {
-    size_t n;
-    candidate *candidates = find_candidates(f, wanted, &n);
-    if (!candidates) return SF_ERR_MEMORY;
-    sf_status status = n ? add_copies(f, candidates, n) : SF_OK;
-    sf_free(f->ctx, candidates);
-    return status;
-}
-
-/* How many Gaussians to add. */
-static size_t wanted_more(const sf_fitter *f, double fraction) {
-    size_t count = f->model->count, planned = sf_planned_count(f, fraction);
+/* How many Gaussians to add to `count`. */
+static size_t wanted_more(const sf_fitter *f, double fraction, size_t count) {
+    size_t planned = sf_planned_count(f, fraction);
     size_t wanted = planned > count ? planned - count : 0;
     size_t most = (size_t)(f->options.densify_rate * (double)count);
     if (wanted > most) wanted = most;
     return f->densify.out_of_memory ? 0 : wanted;
 }
 
+static sf_status remove_and_add(sf_fitter *f, double fraction) {
+    densification d = {0};
+    size_t count = f->model->count, planned = sf_planned_count(f, fraction);
+    size_t most = count + (size_t)(f->options.densify_rate * (double)count);
+    if (most > planned) most = planned > count ? planned : count;
+    d.entries = sf_alloc(f->ctx, most + 1, sizeof *d.entries);
+    sf_status status = d.entries ? sf_list_kept(f, d.entries, &d.kept) : SF_ERR_MEMORY;
+    if (!status) status = find_candidates(f, f->densify.ended ? 0 : wanted_more(f, fraction, d.kept), &d);
+    if (!status) status = apply(f, &d);
+    sf_free(f->ctx, d.entries);
+    sf_free(f->ctx, d.candidates);
+    return status;
+}
+
 sf_status sf_densify_step(sf_fitter *f, double fraction) {
     int kind = f->options.densify;
     if (kind == SF_DENSIFY_ERROR && sf_densify_score(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: densification uses the screen gradient");
-    if (kind == SF_DENSIFY_RELOCATE) return sf_relocate(f, wanted_more(f, fraction));
+    if (kind == SF_DENSIFY_RELOCATE) return sf_relocate(f, wanted_more(f, fraction, f->model->count));
     if (sf_selects(f) && !f->densify.ended && !f->densify.out_of_memory && sf_select_growth(f, fraction))
         sf_densify_end(f);
-    sf_status status = sf_remove_marked(f, NULL);
-    size_t wanted = !f->densify.ended && !status ? wanted_more(f, fraction) : 0;
-    return wanted ? add_gaussians(f, wanted) : status;
+    return remove_and_add(f, fraction);
 }
 
 void sf_densify_clear(sf_densify *densify, size_t count) {

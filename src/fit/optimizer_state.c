@@ -67,11 +67,11 @@ sf_status sf_optimizer_set_room(sf_optimizer_state *moments, const sf_model *mod
     return SF_OK;
 }
 
-void sf_optimizer_reorder(const sf_optimizer_state *moments, const sf_model *model, const sf_order *order) {
+void sf_optimizer_reorder(const sf_optimizer_state *moments, const sf_model *model, sf_order *order) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int field = 0; field < SF_FIELD_COUNT; field++) {
             int n = components_of(moments, part, field, model), band = sf_field_band(field);
-            if (n) sf_blocked_reorder(n, band, moments->part[part][field], model->banded[band], order);
+            if (n) sf_order_add_blocked(order, n, band, moments->part[part][field], model->banded[band]);
         }
 }
 

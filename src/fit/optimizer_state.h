@@ -40,7 +40,7 @@ void sf_optimizer_destroy(sf_context *ctx, sf_optimizer_state *moments);
 
 /* Call before sf_model_set_room and sf_model_reorder: the same change of the state. */
 sf_status sf_optimizer_set_room(sf_optimizer_state *moments, const sf_model *model, int band, size_t room);
-void sf_optimizer_reorder(const sf_optimizer_state *moments, const sf_model *model, const sf_order *order);
+void sf_optimizer_reorder(const sf_optimizer_state *moments, const sf_model *model, sf_order *order);
 
 /* For a new or changed Gaussian i: clears the first moment and the offset of the average, and keeps a part of
  * the second moment. With second moments of 0 the first steps would be 1 / sqrt(1 - beta2) times too long,

@@ -10,6 +10,8 @@ float sf_min_logit_opacity(const sf_fitter *fitter);
  * densify.gradient_sum. */
 int sf_is_kept(const sf_fitter *fitter, size_t i, float min_logit);
 
+/* Lists those that sf_is_kept keeps at sf_min_logit_opacity. entries: [count]. SF_ERR_MEMORY. */
+sf_status sf_list_kept(const sf_fitter *fitter, sf_remap_entry *entries, size_t *kept);
 /* Removes the Gaussians that sf_is_kept does not keep at sf_min_logit_opacity. degrees: NULL, or [count], new
  * SH degrees no higher than the present ones. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_remove_marked(sf_fitter *fitter, const uint8_t *degrees);

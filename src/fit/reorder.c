@@ -72,22 +72,40 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     return f->densify.gradient_sum && f->densify.visible_count && f->units.inverse ? SF_OK : SF_ERR_MEMORY;
 }
 
-sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *entries, size_t n, uint32_t *moved_to) {
-    sf_order order;
+/* Brings all arrays into the order; frees it. created: of the order. */
+static sf_status apply(sf_fitter *f, sf_status created, sf_order *order) {
     size_t had = f->model->count;
-    sf_status status = sf_order_create(f->ctx, entries, n, moved_to, &order);
-    if (!status) status = sf_fitter_room(f, order.banded);
-    if (!status) status = sf_order_prepare(f->ctx, &order);
+    sf_status status = created;
+    if (!status) status = sf_fitter_room(f, order->banded);
+    if (!status) status = sf_order_prepare(f->ctx, order);
     if (!status) {
-        sf_values_reorder(f->densify.gradient_sum, sizeof *f->densify.gradient_sum, had, &order);
-        sf_values_reorder(f->densify.visible_count, sizeof *f->densify.visible_count, had, &order);
-        sf_values_reorder(f->units.inverse, sizeof *f->units.inverse, had, &order);
-        sf_optimizer_reorder(&f->moments, f->model, &order);
-        sf_model_reorder(f->model, &order);
+        sf_order_add_values(order, f->densify.gradient_sum, sizeof *f->densify.gradient_sum, had);
+        sf_order_add_values(order, f->densify.visible_count, sizeof *f->densify.visible_count, had);
+        sf_order_add_values(order, f->units.inverse, sizeof *f->units.inverse, had);
+        sf_optimizer_reorder(&f->moments, f->model, order);
+        sf_model_reorder(f->model, order);
     }
-    sf_order_free(f->ctx, &order);
+    sf_order_free(f->ctx, order);
     if (!status) trim(f);
     return status;
+}
+
+sf_status sf_reorder(sf_fitter *f, const sf_remap_entry *entries, size_t n, uint32_t *moved_to) {
+    sf_order order;
+    return apply(f, sf_order_create(f->ctx, entries, n, moved_to, &order), &order);
+}
+
+sf_status sf_reorder_unsorted(sf_fitter *f, const sf_remap_entry *entries, size_t n, uint32_t *moved_to) {
+    sf_order order;
+    if (n < LEAST_SORTED) return sf_reorder(f, entries, n, moved_to);
+    return apply(f, sf_order_create_in_place(f->ctx, entries, n, moved_to, &order), &order);
+}
+
+/* The means as plain values. */
+static void get_means(const sf_model *m, float *xyz) {
+    const float *means = m->params.field[SF_FIELD_mean];
+    for (size_t i = 0; i < m->count; i++)
+        for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = means[sf_at(i, 3, k)];
 }
 
 sf_status sf_fitter_sort(sf_fitter *f) {
@@ -96,8 +114,7 @@ sf_status sf_fitter_sort(sf_fitter *f) {
     if (n < LEAST_SORTED) return SF_OK;
     uint32_t *order = NULL;
     float *xyz = sf_alloc(f->ctx, 3 * n, sizeof *xyz);
-    for (size_t i = 0; xyz && i < n; i++)
-        for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = *sf_value(&m->params, SF_FIELD_mean, i, k);
+    if (xyz) get_means(m, xyz);
     sf_status status = xyz ? sf_curve_order(f->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
     sf_free(f->ctx, xyz);
     sf_remap_entry *entries = status ? NULL : sf_alloc(f->ctx, n, sizeof *entries);

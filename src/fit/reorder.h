@@ -14,6 +14,9 @@ sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
  * dropped; new bands and their optimizer state are 0. moved_to[k] (may be NULL): the new index of entries[k].
  * Makes room, and frees what is no longer needed. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *moved_to);
+/* The same, before sf_fitter_sort follows: Gaussians keep their places where they can, so that little moves.
+ */
+sf_status sf_reorder_unsorted(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *moved_to);
 /* Sorts the Gaussians of each degree along a space-filling curve: then invisible Gaussians fill whole blocks,
  * which a step skips, and those of one tile are close in memory. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_fitter_sort(sf_fitter *fitter);

@@ -149,13 +149,16 @@ void sf_model_assign(sf_model *model, const sf_model *from) {
     model->unit = from->unit;
 }
 
-void sf_model_reorder(sf_model *model, const sf_order *order) {
+void sf_model_reorder(sf_model *model, sf_order *order) {
     sf_model_note_change(model);
     for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
+        int band = sf_field_band(f);
+        sf_order_add_blocked(order, field_components[f], band, model->params.field[f], model->banded[band]);
+    }
+    sf_order_apply(order);
+    for (int f = 0; f < SF_FIELD_COUNT && sf_field_stored(f, model->sh_degree); f++) {
         size_t had = model->banded[sf_field_band(f)], now = order->banded[sf_field_band(f)];
-        size_t end = sf_blocks(had > now ? had : now) * SF_LANES;
-        sf_blocked_reorder(field_components[f], sf_field_band(f), model->params.field[f], had, order);
-        set_neutral(&model->params, f, now, end);
+        set_neutral(&model->params, f, now, sf_blocks(had > now ? had : now) * SF_LANES);
     }
     memcpy(model->banded, order->banded, sizeof model->banded);
     model->count = order->banded[0];

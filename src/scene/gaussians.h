@@ -109,29 +109,54 @@ typedef struct sf_remap_entry {
     uint8_t degree;
 } sf_remap_entry;
 
-/* Entries sorted by falling degree. */
+/* An array that follows the Gaussians: of blocks, or of plain values. */
+typedef struct sf_ordered_array {
+    uint32_t *array;
+    size_t had, now;             /* Gaussians with a value before and afterwards */
+    size_t far;                  /* Gaussians that are copied first */
+    size_t words;                /* of 4 bytes, of a Gaussian */
+    size_t lane_step, word_step; /* from lane to lane of a block, and from word to word */
+    size_t set;                  /* of scratch memory */
+} sf_ordered_array;
+
+enum { SF_ORDERED_ARRAYS = 40 };
+
+/* Entries sorted by falling degree, and the arrays that follow. */
 typedef struct sf_order {
+    sf_context *ctx;
     uint32_t *from;          /* [banded[0]] */
     size_t banded[SF_BANDS]; /* afterwards */
-    size_t unmoved;          /* the first `unmoved` Gaussians keep their places */
-    void *scratch;           /* room for the array of any field, from unmoved's block on */
+    sf_ordered_array array[SF_ORDERED_ARRAYS];
+    size_t arrays;
+    /* see move.c */
+    uint8_t *changes;   /* [blocks] whether a block changes */
+    uint32_t *far_from; /* [far_count] where those were that must be copied first */
+    size_t far_count, far_banded[SF_BANDS];
+    int falling;   /* the last blocks are built first */
+    void *scratch; /* [sets][set_words] words */
+    size_t sets, set_words;
 } sf_order;
 
 /* Sorts n entries stably by falling degree. where[k] (may be NULL): the new index of entries[k].
  * sf_order_free releases it, also after a failure. */
 sf_status sf_order_create(sf_context *ctx, const sf_remap_entry *entries, size_t n, uint32_t *where,
                           sf_order *order);
-/* Allocates the scratch array, which reordering needs. */
+/* The same, but each entry whose Gaussian can keep its place keeps it, and the others fill what is left. */
+sf_status sf_order_create_in_place(sf_context *ctx, const sf_remap_entry *entries, size_t n, uint32_t *where,
+                                   sf_order *order);
+/* Allocates what reordering needs, and changes order->from. */
 sf_status sf_order_prepare(sf_context *ctx, sf_order *order);
 void sf_order_free(sf_context *ctx, sf_order *order);
 
-/* Reorders a blocked array of values of 4 bytes that goes with a band, with at most as many components as a
+/* Adds a blocked array of values of 4 bytes that goes with a band, with at most as many components as a
  * field of it. `had`: Gaussians in it before. It must have room for those afterwards. Gaussians without a
- * value get 0. */
-void sf_blocked_reorder(int components, int band, void *array, size_t had, const sf_order *order);
-/* Reorders a model, which must have room; and an array of `count` values of at most 16 bytes. */
-void sf_model_reorder(sf_model *model, const sf_order *order);
-void sf_values_reorder(void *values, size_t size, size_t count, const sf_order *order);
+ * value get 0. Or an array of `count` values of 4 to 16 bytes, a multiple of 4. */
+void sf_order_add_blocked(sf_order *order, int components, int band, void *array, size_t had);
+void sf_order_add_values(sf_order *order, void *values, size_t size, size_t count);
+/* Reorders what was added. */
+void sf_order_apply(sf_order *order);
+/* Reorders a model, which must have room, with what was added. */
+void sf_model_reorder(sf_model *model, sf_order *order);
 
 /* Column `axis` of the rotation of Gaussian i (M.1), [3]. */
 void sf_axis_of(const sf_params *params, size_t i, int axis, float *direction);
