@@ -8,7 +8,7 @@
 #include "../base/pool.h"
 #include "../base/statistics.h"
 #include "../scene/gaussians.h"
-#include "../scene/scene.h"
+#include "../scene/pixels.h"
 #include "bench.h"
 #include "clocks.h"
 
@@ -175,12 +175,15 @@ sf_status bench_steps(sf_context *ctx, const bench_options *options, bench_repor
 /* The views of a project, in memory as a fit has them. */
 typedef struct views {
     sf_view **view;
-    size_t held, n; /* that are held; that are timed */
+    size_t held, n, open; /* that are held; that are timed; of them, whose pixels are open */
+    sf_view_pixels *pixels;
     bench_view *shown;
 } views;
 
 static void release_views(sf_scene *scene, views *v) {
+    for (size_t i = 0; i < v->open; i++) sf_view_close(v->view[i], &v->pixels[i]);
     sf_scene_release_all(scene, v->view, v->held);
+    sf_free(scene->ctx, v->pixels);
     sf_free(scene->ctx, v->shown);
 }
 
@@ -190,9 +193,12 @@ static sf_status take_views(sf_scene *scene, float near_plane, size_t most, view
     v->n = v->held < most ? v->held : most;
     if (!status && !v->n) status = sf_fail(scene->ctx, SF_ERR_EMPTY, "scene: no training view");
     if (!status && !(v->shown = sf_calloc(scene->ctx, v->n, sizeof *v->shown))) status = SF_ERR_MEMORY;
-    for (size_t i = 0; i < v->n && !status; i++) {
-        const sf_view *view = v->view[i];
-        v->shown[i] = (bench_view){view->camera, near_plane, view->rgb, view->weight};
+    if (!status && !(v->pixels = sf_calloc(scene->ctx, v->n, sizeof *v->pixels))) status = SF_ERR_MEMORY;
+    for (; v->open < v->n && !status; v->open += !status) {
+        const sf_view *view = v->view[v->open];
+        sf_view_pixels *p = &v->pixels[v->open];
+        status = sf_view_open(view, p);
+        v->shown[v->open] = (bench_view){view->camera, near_plane, p->rgb, p->weight};
     }
     if (status) release_views(scene, v);
     return status;

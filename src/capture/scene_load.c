@@ -2,11 +2,12 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../base/memory.h"
 #include "../base/rng.h"
 #include "../base/statistics.h"
 #include "../io/dataset.h"
 #include "../io/load_project.h"
-#include "../scene/scene.h"
+#include "../scene/pixels.h"
 #include "../sim/sim.h"
 #include "source_ops.h"
 
@@ -47,7 +48,9 @@ static void fill_planes(const sf_frame *frame, size_t factor, sf_view *view) {
     }
 }
 
-static sf_status add_frame(sf_scene *scene, const sf_frame *frame, int factor, sf_split split) {
+/* cache: that takes the pixels; NULL: they stay in memory. */
+static sf_status add_frame(sf_scene *scene, const sf_frame *frame, int factor, sf_split split,
+                           sf_pixel_cache *cache) {
     char name[FRAME_NAME];
     frame_name(frame->sequence, name);
     sf_camera camera = sf_camera_downscaled(&frame->camera, factor);
@@ -55,26 +58,30 @@ static sf_status add_frame(sf_scene *scene, const sf_frame *frame, int factor, s
     sf_status status = sf_view_create(scene->ctx, name, &camera, split, 0, &view);
     if (status != SF_OK) return status;
     fill_planes(frame, (size_t)factor, view);
-    return sf_scene_take_view(scene, view);
+    if (cache) status = sf_view_move_out(view, cache);
+    if (status == SF_OK) return sf_scene_take_view(scene, view);
+    sf_view_release(view);
+    return status;
 }
 
-static sf_status add_frames(sf_scene *scene, const char *name, int factor, const sf_split *splits) {
+static sf_status add_frames(sf_scene *scene, const char *name, int factor, const sf_split *splits,
+                            sf_pixel_cache *cache) {
     sf_source *source;
     sf_status status = sf_source_open(scene->ctx, name, &source);
     while (status == SF_OK) {
         sf_frame frame;
         status = sf_source_next(source, -1, &frame);
         if (status != SF_OK) break;
-        status = add_frame(scene, &frame, factor, splits[frame.sequence]);
+        status = add_frame(scene, &frame, factor, splits[frame.sequence], cache);
         sf_source_release(source, &frame);
     }
     sf_source_close(&source);
     return status == SF_ERR_END ? SF_OK : status;
 }
 
-/* A point as structure from motion would give it: seen in a training view, with the colour there and off by
- * about a pixel. */
-static void sparse_point(const sf_sim *sim, const sf_view *view, sf_rng *rng, float xyz[3], uint8_t rgb[3]) {
+/* A point as structure from motion would give it: seen in a training view, and off by about a pixel; *at: the
+ * pixel. */
+static void sparse_point(const sf_sim *sim, const sf_view *view, sf_rng *rng, float xyz[3], size_t *at) {
     size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
     double x = sf_rng_uniform(rng) * (double)width, y = sf_rng_uniform(rng) * (double)height;
     sf_vec3 point;
@@ -84,21 +91,34 @@ static void sparse_point(const sf_sim *sim, const sf_view *view, sf_rng *rng, fl
     xyz[0] = (float)(point.x + pixel * sf_rng_normal(rng));
     xyz[1] = (float)(point.y + pixel * sf_rng_normal(rng));
     xyz[2] = (float)(point.z + pixel * sf_rng_normal(rng));
-    size_t at = (size_t)y * width + (size_t)x;
-    for (size_t i = 0; i < 3; i++) rgb[i] = view->rgb[i * width * height + at];
+    *at = (size_t)y * width + (size_t)x;
+}
+
+/* Every n-th point is of one view. */
+static sf_status color_points(const sf_view *view, size_t first, size_t n, const size_t *at, uint8_t *rgb) {
+    sf_view_pixels pixels;
+    sf_status status = sf_view_open(view, &pixels);
+    if (status != SF_OK) return status;
+    size_t plane = (size_t)view->camera.width * (size_t)view->camera.height;
+    for (size_t i = first; i < SPARSE_POINTS; i += n)
+        for (size_t c = 0; c < 3; c++) rgb[3 * i + c] = pixels.rgb[c * plane + at[i]];
+    sf_view_close(view, &pixels);
+    return SF_OK;
 }
 
 static sf_status cast_points(sf_scene *scene, const sf_sim *sim, float *xyz, uint8_t *rgb) {
     sf_view **views;
-    size_t n;
-    sf_status status = sf_scene_retain_training(scene, &views, &n);
-    if (status != SF_OK) return status;
-    sf_rng rng;
-    sf_rng_seed(&rng, sim->seed);
-    for (size_t i = 0; i < SPARSE_POINTS; i++)
-        sparse_point(sim, views[i % n], &rng, xyz + 3 * i, rgb + 3 * i);
-    sf_scene_release_all(scene, views, n);
-    return SF_OK;
+    size_t n, *at = sf_alloc(scene->ctx, SPARSE_POINTS, sizeof *at);
+    sf_status status = at ? sf_scene_retain_training(scene, &views, &n) : SF_ERR_MEMORY;
+    if (status == SF_OK) {
+        sf_rng rng;
+        sf_rng_seed(&rng, sim->seed);
+        for (size_t i = 0; i < SPARSE_POINTS; i++) sparse_point(sim, views[i % n], &rng, xyz + 3 * i, &at[i]);
+        for (size_t v = 0; v < n && status == SF_OK; v++) status = color_points(views[v], v, n, at, rgb);
+        sf_scene_release_all(scene, views, n);
+    }
+    sf_free(scene->ctx, at);
+    return status;
 }
 
 static sf_status add_points(sf_scene *scene, const sf_sim *sim) {
@@ -132,14 +152,28 @@ static sf_status need_training(sf_context *ctx, const char *name, const sf_split
                    count);
 }
 
+/* Where the memory has too little room for the pictures. */
+static sf_status make_cache(sf_context *ctx, const char *name, const sf_sim *sim,
+                            const sf_load_options *options, sf_pixel_cache **cache) {
+    double budget = (double)sf_memory_budget((uint64_t)options->memory);
+    double picture = 3.0 * (sim->width / options->downscale) * (sim->height / options->downscale);
+    double bytes = (double)sim->frames * picture;
+    if (!sf_pixels_exceed(bytes, budget)) return SF_OK;
+    return sf_pixel_cache_create(ctx, name, (uint64_t)bytes, (size_t)picture,
+                                 sf_pixel_buffers(budget, picture), cache);
+}
+
 static sf_status fill_scene(sf_scene *scene, const char *name, const sf_sim *sim,
                             const sf_load_options *options) {
     size_t count = (size_t)sim->frames;
+    sf_pixel_cache *cache = NULL;
     sf_split *splits = sf_alloc(scene->ctx, count, sizeof *splits);
     sf_status status = splits ? choose_splits(scene->ctx, options, count, splits) : SF_ERR_MEMORY;
     if (status == SF_OK) status = need_training(scene->ctx, name, splits, count);
-    if (status == SF_OK) status = add_frames(scene, name, options->downscale, splits);
+    if (status == SF_OK) status = make_cache(scene->ctx, name, sim, options, &cache);
+    if (status == SF_OK) status = add_frames(scene, name, options->downscale, splits, cache);
     if (status == SF_OK) status = add_points(scene, sim);
+    sf_pixel_cache_release(cache);
     sf_free(scene->ctx, splits);
     return status;
 }

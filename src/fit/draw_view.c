@@ -49,6 +49,7 @@ sf_status sf_draw_view(sf_fitter *f, const sf_view *view, const sf_view_state *s
     sf_workspace *ws = &f->workspace;
     sf_camera camera = view->camera;
     int exposed = state && f->options.exposure;
+    sf_view_expect(view); /* and it is read while the model is drawn */
     sf_refine_camera(&f->views, view->id, &camera);
     camera = sf_camera_downscaled(&camera, 1 << f->level);
     sf_status status = sf_workspace_look(ws, &camera, f->near_plane);

@@ -235,7 +235,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     sf_status status = sf_fitter_create_empty(ctx, scene, options, out);
     if (status) return status;
     sf_fitter *f = *out;
-    if (sf_scene_unread_bytes(scene))
+    if (sf_scene_is_unread(scene))
         status = sf_fail(ctx, SF_ERR_ARGUMENT, "scene: its pictures were not read (no_pixels)");
     if (!status) status = take_up_views(f);
     if (!status) status = choose_start(f, from);

@@ -122,8 +122,8 @@ sf_status sf_fitter_plan_memory(sf_fitter *f, size_t least, int sh_degree) {
     sf_memory_bill *bill = &f->bill;
     bill_rates rates = rates_of(f, sh_degree);
     size_t asked = (size_t)f->options.max_gaussians, most = asked;
-    bill->before = sf_memory_resident() + sf_scene_unread_bytes(f->scene);
     bill->budget = sf_memory_budget((uint64_t)f->options.memory);
+    bill->before = sf_memory_resident() + sf_scene_missing_bytes(f->scene, bill->budget);
     if (bill->budget) most = most_within(bill, &rates, asked);
     if (most < least) {
         fill_in(bill, &rates, (double)least);

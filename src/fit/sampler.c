@@ -4,11 +4,14 @@
 #include <math.h>
 #include <string.h>
 
+#include "../scene/pixels.h"
 #include "blur.h"
 #include "misplaced.h"
 #include "recovery.h"
 #include "refine.h"
 #include "validation.h"
+
+enum { AHEAD = 2 /* views whose pictures are read ahead */ };
 
 void sf_sampler_restart(sf_view_sampler *sampler) { sampler->at = sampler->count; }
 
@@ -110,6 +113,15 @@ static sf_status take_new_views(sf_fitter *f) {
     return status;
 }
 
+/* Pictures that are not in memory are read while the views before them are drawn. */
+static void expect_next(const sf_fitter *f) {
+    for (size_t i = f->sampler.at; i < f->sampler.count && i < f->sampler.at + AHEAD; i++) {
+        sf_view *view = sf_scene_retain_id(f->scene, f->sampler.ids[i]);
+        if (view) sf_view_expect(view);
+        sf_view_release(view);
+    }
+}
+
 sf_status sf_next_view(sf_fitter *f, sf_view **view) {
     sf_status status = f->sampler.count ? take_new_views(f) : SF_OK;
     for (int passes = 0; passes < 2 && !status;) {
@@ -119,7 +131,10 @@ sf_status sf_next_view(sf_fitter *f, sf_view **view) {
             continue;
         }
         *view = sf_scene_retain_id(f->scene, f->sampler.ids[f->sampler.at++]);
-        if (*view && (*view)->split == SF_SPLIT_TRAIN) return SF_OK;
+        if (*view && (*view)->split == SF_SPLIT_TRAIN) {
+            expect_next(f);
+            return SF_OK;
+        }
         sf_view_release(*view);
     }
     return status ? status : sf_fail(f->ctx, SF_ERR_EMPTY, "scene: no training view is left");

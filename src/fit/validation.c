@@ -116,6 +116,7 @@ sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
     sf_render_options options;
     sf_camera camera = view->camera;
     double squares = 0, weights = 0;
+    sf_view_expect(view);
     sf_fitter_render_options(f, &options);
     options.sh_degree = f->sh_degree;
     sf_refine_camera(&f->views, view->id, &camera);

@@ -1,11 +1,11 @@
 /* views.c - from the entries of a project to the views of a scene. */
 #include "views.h"
 
-#include "../base/memory.h"
 #include "../base/pool.h"
 #include "../base/statistics.h"
-#include "../scene/scene.h"
+#include "../scene/pixels.h"
 #include "mask.h"
+#include "picture_memory.h"
 #include "undistort.h"
 
 #include <limits.h>
@@ -17,16 +17,6 @@
 enum { NAMES_IN_LOG = 5 /* of skipped pictures; the rest is counted */ };
 
 /* From a picture to a view. */
-
-/* The lens for a picture whose sides are those of the entry times x and y. */
-static sf_optics scaled_lens(const sf_entry *e, double x, double y) {
-    sf_optics lens = e->lens;
-    lens.fx *= x;
-    lens.cx *= x;
-    lens.fy *= y;
-    lens.cy *= y;
-    return lens;
-}
 
 /* A picture that was turned or cropped after its camera was found is not what the camera saw. */
 static sf_status check_shape(const sf_entry *e, sf_picture *p) {
@@ -101,12 +91,16 @@ typedef struct loading {
     const sf_project *project;
     const sf_load_options *options;
     result *results; /* one an entry */
+    sf_picture_plan plan;
+    pthread_mutex_t lock; /* guards free */
+    pthread_cond_t freed;
+    size_t free; /* pictures that may be read now */
 } loading;
 
 /* The camera of the view, and what is known of its lens; r->fault or r->bad_pose says what is wrong. */
 static sf_status find_camera(const loading *l, const sf_entry *e, const sf_picture *p, result *r,
                              sf_optics *lens, sf_camera *camera) {
-    *lens = scaled_lens(e, (double)p->file_width / e->width, (double)p->file_height / e->height);
+    *lens = sf_scaled_lens(e, (double)p->file_width / e->width, (double)p->file_height / e->height);
     *camera = pinhole(e, lens, p);
     r->bad_pose = !sf_optics_is_valid(lens) || sf_camera_check(camera);
     if (r->bad_pose) return SF_OK;
@@ -137,7 +131,7 @@ static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, r
     if (status || r->bad_pose) return status;
     if (r->undistorted) {
         double x = (double)p->file_width / p->divided, y = (double)p->file_height / p->divided;
-        sf_optics decoded = scaled_lens(e, x / e->width, y / e->height);
+        sf_optics decoded = sf_scaled_lens(e, x / e->width, y / e->height);
         status = sf_undistort(l->ctx, &decoded, p);
     }
     if (status) return status;
@@ -147,7 +141,7 @@ static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, r
     fill_view(p, l->options->downscale / p->divided, r->view);
     describe_view(e, &lens, p, r);
     r->hidden = sf_view_is_hidden(r->view);
-    return SF_OK;
+    return l->plan.cache ? sf_view_move_out(r->view, l->plan.cache) : SF_OK;
 }
 
 /* The factor by which a JPEG's sides may be divided while it is decoded. 1 with a mask, which hides single
@@ -192,15 +186,33 @@ static sf_status look_at_picture(const loading *l, const sf_entry *e, sf_picture
     return status;
 }
 
+/* Waits until another picture may be read. */
+static void take_turn(loading *l) {
+    pthread_mutex_lock(&l->lock);
+    while (!l->free) pthread_cond_wait(&l->freed, &l->lock);
+    l->free--;
+    pthread_mutex_unlock(&l->lock);
+}
+
+static void give_turn(loading *l) {
+    pthread_mutex_lock(&l->lock);
+    l->free++;
+    pthread_cond_signal(&l->freed);
+    pthread_mutex_unlock(&l->lock);
+}
+
 static void load_entry(void *arg, size_t task, int thread) {
-    const loading *l = arg;
+    loading *l = arg;
     const sf_entry *e = &l->project->entries[task];
     result *r = &l->results[task];
     sf_picture p;
     (void)thread;
     r->bad_pose = e->bad_pose;
     if (r->bad_pose || atomic_load(&l->ctx->loads_cancelled)) return;
+    if (l->plan.cache && sf_pixel_cache_fault(l->plan.cache)) return;
+    take_turn(l);
     r->status = (l->options->no_pixels ? look_at_picture : read_picture)(l, e, &p, r);
+    give_turn(l);
 }
 
 /* The scene from what was loaded. */
@@ -224,6 +236,8 @@ static sf_status take_result(const loading *l, size_t i, sf_scene *scene) {
 
 /* What ends the whole, whatever became of other pictures; said again, since those may have failed later. */
 static sf_status fatal_result(const loading *l) {
+    sf_status full = l->plan.cache ? sf_pixel_cache_fault(l->plan.cache) : SF_OK;
+    if (full) return full;
     for (size_t i = 0; i < l->project->count; i++) {
         const char *path = l->project->entries[i].path;
         sf_status status = l->results[i].status;
@@ -356,47 +370,6 @@ static sf_status check_training(const loading *l, const char *path, const sf_sce
         path, p->count, scene->skipped_missing, fault, scene->skipped_pose, scene->view_count);
 }
 
-/* The pictures' size together and of the largest, px: as the cameras have them, or as the files do. */
-static double count_pixels(const loading *l, int of_files, double *largest) {
-    double sum = 0;
-    *largest = 0;
-    for (size_t i = 0; i < l->project->count; i++) {
-        const sf_entry *e = &l->project->entries[i];
-        int width = e->width, height = e->height;
-        if (e->bad_pose || (of_files && sf_picture_size(l->ctx, e->path, &width, &height))) continue;
-        sf_optics lens = scaled_lens(e, (double)width / e->width, (double)height / e->height);
-        sf_undistorted frame = sf_undistort_frame(&lens, width, height);
-        sum += (double)frame.width * frame.height;
-        *largest = fmax(*largest, fmax((double)width * height, (double)frame.width * frame.height));
-    }
-    return sum;
-}
-
-/* What is kept, and what each thread holds of a picture while it is decoded: pixels of 4 bytes, planes, and
- * planes once more where they are resampled. */
-static double bytes_of_pictures(const loading *l, int of_files) {
-    enum { KEPT = 3, AT_WORK = 4 + 3 + 3 };
-    double largest, factor = l->options->downscale, sum = count_pixels(l, of_files, &largest);
-    return KEPT * sum / (factor * factor) + AT_WORK * largest * sf_pool_threads(l->ctx->pool);
-}
-
-/* Pictures that the memory cannot hold are refused before one is read. */
-static sf_status check_memory(const loading *l, const char *path) {
-    const double mega = 1048576;
-    if (l->options->no_pixels) return SF_OK;
-    double budget = (double)sf_memory_budget((uint64_t)l->options->memory),
-           before = (double)sf_memory_resident();
-    /* the files' own sizes, which may be smaller, are looked up only where they matter */
-    if (!(budget > 0) || before + bytes_of_pictures(l, 0) <= budget) return SF_OK;
-    double bytes = bytes_of_pictures(l, 1);
-    if (before + bytes <= budget) return SF_OK;
-    return sf_fail(
-        l->ctx, SF_ERR_MEMORY,
-        "%s: memory: %.0f MB are not enough: the pictures take about %.0f MB beside the %.0f in use "
-        "(downscale makes them smaller)",
-        path, budget / mega, bytes / mega, before / mega);
-}
-
 /* A point beyond floats is left out by the scene, with what is not finite. */
 static sf_status add_points(const sf_project *p, sf_scene *scene) {
     float *xyz = sf_alloc(p->ctx, p->points, 3 * sizeof *xyz);
@@ -407,11 +380,12 @@ static sf_status add_points(const sf_project *p, sf_scene *scene) {
     return status;
 }
 
-static sf_status fill_scene(const loading *l, const char *path, sf_scene *scene) {
+static sf_status fill_scene(loading *l, const char *path, sf_scene *scene) {
     const sf_project *p = l->project;
-    sf_status fits = check_memory(l, path);
+    sf_status fits = sf_plan_pictures(p, l->options, &l->plan);
     if (fits) return fits;
-    sf_pool_run(l->ctx->pool, p->count, load_entry, (void *)l);
+    l->free = l->plan.at_once;
+    sf_pool_run(l->ctx->pool, p->count, load_entry, l);
     if (atomic_load(&l->ctx->loads_cancelled)) return sf_load_cancelled(l->ctx, path);
     sf_status status = fatal_result(l);
     for (size_t i = 0; !status && i < p->count; i++) status = take_result(l, i, scene);
@@ -425,6 +399,8 @@ sf_status sf_project_build(const sf_project *p, const sf_load_options *options, 
     loading l = {.ctx = p->ctx, .project = p, .options = options};
     l.results = sf_calloc(p->ctx, p->count, sizeof *l.results);
     if (!l.results) return SF_ERR_MEMORY;
+    pthread_mutex_init(&l.lock, NULL);
+    pthread_cond_init(&l.freed, NULL);
     sf_status status = sf_scene_create(p->ctx, scene);
     if (!status) {
         (*scene)->kind = p->kind;
@@ -434,6 +410,9 @@ sf_status sf_project_build(const sf_project *p, const sf_load_options *options, 
     }
     for (size_t i = 0; i < p->count; i++)
         if (l.results[i].view) sf_view_release(l.results[i].view);
+    sf_pixel_cache_release(l.plan.cache);
+    pthread_cond_destroy(&l.freed);
+    pthread_mutex_destroy(&l.lock);
     sf_free(p->ctx, l.results);
     return status;
 }

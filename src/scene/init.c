@@ -128,8 +128,10 @@ static sf_status points_of_scene(sf_scene *scene, const sf_view *const *views, s
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
     if (info.points < ENOUGH) return SF_OK;
+    int agree;
     sf_status status = choose_points(scene, options->max_gaussians, c);
-    if (status || sf_points_agree(views, n, c)) return status;
+    if (!status) status = sf_points_agree(scene->ctx, views, n, c, &agree);
+    if (status || agree) return status;
     sf_log(scene->ctx, SF_LOG_WARNING,
            "first: the scene's points are not where the pictures show anything: they are left out (points "
            "takes them)");

@@ -1,4 +1,5 @@
-/* pixels.h - the pixels of a view, for who reads them. */
+/* pixels.h - the pixels of a view, for who reads them: in memory, or from the file that they were moved to.
+ */
 #ifndef SF_SCENE_PIXELS_H
 #define SF_SCENE_PIXELS_H
 
@@ -10,12 +11,17 @@ typedef struct sf_view_pixels {
 } sf_view_pixels;
 
 /* The pixels of a view, valid until sf_view_close. Safe from any thread. SF_ERR_ARGUMENT: they were not read
- * (sf_load_options.no_pixels). */
+ * (sf_load_options.no_pixels). Of a view whose pixels are in a file also SF_ERR_IO, SF_ERR_MEMORY. */
 sf_status sf_view_open(const sf_view *view, sf_view_pixels *pixels);
 void sf_view_close(const sf_view *view, sf_view_pixels *pixels);
 
-/* One pixel of a view whose pixels were read: its colour; returns its weight, 255 where all have full weight.
- */
-uint8_t sf_view_pixel(const sf_view *view, size_t x, size_t y, uint8_t rgb[3]);
+/* The weight of a single pixel, 255 where all have full weight. Errors as sf_view_open. */
+sf_status sf_view_weight(const sf_view *view, size_t x, size_t y, uint8_t *weight);
+
+/* Has the system read the pixels ahead, where they are in a file: the view will be opened soon. */
+void sf_view_expect(const sf_view *view);
+
+/* Moves the pixels of a view that nobody else has yet to the file. Errors as sf_pixel_cache_add. */
+sf_status sf_view_move_out(sf_view *view, sf_pixel_cache *cache);
 
 #endif

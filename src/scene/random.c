@@ -10,22 +10,21 @@
 #include "../base/context.h"
 #include "../base/pool.h"
 #include "../base/statistics.h"
+#include "consistency.h"
 #include "neighbours.h"
 #include "pixels.h"
 
 enum {
-    AROUND = 5,            /* pixels that sample a point's surroundings */
-    SPREAD = 120,          /* their distance is the longest side / SPREAD */
-    DEPTHS = 20,           /* random depths tried for a point */
-    FAR_DEPTHS = 10,       /* likewise, for a far point */
-    LOOKS = 8,             /* views with which its colour is compared */
-    MOST_DRAWN = 64,       /* views drawn to find these: few may see the place */
-    MOST_DIFFERENCE = 120, /* of two colours, the sum over the channels, of 3 x 255 */
-    CELLS = 24,            /* across and down a picture: what a point in them covers */
-    TRIALS = 1000,         /* pixels drawn for one that is not covered; points that are asked about */
-    FEWEST_ASKED = 50,     /* of them that a picture has, to judge by */
-    NO_MATTER = 3 * 2 * AROUND * LOOKS, /* a difference that no depth is better for: 2 levels a value */
-    AS_GOOD = NO_MATTER * 3 / 4,        /* one that says nothing of two depths */
+    DEPTHS = 20,       /* random depths tried for a point */
+    FAR_DEPTHS = 10,   /* likewise, for a far point */
+    BATCH = 4096,      /* points whose colours are read at once */
+    MOST_DRAWN = 64,   /* views drawn to find those that a point's colour is compared with: few may see it */
+    CELLS = 24,        /* across and down a picture: what a point in them covers */
+    TRIALS = 1000,     /* pixels drawn for one that is not covered; points that are asked about */
+    FEWEST_ASKED = 50, /* of them that a picture has, to judge by */
+    NO_MATTER = 3 * 2 * SF_PROBE_PIXELS * SF_PROBE_VIEWS, /* a difference that no depth is better for: 2
+                                                             levels a value */
+    AS_GOOD = NO_MATTER * 3 / 4,                          /* one that says nothing of two depths */
 };
 #define ASIDE    1.25 /* factor by which a covered surface may be farther than a point that does not hide it */
 #define FARTHEST 20   /* a far point's depth, at most, in those of the points beside its pixel */
@@ -39,98 +38,26 @@ enum {
  * right ones. */
 #define LEAST_AGREE 0.3
 
-/* Projects a point to a pixel; returns its camera z, 0 outside the picture. */
-static double pixel_of(const sf_camera *c, const float *xyz, size_t *x, size_t *y) {
-    double q[3];
-    for (int i = 0; i < 3; i++) {
-        q[i] = c->t_cw[i];
-        for (int k = 0; k < 3; k++) q[i] += c->R_cw[3 * i + k] * (double)xyz[k];
-    }
-    double u = c->fx * q[0] / q[2] + c->cx, v = c->fy * q[1] / q[2] + c->cy;
-    if (!(q[2] > 0 && u >= 0 && u < c->width && v >= 0 && v < c->height)) return 0;
-    *x = (size_t)u, *y = (size_t)v;
-    return q[2];
+/* Draws `count` more depths within a factor of 3 of a distance. */
+static void draw_depths(sf_probe *p, double distance, int count, sf_rng *rng) {
+    double nearest = distance / 3, farthest = 3 * distance;
+    for (int i = 0; i < count; i++)
+        p->depths[p->depth_count++] = nearest * pow(farthest / nearest, sf_rng_uniform(rng));
 }
 
-/* The world point at `depth` behind a pixel. */
-static void behind_pixel(const sf_camera *c, size_t x, size_t y, double depth, float *xyz) {
-    double p[3] = {((double)x + 0.5 - c->cx) / c->fx * depth - c->t_cw[0],
-                   ((double)y + 0.5 - c->cy) / c->fy * depth - c->t_cw[1], depth - c->t_cw[2]};
-    for (int k = 0; k < 3; k++)
-        xyz[k] = (float)(c->R_cw[k] * p[0] + c->R_cw[3 + k] * p[1] + c->R_cw[6 + k] * p[2]);
+static void ask_anybody(sf_probe *p, size_t n, sf_rng *rng) {
+    for (int k = 0; k < SF_PROBE_VIEWS; k++) p->others[k] = (uint32_t)sf_rng_below(rng, n);
 }
 
-/* Whether a pixel has a weight: masked pixels do not. */
-static int counts(const sf_view *view, size_t x, size_t y) {
-    uint8_t rgb[3];
-    return !view->has_weight || sf_view_pixel(view, x, y, rgb) > 0;
-}
-
-/* Difference of the colour from that of a view at the point, at most MOST_DIFFERENCE, since something may
- * occlude the point; MOST_DIFFERENCE also if the view does not see it. */
-static int difference(const sf_view *view, const float *xyz, const uint8_t *rgb) {
+/* Draws views that see the point at a depth and can tell it from others; any views if hardly one does. */
+static void ask_witnesses(sf_probe *p, const sf_view *const *views, size_t n, double depth, sf_rng *rng) {
+    float point[3];
     size_t x, y;
-    uint8_t there[3];
-    int sum = 0;
-    if (!(pixel_of(&view->camera, xyz, &x, &y) > 0)) return MOST_DIFFERENCE;
-    if (!sf_view_pixel(view, x, y, there)) return MOST_DIFFERENCE;
-    for (int k = 0; k < 3; k++) sum += abs((int)there[k] - (int)rgb[k]);
-    return sum < MOST_DIFFERENCE ? sum : MOST_DIFFERENCE;
-}
-
-static size_t clamped(int at, int size) { return (size_t)(at < 0 ? 0 : at < size ? at : size - 1); }
-
-/* A pixel and a few around it, and the views with which their colours are compared. */
-typedef struct question {
-    const sf_view *view, *others[LOOKS];
-    size_t xs[AROUND], ys[AROUND];
-    uint8_t colors[AROUND][3];
-    double nearest, farthest; /* range of depths to search, world units */
-} question;
-
-static question ask(const sf_view *view, size_t x, size_t y) {
-    static const int across[AROUND] = {0, 1, -1, 0, 0}, down[AROUND] = {0, 0, 0, 1, -1};
-    const sf_camera *c = &view->camera;
-    question q = {.view = view};
-    int step = 1 + (c->width > c->height ? c->width : c->height) / SPREAD;
-    for (int i = 0; i < AROUND; i++) {
-        q.xs[i] = clamped((int)x + step * across[i], c->width);
-        q.ys[i] = clamped((int)y + step * down[i], c->height);
-        if (!counts(view, q.xs[i], q.ys[i]))
-            q.xs[i] = x, q.ys[i] = y; /* a masked pixel is replaced by the central one */
-        (void)sf_view_pixel(view, q.xs[i], q.ys[i], q.colors[i]);
-    }
-    return q;
-}
-
-/* Sum of the colour differences to the other views at a depth; xyz: the point at that depth. */
-static int answer(const question *q, double depth, float xyz[3]) {
-    float p[AROUND][3];
-    int sum = 0;
-    for (int i = 0; i < AROUND; i++) {
-        behind_pixel(&q->view->camera, q->xs[i], q->ys[i], depth, p[i]);
-        for (int k = 0; k < LOOKS; k++) sum += difference(q->others[k], p[i], q->colors[i]);
-    }
-    memcpy(xyz, p[0], sizeof p[0]);
-    return sum;
-}
-
-/* Sets the range of depths around a distance. */
-static void ask_about(question *q, double distance) { q->nearest = distance / 3, q->farthest = 3 * distance; }
-
-static void ask_anybody(question *q, const sf_view *const *views, size_t n, sf_rng *rng) {
-    for (int k = 0; k < LOOKS; k++) q->others[k] = views[sf_rng_below(rng, n)];
-}
-
-/* Draws views that see the point at the middle of the depth range and can tell its depths apart; any views if
- * hardly one does. */
-static void ask_witnesses(question *q, const sf_view *const *views, size_t n, sf_rng *rng) {
-    float middle[3];
-    size_t x, y;
-    behind_pixel(&q->view->camera, q->xs[0], q->ys[0], sqrt(q->nearest * q->farthest), middle);
-    for (int trial = 0, found = 0; found < LOOKS; trial++) {
-        const sf_view *other = views[sf_rng_below(rng, n)];
-        if (trial >= MOST_DRAWN || pixel_of(&other->camera, middle, &x, &y) > 0) q->others[found++] = other;
+    sf_behind_pixel(&views[p->view]->camera, p->x, p->y, depth, point);
+    for (int trial = 0, found = 0; found < SF_PROBE_VIEWS; trial++) {
+        uint32_t other = (uint32_t)sf_rng_below(rng, n);
+        if (trial >= MOST_DRAWN || sf_pixel_of(&views[other]->camera, point, &x, &y) > 0)
+            p->others[found++] = other;
     }
 }
 
@@ -166,27 +93,23 @@ static int is_beside_camera(const cover *c, size_t i, const float *xyz) {
 static size_t hides(const cover *c, const float *xyz, size_t most) {
     size_t count = 0, x, y;
     for (size_t i = 0; i < c->n && count < most; i++) {
-        double z = pixel_of(&c->views[i]->camera, xyz, &x, &y);
+        double z = sf_pixel_of(&c->views[i]->camera, xyz, &x, &y);
         count += (z > 0 && z * ASIDE < (double)depth_at(c, i, x, y)) || is_beside_camera(c, i, xyz);
     }
     return count;
 }
 
-/* The least difference at a few random depths of the range. Of depths that are equally good it takes the
+/* The least difference of the probe's depths from `first` on. Of depths that are equally good it takes the
  * farthest: a point in front of a wall without texture fits the view it is close to, and occludes others. */
-static int best_answer(const question *q, sf_rng *rng, float *xyz) {
-    int sums[DEPTHS], least = INT_MAX;
-    double depths[DEPTHS], farthest = 0;
-    float points[DEPTHS][3];
-    for (int trial = 0; trial < DEPTHS; trial++) {
-        depths[trial] = q->nearest * pow(q->farthest / q->nearest, sf_rng_uniform(rng));
-        sums[trial] = answer(q, depths[trial], points[trial]);
-        if (sums[trial] < least) least = sums[trial];
-    }
-    for (int trial = 0; trial < DEPTHS; trial++) {
-        if (sums[trial] > least + AS_GOOD || depths[trial] <= farthest) continue;
-        farthest = depths[trial];
-        memcpy(xyz, points[trial], sizeof points[trial]);
+static int best_depth(const sf_probe *p, size_t first, float *xyz) {
+    int least = INT_MAX;
+    double farthest = 0;
+    for (size_t d = first; d < p->depth_count; d++)
+        if (p->sums[d] < least) least = p->sums[d];
+    for (size_t d = first; d < p->depth_count; d++) {
+        if (p->sums[d] > least + AS_GOOD || p->depths[d] <= farthest) continue;
+        farthest = p->depths[d];
+        memcpy(xyz, p->points[d][0], sizeof p->points[d][0]);
     }
     return least;
 }
@@ -208,7 +131,7 @@ static void cover_task(void *pointer, size_t i, int thread) {
     double covered[CELLS * CELLS];
     size_t n = 0, x, y;
     for (size_t k = 0; k < job->cloud->n; k++) {
-        double z = pixel_of(camera, job->cloud->xyz + 3 * k, &x, &y);
+        double z = sf_pixel_of(camera, job->cloud->xyz + 3 * k, &x, &y);
         if (!(z > 0 && z <= job->farthest)) continue;
         size_t at = cell_of(camera, x, y);
         depths[at] += (float)z, number[at]++;
@@ -247,28 +170,80 @@ static double depth_beside(const cover *c, size_t view, size_t x, size_t y) {
 
 /* A point behind a pixel, between what is known beside it, at `depth`, and FARTHEST times as far, with an
  * evenly distributed inverse depth: of a few, the first that hides nothing, or the one that hides least. */
-static void far_point(const cover *c, const question *q, double depth, sf_rng *rng, float *xyz) {
+static void far_point(const cover *c, const sf_probe *q, double depth, sf_rng *rng, float *xyz) {
     size_t least = SIZE_MAX;
     for (int trial = 0; trial < FAR_DEPTHS && least; trial++) {
         float p[3];
         double nearness = 1 - (1 - 1.0 / FARTHEST) * sf_rng_uniform(rng);
-        behind_pixel(&q->view->camera, q->xs[0], q->ys[0], depth / nearness, p);
+        sf_behind_pixel(&c->views[q->view]->camera, q->x, q->y, depth / nearness, p);
         size_t hidden = hides(c, p, least);
         if (hidden < least) least = hidden, memcpy(xyz, p, sizeof p);
     }
 }
 
-/* Finds a random pixel of a random view that is neither covered nor masked; returns the view's index, c->n if
- * none was found. */
-static size_t random_pixel(const cover *c, sf_rng *rng, size_t *x, size_t *y) {
+/* Finds a random pixel of a random view that is neither covered nor masked; p->view is c->n if none was
+ * found. */
+static sf_status random_pixel(const cover *c, sf_rng *rng, sf_probe *p) {
     for (int trial = 0; trial < TRIALS; trial++) {
         size_t i = (size_t)sf_rng_below(rng, c->n);
         const sf_camera *camera = &c->views[i]->camera;
-        *x = (size_t)sf_rng_below(rng, (uint64_t)camera->width);
-        *y = (size_t)sf_rng_below(rng, (uint64_t)camera->height);
-        if (!(depth_at(c, i, *x, *y) > 0) && counts(c->views[i], *x, *y)) return i;
+        uint8_t weight;
+        p->view = (uint32_t)i, p->depth_count = 0;
+        p->x = (size_t)sf_rng_below(rng, (uint64_t)camera->width);
+        p->y = (size_t)sf_rng_below(rng, (uint64_t)camera->height);
+        if (depth_at(c, i, p->x, p->y) > 0) continue;
+        sf_status status = sf_view_weight(c->views[i], p->x, p->y, &weight);
+        if (status || weight) return status;
     }
-    return c->n;
+    p->view = (uint32_t)c->n;
+    return SF_OK;
+}
+
+/* What points are made from. */
+typedef struct drawing {
+    sf_context *ctx;
+    const cover *cover;
+    const double *distances; /* [n] that the views look at */
+    int known;               /* the cloud had points */
+    sf_rng *rng;
+    sf_probe *probes; /* [BATCH] */
+} drawing;
+
+/* Draws up to `most` pixels, and what is asked about them; far points at once, to xyz [most][3]. Fewer, where
+ * there are hardly any pixels left. */
+static sf_status draw_probes(const drawing *d, size_t most, float *xyz, size_t *count) {
+    const cover *c = d->cover;
+    for (*count = 0; *count < most; ++*count) {
+        sf_probe *p = &d->probes[*count];
+        sf_status status = random_pixel(c, d->rng, p);
+        if (status || p->view == c->n) return status;
+        if (d->known) {
+            double beside = depth_beside(c, p->view, p->x, p->y);
+            far_point(c, p, beside > 0 ? beside : d->distances[p->view], d->rng, xyz + 3 * *count);
+        } else {
+            ask_anybody(p, c->n, d->rng); /* the range of depths is only a guess */
+            draw_depths(p, d->distances[p->view], DEPTHS, d->rng);
+        }
+    }
+    return SF_OK;
+}
+
+static sf_status draw_points(const drawing *d, size_t wanted, sf_cloud *cloud) {
+    sf_status status = SF_OK;
+    for (size_t drawn = BATCH, most; drawn == BATCH && cloud->n < wanted && !status;) {
+        const sf_view *const *views = d->cover->views;
+        size_t n = d->cover->n;
+        float *xyz = cloud->xyz + 3 * cloud->n;
+        most = wanted - cloud->n < BATCH ? wanted - cloud->n : BATCH;
+        status = draw_probes(d, most, xyz, &drawn);
+        if (!status) status = sf_probe_colors(d->ctx, views, n, d->probes, drawn);
+        if (!status && !d->known) status = sf_probe_compare(d->ctx, views, n, d->probes, drawn);
+        for (size_t i = 0; i < drawn && !status; i++) {
+            if (!d->known) (void)best_depth(&d->probes[i], 0, xyz + 3 * i);
+            memcpy(cloud->rgb + 3 * cloud->n++, d->probes[i].colors[0], sizeof d->probes[i].colors[0]);
+        }
+    }
+    return status;
 }
 
 sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t n, size_t count,
@@ -277,32 +252,22 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
     double *distances = sf_alloc(ctx, n, sizeof *distances);
     cover c = {views, n, sf_calloc(ctx, n, CELLS * CELLS * sizeof *c.depths),
                sf_calloc(ctx, n, sizeof *c.nearest), sf_calloc(ctx, 3 * n, sizeof *c.centers)};
-    size_t *open = sf_alloc(ctx, n, sizeof *open);
-    sf_status status =
-        cameras && distances && c.depths && c.nearest && c.centers && open ? SF_OK : SF_ERR_MEMORY;
+    size_t *open = sf_alloc(ctx, n, sizeof *open), had = cloud->n;
+    drawing d = {ctx, &c, distances, had > 0, rng, sf_alloc(ctx, BATCH, sizeof *d.probes)};
+    sf_status status = cameras && distances && c.depths && c.nearest && c.centers && open && d.probes
+                           ? SF_OK
+                           : SF_ERR_MEMORY;
     if (!status) {
         for (size_t i = 0; i < n; i++) {
             cameras[i] = &views[i]->camera;
             sf_camera_center(cameras[i], c.centers + 3 * i);
         }
         sf_look_distances(cameras, n, extent, distances);
-        int known = cloud->n > 0;
         double uncovered = find_cover(ctx->pool, &c, cloud, extent, open);
-        size_t wanted = cloud->n + (size_t)((double)count * uncovered), x, y, i;
-        for (; cloud->n < wanted && (i = random_pixel(&c, rng, &x, &y)) < n; cloud->n++) {
-            question q = ask(views[i], x, y);
-            double beside = depth_beside(&c, i, x, y);
-            float *xyz = cloud->xyz + 3 * cloud->n;
-            if (known) {
-                far_point(&c, &q, beside > 0 ? beside : distances[i], rng, xyz);
-            } else {
-                ask_about(&q, distances[i]);
-                ask_anybody(&q, views, n, rng); /* the range of depths is only a guess */
-                (void)best_answer(&q, rng, xyz);
-            }
-            memcpy(cloud->rgb + 3 * cloud->n, q.colors[0], sizeof q.colors[0]);
-        }
+        status = draw_points(&d, had + (size_t)((double)count * uncovered), cloud);
     }
+    if (status) cloud->n = had;
+    sf_free(ctx, d.probes);
     sf_free(ctx, open);
     sf_free(ctx, c.centers);
     sf_free(ctx, c.nearest);
@@ -312,22 +277,43 @@ sf_status sf_random_points(sf_context *ctx, const sf_view *const *views, size_t 
     return status;
 }
 
-int sf_points_agree(const sf_view *const *views, size_t n, const sf_cloud *cloud) {
+/* What is asked about a random sample of the points: the depth of each, and random ones. */
+static sf_status ask_about_points(const sf_view *const *views, size_t n, const sf_cloud *cloud,
+                                  sf_probe *probes, size_t *count) {
     sf_rng rng;
-    size_t asked = 0, agree = 0;
+    *count = 0;
     sf_rng_seed(&rng, 1);
     for (int trial = 0; trial < TRIALS && cloud->n; trial++) {
         const float *xyz = cloud->xyz + 3 * sf_rng_below(&rng, cloud->n);
-        const sf_view *view = views[sf_rng_below(&rng, n)];
-        size_t x, y;
-        float at[3];
-        double depth = pixel_of(&view->camera, xyz, &x, &y);
-        if (!(depth > 0) || !counts(view, x, y)) continue;
-        question q = ask(view, x, y);
-        ask_about(&q, depth);
-        ask_witnesses(&q, views, n, &rng);
-        agree += answer(&q, depth, at) <= best_answer(&q, &rng, at) + NO_MATTER;
-        asked++;
+        sf_probe *p = &probes[*count];
+        uint8_t weight;
+        p->view = (uint32_t)sf_rng_below(&rng, n), p->depth_count = 1;
+        p->depths[0] = sf_pixel_of(&views[p->view]->camera, xyz, &p->x, &p->y);
+        if (!(p->depths[0] > 0)) continue;
+        sf_status status = sf_view_weight(views[p->view], p->x, p->y, &weight);
+        if (status) return status;
+        if (!weight) continue;
+        double nearest = p->depths[0] / 3, farthest = 3 * p->depths[0];
+        ask_witnesses(p, views, n, sqrt(nearest * farthest), &rng);
+        draw_depths(p, p->depths[0], DEPTHS, &rng);
+        ++*count;
     }
-    return asked < FEWEST_ASKED || (double)agree >= LEAST_AGREE * (double)asked;
+    return SF_OK;
+}
+
+sf_status sf_points_agree(sf_context *ctx, const sf_view *const *views, size_t n, const sf_cloud *cloud,
+                          int *do_agree) {
+    size_t asked = 0, agree = 0;
+    sf_probe *probes = sf_alloc(ctx, TRIALS, sizeof *probes);
+    if (!probes) return SF_ERR_MEMORY;
+    sf_status status = ask_about_points(views, n, cloud, probes, &asked);
+    if (!status) status = sf_probe_colors(ctx, views, n, probes, asked);
+    if (!status) status = sf_probe_compare(ctx, views, n, probes, asked);
+    for (size_t i = 0; i < asked && !status; i++) {
+        float at[3];
+        agree += probes[i].sums[0] <= best_depth(&probes[i], 1, at) + NO_MATTER;
+    }
+    sf_free(ctx, probes);
+    *do_agree = asked < FEWEST_ASKED || (double)agree >= LEAST_AGREE * (double)asked;
+    return status;
 }

@@ -51,20 +51,9 @@ sf_view *sf_view_retain(sf_view *view) {
 
 int sf_view_is_hidden(const sf_view *view) {
     size_t pixels = (size_t)view->camera.width * (size_t)view->camera.height, i = 0;
+    if (view->cache) return view->hidden;
     while (view->weight && i < pixels && !view->weight[i]) i++;
     return view->weight && i == pixels;
-}
-
-uint64_t sf_scene_unread_bytes(sf_scene *scene) {
-    uint64_t bytes = 0;
-    pthread_mutex_lock(&scene->lock);
-    for (size_t i = 0; i < scene->view_count; i++) {
-        const sf_view *v = scene->views[i];
-        uint64_t pixels = (uint64_t)v->camera.width * (uint64_t)v->camera.height;
-        if (!v->rgb) bytes += pixels * (v->has_weight ? 4 : 3);
-    }
-    pthread_mutex_unlock(&scene->lock);
-    return bytes;
 }
 
 void sf_view_release(sf_view *view) {
@@ -73,6 +62,7 @@ void sf_view_release(sf_view *view) {
     sf_free(ctx, view->name);
     sf_free(ctx, view->rgb);
     sf_free(ctx, view->weight);
+    sf_pixel_cache_release(view->cache);
     sf_free(ctx, view);
 }
 
@@ -180,6 +170,11 @@ static sf_status copy_view(sf_view *from, const sf_camera *camera, sf_view **out
     sf_view *to = *out;
     to->id = from->id, to->lens = from->lens, to->masked = from->masked, to->alpha = from->alpha;
     to->has_weight = from->has_weight;
+    if (from->cache) {
+        to->cache = sf_pixel_cache_retain(from->cache);
+        to->cached_at = from->cached_at, to->hidden = from->hidden;
+        atomic_store(&to->hash, atomic_load(&from->hash));
+    }
     if (to->rgb) memcpy(to->rgb, from->rgb, 3 * pixels);
     if (to->weight) memcpy(to->weight, from->weight, pixels);
     return SF_OK;

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 
 #include "../base/context.h"
+#include "pixel_cache.h"
 
 #include <splatfit/scene.h>
 
@@ -30,7 +31,10 @@ typedef struct sf_view {
     uint8_t *rgb;               /* [3][height][width], 8-bit sRGB values, planar */
     uint8_t *weight;            /* [height][width], 255 is full weight; NULL: all have it */
     int has_weight;             /* whether there is a weight, or would be: rgb and weight are NULL in a view
-                                   whose pixels were not read (sf_load_options.no_pixels) */
+                                   whose pixels are in a file, or were not read (sf_load_options.no_pixels) */
+    sf_pixel_cache *cache;      /* the file; NULL: none */
+    uint64_t cached_at;         /* the pixels' name there */
+    int hidden;                 /* of a view whose pixels are in a file: as sf_view_is_hidden says */
     atomic_uint_least64_t hash; /* of rgb and weight, made when first asked for; 0: not yet */
 } sf_view;
 
@@ -62,8 +66,11 @@ sf_status sf_view_create_bare(sf_context *ctx, const char *name, const sf_camera
 sf_view *sf_view_retain(sf_view *view);
 void sf_view_release(sf_view *view);
 
-/* Bytes of the pictures whose pixels were not read (sf_load_options.no_pixels). */
-uint64_t sf_scene_unread_bytes(sf_scene *scene);
+/* Whether the pixels of a view were not read (sf_load_options.no_pixels). */
+int sf_scene_is_unread(sf_scene *scene);
+/* Bytes that pixels will take beyond those that they take now: of buffers, and of pictures that were not
+ * read, as a load within `budget` (0: not known) would keep them. */
+uint64_t sf_scene_missing_bytes(sf_scene *scene, uint64_t budget);
 
 /* Whether no pixel of the view counts: a mask or transparency hides all. */
 int sf_view_is_hidden(const sf_view *view);
