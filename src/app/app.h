@@ -68,7 +68,8 @@ int app_render_options(const args *a, sf_render_options *options);
 int app_split_wants(const args *a, const char *otherwise, sf_split split);
 int app_split_check(const args *a);
 
-/* hyper.c: sets those hyperparameters that the command line names; 0 or an exit code. All of them as JSON. */
+/* hyperparameters.c: sets those hyperparameters that the command line names; 0 or an exit code. All of them
+ * as JSON. */
 int app_fit_options(const args *a, sf_context *ctx, sf_fit_options *options);
 json_t *app_options_json(const sf_fit_options *options);
 
@@ -181,9 +182,9 @@ sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *v
  * stays. 0 or an exit code. */
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project);
 
-/* facts.c: what a model takes, into the result of a log: gaussians, parameters (floats that describe it),
- * sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be NULL)
- * is a regular one. */
+/* model_size.c: what a model takes, into the result of a log: gaussians, parameters (floats that describe
+ * it), sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be
+ * NULL) is a regular one. */
 void app_log_model(json_t *result, const sf_model *model, const char *path);
 /* Adds "origin" to an object where coordinates are relative to one, not to 0. */
 void app_json_origin(json_t *to, const double origin[3]);

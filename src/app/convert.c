@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 
 #include "compare.h"
-#include "motion.h"
+#include "model_transform.h"
 
 static const arg_option own_options[] = {
     {"sh-degree", 0, "N", "leave out the SH bands above N, 0..3"},
@@ -96,7 +96,7 @@ static int check_result(const args *a, sf_context *ctx, const sf_model_file_opti
 static int convert(const args *a, sf_context *ctx, conversion *c) {
     sf_model_file_options options;
     int error = read_options(a, &options), moved = 0;
-    if (!error) error = motion_apply(a, ctx, NULL, &moved);
+    if (!error) error = model_transform_apply(a, ctx, NULL, &moved);
     if (!error && moved && c->project) {
         app_say(a, c->project,
                 "its views do not see the model where --up, --rotate, --scale or --move put it");
@@ -106,7 +106,7 @@ static int convert(const args *a, sf_context *ctx, conversion *c) {
     if (!error) error = app_check_model(a, ctx, c->out);
     if (!error && json) error = app_check_output(a, json);
     if (!error) error = app_load_model(a, ctx, c->in, &c->model);
-    if (!error) error = motion_apply(a, ctx, c->model, &moved);
+    if (!error) error = model_transform_apply(a, ctx, c->model, &moved);
     if (!error && sf_model_save_as(c->model, c->out, &options)) error = app_fail(a, ctx);
     /* What went down a pipe cannot be read again. */
     return error || bytes_of(c->out) < 0 ? error : check_result(a, ctx, &options, c);
@@ -124,9 +124,9 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,          model_options,  world_options,
-                                           compensation_options, motion_options, compare_options,
-                                           load_options,         common_options, NULL};
+static const arg_option *const tables[] = {own_options,          model_options,           world_options,
+                                           compensation_options, model_transform_options, compare_options,
+                                           load_options,         common_options,          NULL};
 
 const command command_convert = {
     .name = "convert",

@@ -3,7 +3,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "shots.h"
+#include "camera_path.h"
 
 static const arg_option own_options[] = {
     {"json", 0, "FILE", "also write psnr, ssim, gaussians, bytes and views[] as JSON"},
@@ -78,7 +78,7 @@ static int load_cameras(const args *a, sf_context *ctx, sf_scene *scene, refined
     double from[3], to[3];
     if (sf_cameras_load(ctx, path, &r->cameras, &r->count, from)) return app_fail(a, ctx);
     sf_scene_get_origin(scene, to);
-    for (size_t i = 0; i < r->count; i++) shots_change_origin(&r->cameras[i], from, to);
+    for (size_t i = 0; i < r->count; i++) camera_path_change_origin(&r->cameras[i], from, to);
     sf_scene_get_info(scene, &info);
     int same = r->count == info.views;
     for (size_t i = 0; same && i < r->count; i++)

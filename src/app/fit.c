@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "watch.h"
+#include "training_log.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE",
@@ -56,7 +56,7 @@ typedef struct fit_run {
     sf_fitter *fitter;
     sf_fit_options options; /* as asked; the fitter has those in force: its max_gaussians may be lower */
     progress_line line;
-    watch watch;
+    training_log training;
     int stopped;      /* the number of the signal that ended the run early; 0: none */
     double seconds;   /* that the steps took */
     evaluation train; /* of --eval-train */
@@ -107,7 +107,7 @@ static int read_options(fit_run *r) {
     }
     r->checkpoint_every = 60;
     int error = args_int(r->a, "checkpoint-every", 0, 1000000000, &r->checkpoint_every);
-    return error ? error : watch_read(&r->watch);
+    return error ? error : training_log_read(&r->training);
 }
 
 /* A checkpoint that cannot be written leaves the last one, and is tried again in time; what is wrong is said
@@ -127,7 +127,7 @@ static void write_checkpoint(fit_run *r, const sf_fit_progress *p) {
 static void on_progress(void *user, const sf_fit_progress *p) {
     fit_run *r = user;
     progress_show(&r->line, p, 0);
-    watch_step(&r->watch, p);
+    training_log_step(&r->training, p);
     if (p->seconds >= r->next_checkpoint) write_checkpoint(r, p);
 }
 
@@ -193,7 +193,7 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         "warm_start", p.warm_start, "plan", replay_plan_json(r->fitter), "result", result);
     sf_model *model = NULL;
     sf_status status = sf_fitter_snapshot(r->fitter, &model);
-    if (log) watch_log(&r->watch, log, status ? NULL : model, e);
+    if (log) training_log_write(&r->training, log, status ? NULL : model, e);
     sf_model_destroy(&model);
     return log;
 }
@@ -222,7 +222,7 @@ static int write_comparison(const fit_run *r) {
     const char *path = app_output(r->a, "compare");
     if (!path) return 0;
     sf_view_info view;
-    if (watch_first_held_out(r->scene, &view)) return app_fail(r->a, r->ctx);
+    if (training_log_first_held_out(r->scene, &view)) return app_fail(r->a, r->ctx);
     return app_write_pair(r->ctx, r->scene, &view, draw, r->fitter, path) ? app_fail(r->a, r->ctx) : 0;
 }
 
@@ -249,7 +249,7 @@ static int evaluate(fit_run *r, const char *split, evaluation *e) {
     e->progress = on_evaluated;
     e->user = &line;
     r->line.last = 0;
-    sf_status status = watch_evaluate(&r->watch, split, e);
+    sf_status status = training_log_evaluate(&r->training, split, e);
     progress_break(&r->line);
     if (status == SF_ERR_CANCELLED) r->stopped = app_stopped_by(), e->views = 0;
     return status && status != SF_ERR_CANCELLED ? app_fail(r->a, r->ctx) : 0;
@@ -325,7 +325,7 @@ static int finish(fit_run *r) {
 /* The time limit is the program's: what reading the pictures took is gone. */
 static void count_setup(fit_run *r) {
     if (args_value(r->a, "resume") || r->replay || !(r->options.time_limit > 0)) return;
-    double left = r->options.time_limit - watch_seconds(&r->watch);
+    double left = r->options.time_limit - training_log_seconds(&r->training);
     r->options.time_limit =
         left > LEAST_TIME * r->options.time_limit ? left : LEAST_TIME * r->options.time_limit;
 }
@@ -382,7 +382,7 @@ static int prepare(fit_run *r) {
     if (!error && r->replay && lowered(r))
         error = app_say(r->a, "memory", "too little for the max_gaussians of the run that is repeated");
     if (!error && r->replay) error = replay_follow(r->a, r->ctx, r->replay, r->fitter);
-    if (!error) error = watch_start(&r->watch, r->ctx, r->scene, r->fitter, draw);
+    if (!error) error = training_log_start(&r->training, r->ctx, r->scene, r->fitter, draw);
     sf_model_destroy(&from);
     return error;
 }
@@ -420,7 +420,7 @@ static void announce(const fit_run *r) {
 static int run(const args *a) {
     const char *output = args_value(a, "output");
     fit_run r = {.a = a, .output = output ? output : FIT_OUTPUT};
-    watch_begin(&r.watch, a);
+    training_log_begin(&r.training, a);
     r.out = strcmp(r.output, "-") ? stdout : stderr;
     int error = prepare(&r);
     if (!error) {
@@ -433,10 +433,10 @@ static int run(const args *a) {
         r.seconds = p.seconds;
         progress_show(&r.line, &p, 1);
         progress_break(&r.line);
-        watch_stop(&r.watch, &p);
+        training_log_stop(&r.training, &p);
         if (status == SF_ERR_CANCELLED)
             r.stopped = app_stopped_by();
-        else if (status || r.watch.status)
+        else if (status || r.training.status)
             error = app_fail(a, r.ctx);
         write_checkpoint(&r, &p);
         int saved = finish(&r); /* also after a failure: what was fitted so far is kept */
@@ -445,7 +445,7 @@ static int run(const args *a) {
     }
     running = NULL;
     json_decref(r.train.list);
-    watch_free(&r.watch);
+    training_log_free(&r.training);
     json_decref(r.replay);
     sf_fitter_destroy(&r.fitter);
     sf_scene_destroy(&r.scene);
@@ -453,8 +453,8 @@ static int run(const args *a) {
     return error;
 }
 
-static const arg_option *const tables[] = {own_options,  watch_options,  model_options, world_options,
-                                           load_options, common_options, NULL};
+static const arg_option *const tables[] = {own_options,  training_log_options, model_options, world_options,
+                                           load_options, common_options,       NULL};
 
 const command command_fit = {
     .name = "fit",

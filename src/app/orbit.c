@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "motion.h"
-#include "shots.h"
+#include "model_transform.h"
+#include "camera_path.h"
 
 /* Defaults if no camera of the model is known. */
 #define RADII     2.0  /* of the model's, from its middle */
@@ -31,7 +31,7 @@ static void cross(const double a[3], const double b[3], double c[3]) {
     for (int k = 0; k < 3; k++) c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
 
-void shots_look(const double from[3], const double at[3], const double up[3], sf_camera *c) {
+void camera_path_look_at(const double from[3], const double at[3], const double up[3], sf_camera *c) {
     double right[3], down[3], ahead[3];
     for (int k = 0; k < 3; k++) ahead[k] = at[k] - from[k];
     if (!normalize(ahead)) ahead[0] = ahead[1] = 0, ahead[2] = 1;
@@ -56,7 +56,7 @@ void shots_look(const double from[3], const double at[3], const double up[3], sf
 static int find_up(const args *a, const sf_model_bounds *b, const sf_camera *known, size_t count,
                    double up[3]) {
     const char *text = args_value(a, "up");
-    if (text) return motion_up(a, text, up);
+    if (text) return model_transform_up(a, text, up);
     up[0] = up[1] = up[2] = 0;
     for (size_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++) up[k] -= known[i].R_cw[3 + k];
@@ -114,7 +114,7 @@ static int read_orbit(const args *a, sf_context *ctx, const sf_model *model, con
     int error = find_up(a, &b, known, count, o->up), around = 0;
     if (!error) find_start(known, count, o);
     if (!error && count) error = as_known(a, known, count, o);
-    if (!error && !count) error = shots_middle(a, ctx, model, axes, o->center, &around);
+    if (!error && !count) error = camera_path_find_center(a, ctx, model, axes, o->center, &around);
     if (around) o->distance = o->elevation = 0;
     double degrees = o->elevation / degree;
     if (!error) error = args_numbers(a, "elevation", 1, &degrees);
@@ -130,8 +130,8 @@ static int read_orbit(const args *a, sf_context *ctx, const sf_model *model, con
     return error;
 }
 
-int shots_orbit(const args *a, sf_context *ctx, const sf_model *model, const sf_camera *known,
-                size_t known_count, shots *s) {
+int camera_path_orbit(const args *a, sf_context *ctx, const sf_model *model, const sf_camera *known,
+                      size_t known_count, camera_path *s) {
     orbit o;
     double radius = 1;
     int error = read_orbit(a, ctx, model, known, known_count, &o, &radius);
@@ -145,7 +145,7 @@ int shots_orbit(const args *a, sf_context *ctx, const sf_model *model, const sf_
             from[k] = o.center[k] + o.distance * out[k];
             out[k] += o.center[k];
         }
-        shots_look(from, o.distance > 0 ? o.center : out, o.up, &s->cameras[i]);
+        camera_path_look_at(from, o.distance > 0 ? o.center : out, o.up, &s->cameras[i]);
     }
     return 0;
 }

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "watch.h"
+#include "training_log.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "FILE", "the model to write"},
@@ -39,7 +39,7 @@ typedef struct prune_run {
     sf_prune_result result;
     app_drawer drawer;
     figures before, after;
-    watch watch;
+    training_log training;
 } prune_run;
 
 static int wrong(const prune_run *r, const char *option, const char *text, const char *what) {
@@ -97,7 +97,7 @@ static int look(prune_run *r, const sf_model *model, const char *path, figures *
     app_log_model(f->facts, model, path);
     sf_status status = app_evaluate(r->ctx, r->scene, r->a, "train", app_draw_model, &r->drawer, &f->train);
     if (!status) status = app_evaluate(r->ctx, r->scene, r->a, "test", app_draw_model, &r->drawer, &f->test);
-    r->watch.looking += app_seconds() - began;
+    r->training.evaluating += app_seconds() - began;
     return status ? app_fail(r->a, r->ctx) : 0;
 }
 
@@ -149,7 +149,7 @@ static int write_log(prune_run *r) {
                             "scene", "options", "loss", o->loss, "to", (json_int_t)o->keep, "random",
                             o->random, "keep_sh", o->keep_sh, "refit", (json_int_t)o->refit_steps, "seed",
                             (json_int_t)o->seed, "result", result);
-    if (log) watch_log(&r->watch, log, r->pruned, &r->after.test);
+    if (log) training_log_write(&r->training, log, r->pruned, &r->after.test);
     return app_write_json(r->a, r->ctx, path, log);
 }
 
@@ -170,7 +170,7 @@ static int prepare(prune_run *r) {
     if (!error) sf_scene_place_model(r->scene, r->model);
     if (!error) error = app_render_options(a, &r->drawer.options);
     if (!error && sf_renderer_create(r->ctx, &r->drawer.renderer)) error = app_fail(a, r->ctx);
-    if (!error) error = watch_start(&r->watch, r->ctx, r->scene, NULL, app_draw_model);
+    if (!error) error = training_log_start(&r->training, r->ctx, r->scene, NULL, app_draw_model);
     r->options.render = r->drawer.options;
     return error;
 }
@@ -185,7 +185,7 @@ static int prune(prune_run *r) {
     sf_fit_progress end = {.step = r->options.refit_steps,
                            .gaussians = sf_model_count(r->pruned),
                            .sh_degree = sf_model_sh_degree(r->pruned)};
-    watch_stop(&r->watch, &end);
+    training_log_stop(&r->training, &end);
     error = look(r, r->pruned, output, &r->after);
     if (!error) print_result(r);
     return error ? error : write_log(r);
@@ -199,12 +199,12 @@ static void free_figures(figures *f) {
 
 static int run(const args *a) {
     prune_run r = {.a = a, .options = sf_prune_options_default()};
-    watch_begin(&r.watch, a);
+    training_log_begin(&r.training, a);
     int error = prepare(&r);
     if (!error) error = prune(&r);
     free_figures(&r.before);
     free_figures(&r.after);
-    watch_free(&r.watch);
+    training_log_free(&r.training);
     sf_renderer_destroy(&r.drawer.renderer);
     sf_model_destroy(&r.pruned);
     sf_model_destroy(&r.model);

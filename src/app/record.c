@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "list.h"
+#include "json_list.h"
 #include "record_folder.h"
 #include "record_json.h"
 
@@ -51,7 +51,7 @@ struct record {
     candidate best, next; /* of the group; the one that may replace it */
     float *rgb;           /* [height][width][3] */
     size_t rgb_capacity;
-    list_file frames, cameras;
+    json_list frames, cameras;
     int with_cameras;
 
     /* Shared, under `lock`. */
@@ -201,17 +201,17 @@ static void fail_list(record *r, const char *name, int error) {
 }
 
 static void open_lists(record *r) {
-    list_open(&r->frames, r->o.folder, "frames.json", record_head_json(&r->o), "frames");
+    json_list_open(&r->frames, r->o.folder, "frames.json", record_head_json(&r->o), "frames");
     fail_list(r, "frames.json", r->frames.error ? r->frames.error : r->frames.full);
     r->with_cameras = r->o.info.has_poses;
     if (!r->with_cameras) return;
-    list_open(&r->cameras, r->o.folder, "transforms.json", json_pack("{s:s}", "camera_model", "PINHOLE"),
-              "frames");
+    json_list_open(&r->cameras, r->o.folder, "transforms.json", json_pack("{s:s}", "camera_model", "PINHOLE"),
+                   "frames");
     fail_list(r, "transforms.json", r->cameras.error);
 }
 
-static void add_to_list(record *r, list_file *list, json_t *entry) {
-    list_add(list, entry);
+static void add_to_list(record *r, json_list *list, json_t *entry) {
+    json_list_add(list, entry);
     int error = list->error ? list->error : list->full;
     if (error) fail_with(r, list->path ? list->path : r->o.folder, strerror(error));
 }
@@ -437,8 +437,8 @@ static int tell(const record *r) {
 /* Nothing of it stays: there is nothing to keep from the next try. */
 static void give_up_lists(record *r) {
     r->frames.error = r->cameras.error = ECANCELED;
-    list_close(&r->frames, NULL);
-    if (r->with_cameras) list_close(&r->cameras, NULL);
+    json_list_close(&r->frames, NULL);
+    if (r->with_cameras) json_list_close(&r->cameras, NULL);
     rmdir(r->images); /* where it is empty */
 }
 
@@ -448,8 +448,8 @@ static int close_lists(record *r, const sf_source_counts *totals) {
         give_up_lists(r);
         return tell(r);
     }
-    fail_list(r, "frames.json", list_close(&r->frames, record_totals_json(totals, &r->counts)));
-    if (r->with_cameras) fail_list(r, "transforms.json", list_close(&r->cameras, NULL));
+    fail_list(r, "frames.json", json_list_close(&r->frames, record_totals_json(totals, &r->counts)));
+    if (r->with_cameras) fail_list(r, "transforms.json", json_list_close(&r->cameras, NULL));
     return tell(r);
 }
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "pictures.h"
-#include "shots.h"
+#include "camera_path.h"
 
 typedef struct job {
     const args *a;
@@ -13,7 +13,7 @@ typedef struct job {
     sf_scene *scene; /* NULL: none was given */
     sf_renderer *renderer;
     sf_render_options options;
-    shots along;
+    camera_path along;
     pictures to;
 } job;
 
@@ -59,7 +59,7 @@ static int render_path(job *j) {
         error = pictures_add(&j->to, j->renderer, j->model, &j->along.cameras[i], &j->options, name);
     }
     if (error || j->to.streams) return error;
-    char *text = shots_path(&j->along, j->model);
+    char *text = camera_path_lines(&j->along, j->model);
     error = text ? pictures_note(&j->to, "path.txt", text) : app_say(j->a, "path.txt", "out of memory");
     free(text);
     return error;
@@ -68,7 +68,7 @@ static int render_path(job *j) {
 static int render_all(job *j) {
     int path = args_value(j->a, "path") != NULL;
     int error = app_render_options(j->a, &j->options);
-    if (!error && path) error = shots_make(j->a, j->ctx, j->model, j->scene, &j->along);
+    if (!error && path) error = camera_path_make(j->a, j->ctx, j->model, j->scene, &j->along);
     if (!error && !j->scene && !args_value(j->a, "near-plane") && j->along.near_plane > 0)
         j->options.near_plane = (float)j->along.near_plane;
     if (!error && sf_renderer_create(j->ctx, &j->renderer)) error = app_fail(j->a, j->ctx);
@@ -84,7 +84,7 @@ static int render_all(job *j) {
 static int check(const args *a) {
     const char *path = args_value(a, "path");
     int error = app_split_check(a);
-    if (!error) error = shots_check(a);
+    if (!error) error = camera_path_check(a);
     if (error || a->positionals > 1) return error;
     if (path && strcmp(path, "cameras")) return 0;
     app_say(a, "PROJECT", path ? "is needed for --path cameras" : "is needed, or --path");
@@ -101,7 +101,7 @@ static int run(const args *a) {
     if (!error && a->positionals > 1) error = app_load_cameras(a, j.ctx, a->positional[1], &j.scene);
     if (!error && j.scene) sf_scene_place_model(j.scene, j.model);
     if (!error) error = render_all(&j);
-    shots_free(&j.along);
+    camera_path_free(&j.along);
     sf_renderer_destroy(&j.renderer);
     sf_scene_destroy(&j.scene);
     sf_model_destroy(&j.model);
@@ -110,8 +110,8 @@ static int run(const args *a) {
 }
 
 static const arg_option *const tables[] = {
-    picture_options, shot_options, model_options,  compensation_options,
-    render_options,  load_options, common_options, NULL};
+    picture_options, camera_path_options, model_options,  compensation_options,
+    render_options,  load_options,        common_options, NULL};
 
 const command command_render = {
     .name = "render",

@@ -5,7 +5,7 @@
 #include <time.h>
 
 #include "../preview/preview.h"
-#include "shots.h"
+#include "camera_path.h"
 
 /* Views to choose from on the page, evenly chosen where there are more. */
 enum { VIEWS = 60, WIDTH = 960, HEIGHT = 720 };
@@ -32,11 +32,11 @@ typedef struct subject {
 /* The view from which the whole model is seen; a project's from behind its cameras. */
 static int first_camera(const args *a, sf_context *ctx, const subject *s, const sf_camera *known,
                         size_t count, sf_camera *first) {
-    shots one = {.cameras = first, .count = 1};
+    camera_path one = {.cameras = first, .count = 1};
     sf_model_bounds bounds;
     *first = (sf_camera){.width = WIDTH, .height = HEIGHT, .cx = WIDTH / 2.0, .cy = HEIGHT / 2.0};
     first->fx = first->fy = HEIGHT;
-    int error = shots_orbit(a, ctx, s->model, known, count, &one);
+    int error = camera_path_orbit(a, ctx, s->model, known, count, &one);
     if (error || !s->scene) return error;
     if (sf_model_get_bounds(s->model, &bounds)) return app_fail(a, ctx);
     first->t_cw[2] += bounds.radius;
@@ -59,7 +59,7 @@ static int show_status(const args *a, sf_context *ctx, sf_preview *preview, cons
     sf_camera *known, first;
     size_t count;
     sf_render_options options;
-    int error = shots_known(a, ctx, s->model, s->scene, &known, &count);
+    int error = camera_path_known(a, ctx, s->model, s->scene, &known, &count);
     if (!error) error = app_render_options(a, &options);
     if (!error) error = first_camera(a, ctx, s, known, count, &first);
     if (!error) {

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "app/app.h"
-#include "app/watch.h"
+#include "app/training_log.h"
 #include "chart/chart.h"
 #include "fuzz.h"
 
@@ -20,11 +20,11 @@ static int said_well(int error) {
 static int read_values(const args *a, sf_context *ctx) {
     sf_fit_options options = sf_fit_options_default();
     sf_render_options render;
-    watch times = {.a = a};
+    training_log times = {.a = a};
     int seed = 0, error = args_int(a, "threads", 0, 256, &seed);
     if (!error) error = app_split_check(a);
     if (!error && !a->command->with_fit_options) error = app_render_options(a, &render);
-    if (!error) error = watch_read(&times);
+    if (!error) error = training_log_read(&times);
     for (int i = 0; i < a->givens && !error && a->command->with_fit_options; i++) {
         sf_option_info info;
         for (size_t k = 0; !error && !sf_fit_option_info(k, &info); k++)

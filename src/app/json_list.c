@@ -1,5 +1,5 @@
-/* list.c - a JSON file whose long array is written as it grows. */
-#include "list.h"
+/* json_list.c - a JSON file whose long array is written as it grows. */
+#include "json_list.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static void keep_error(list_file *list) {
+static void keep_error(json_list *list) {
     if (!list->error) list->error = errno ? errno : EIO;
 }
 
@@ -19,13 +19,13 @@ static char *join(const char *folder, const char *before, const char *name, cons
     return path;
 }
 
-static void put(list_file *list, const char *text) {
+static void put(json_list *list, const char *text) {
     errno = 0;
     if (!list->error && fputs(text, list->file) == EOF) keep_error(list);
 }
 
 /* An object without its braces; "" for none. */
-static void put_object(list_file *list, json_t *object) {
+static void put_object(json_list *list, json_t *object) {
     char *text = object ? json_dumps(object, JSON_REAL_PRECISION(15)) : NULL;
     size_t length = text ? strlen(text) : 0;
     if (object && length < 2) list->error = ENOMEM;
@@ -37,7 +37,7 @@ static void put_object(list_file *list, json_t *object) {
     json_decref(object);
 }
 
-static void open_file(list_file *list) {
+static void open_file(json_list *list) {
     int fd = open(list->temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     list->file = fd < 0 ? NULL : fdopen(fd, "w");
     if (list->file) return;
@@ -47,7 +47,7 @@ static void open_file(list_file *list) {
 
 /* The disk's room for the entries to come and for the end is taken in advance, so that a full disk is noticed
  * while the list can still be ended. */
-static void reserve(list_file *list) {
+static void reserve(json_list *list) {
     enum { ROOM = 1 << 16 };
     if (list->error) return;
     long at = ftell(list->file);
@@ -57,13 +57,13 @@ static void reserve(list_file *list) {
     if (error && !list->full) list->full = error;
 }
 
-static void give_back(list_file *list) {
+static void give_back(json_list *list) {
     long at = ftell(list->file);
     if (at < 0 || ftruncate(fileno(list->file), at)) keep_error(list);
 }
 
-void list_open(list_file *list, const char *folder, const char *name, json_t *head, const char *key) {
-    *list = (list_file){.path = join(folder, "", name, ""), .temporary = join(folder, ".", name, ".tmp")};
+void json_list_open(json_list *list, const char *folder, const char *name, json_t *head, const char *key) {
+    *list = (json_list){.path = join(folder, "", name, ""), .temporary = join(folder, ".", name, ".tmp")};
     errno = ENOMEM;
     if (!list->path || !list->temporary || !head)
         keep_error(list);
@@ -77,7 +77,7 @@ void list_open(list_file *list, const char *folder, const char *name, json_t *he
     put(list, "\": [");
 }
 
-void list_add(list_file *list, json_t *entry) {
+void json_list_add(json_list *list, json_t *entry) {
     reserve(list);
     put(list, list->entries++ ? ",\n  {" : "\n  {");
     put_object(list, entry);
@@ -85,7 +85,7 @@ void list_add(list_file *list, json_t *entry) {
 }
 
 /* What is written reaches the disk, before it has its name. */
-static void sync_file(list_file *list) {
+static void sync_file(json_list *list) {
     errno = 0;
     if (fflush(list->file)) keep_error(list);
     give_back(list);
@@ -93,7 +93,7 @@ static void sync_file(list_file *list) {
     if (fclose(list->file)) keep_error(list);
 }
 
-int list_close(list_file *list, json_t *tail) {
+int json_list_close(json_list *list, json_t *tail) {
     put(list, "\n ]");
     if (tail) put(list, ",\n ");
     put_object(list, tail);

@@ -1,5 +1,5 @@
-/* shots.c - the cameras along a path. */
-#include "shots.h"
+/* camera_path.c - the cameras along a path. */
+#include "camera_path.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -13,7 +13,7 @@ enum { MOST_FRAMES = 1000000, ORBIT_FRAMES = 240, KEYFRAMES = 16 };
 enum { WIDTH = 960, HEIGHT = 720 };
 #define FIELD_OF_VIEW 50.0
 
-const arg_option shot_options[] = {
+const arg_option camera_path_options[] = {
     {"path", 0, "NAME",
      "render along a path: orbit (around the model), cameras (a smooth path through those of PROJECT) or a "
      "FILE of lines time x y z qx qy qz qw, camera to world (TUM)"},
@@ -38,9 +38,9 @@ const arg_option shot_options[] = {
     {0},
 };
 
-int shots_check(const args *a) {
+int camera_path_check(const args *a) {
     if (args_value(a, "path")) return 0;
-    for (const arg_option *o = shot_options; o->name; o++) {
+    for (const arg_option *o = camera_path_options; o->name; o++) {
         if (!args_value(a, o->name)) continue;
         args_error(a->command, "--%s: goes with --path", o->name);
         return EXIT_USAGE;
@@ -48,12 +48,12 @@ int shots_check(const args *a) {
     return 0;
 }
 
-void shots_free(shots *s) {
+void camera_path_free(camera_path *s) {
     free(s->cameras);
-    *s = (shots){0};
+    *s = (camera_path){0};
 }
 
-static int make_room(const args *a, shots *s, size_t count) {
+static int make_room(const args *a, camera_path *s, size_t count) {
     s->cameras = calloc(count, sizeof *s->cameras);
     s->count = s->cameras ? count : 0;
     return s->cameras ? 0 : app_say(a, "--frames", "out of memory");
@@ -124,7 +124,7 @@ static int scene_cameras(const args *a, sf_context *ctx, sf_scene *scene, sf_cam
     return 0;
 }
 
-void shots_change_origin(sf_camera *c, const double origin[3], const double to[3]) {
+void camera_path_change_origin(sf_camera *c, const double origin[3], const double to[3]) {
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) c->t_cw[i] += c->R_cw[3 * i + k] * (to[k] - origin[k]);
 }
@@ -142,12 +142,12 @@ static sf_status meet(sf_context *ctx, sf_model *model, const double origin[3], 
         sf_scene_destroy(&place);
         return status;
     }
-    for (size_t i = 0; i < count; i++) shots_change_origin(&cameras[i], origin, own);
+    for (size_t i = 0; i < count; i++) camera_path_change_origin(&cameras[i], origin, own);
     return SF_OK;
 }
 
-int shots_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, sf_camera **cameras,
-                size_t *count) {
+int camera_path_known(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, sf_camera **cameras,
+                      size_t *count) {
     double origin[3];
     const char *named = args_value(a, "cameras");
     *cameras = NULL;
@@ -218,7 +218,7 @@ static void between_keys(const key *keys, size_t count, double at, const sf_came
 }
 
 static int through_cameras(const args *a, const sf_camera *known, size_t count, const sf_camera *lens,
-                           int frames, shots *s) {
+                           int frames, camera_path *s) {
     int wanted = KEYFRAMES;
     int error = args_int(a, "keyframes", 2, 10000, &wanted);
     if (error) return error;
@@ -242,7 +242,7 @@ static int through_cameras(const args *a, const sf_camera *known, size_t count, 
 /* ---- As a file says ---- */
 
 static int along_path(const args *a, sf_context *ctx, sf_path *path, const sf_camera *lens, int frames,
-                      const double origin[3], shots *s) {
+                      const double origin[3], camera_path *s) {
     static const double world[3] = {0, 0, 0};
     sf_path_info info;
     sf_path_describe(path, &info);
@@ -258,14 +258,14 @@ static int along_path(const args *a, sf_context *ctx, sf_path *path, const sf_ca
         if (at > info.last_ns - info.first_ns) at = info.last_ns - info.first_ns;
         if (sf_path_at(path, info.first_ns + at, R, t)) error = app_fail(a, ctx);
         if (!error) place(lens, R, t, &s->cameras[i]);
-        if (!error) shots_change_origin(&s->cameras[i], world, origin);
+        if (!error) camera_path_change_origin(&s->cameras[i], world, origin);
     }
     return error;
 }
 
 /* However far apart its poses are, between two of them it goes evenly. */
 static int as_file(const args *a, sf_context *ctx, const char *name, const sf_camera *lens, int frames,
-                   const sf_model *model, shots *s) {
+                   const sf_model *model, camera_path *s) {
     double origin[3];
     sf_path *path = NULL;
     int whole = !strncmp(name, "file:", 5);
@@ -283,18 +283,19 @@ static int as_file(const args *a, sf_context *ctx, const char *name, const sf_ca
 
 /* ---- All ---- */
 
-static int make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, int frames, shots *s) {
+static int make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, int frames,
+                camera_path *s) {
     const char *name = args_value(a, "path");
     int orbits = !strcmp(name, "orbit"), through = !strcmp(name, "cameras");
     sf_camera lens, *known = NULL;
     size_t count = 0;
     int error = read_lens(a, scene, &lens);
     if (!error && !orbits && !through) return as_file(a, ctx, name, &lens, frames, model, s);
-    if (!error) error = shots_known(a, ctx, model, scene, &known, &count);
+    if (!error) error = camera_path_known(a, ctx, model, scene, &known, &count);
     if (!error && orbits) {
         error = make_room(a, s, frames ? (size_t)frames : ORBIT_FRAMES);
         for (size_t i = 0; i < s->count; i++) s->cameras[i] = lens;
-        if (!error) error = shots_orbit(a, ctx, model, known, count, s);
+        if (!error) error = camera_path_orbit(a, ctx, model, known, count, s);
     } else if (!error) {
         error = through_cameras(a, known, count, &lens, frames, s);
     }
@@ -302,16 +303,16 @@ static int make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene
     return error;
 }
 
-int shots_make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, shots *s) {
+int camera_path_make(const args *a, sf_context *ctx, sf_model *model, sf_scene *scene, camera_path *s) {
     int frames = 0, rate = 30;
-    *s = (shots){0};
+    *s = (camera_path){0};
     int error = args_int(a, "frames", 1, MOST_FRAMES, &frames);
     if (!error) error = args_int(a, "fps", 1, 1000, &rate);
     s->rate = rate;
     return error ? error : make(a, ctx, model, scene, frames, s);
 }
 
-char *shots_path(const shots *s, const sf_model *model) {
+char *camera_path_lines(const camera_path *s, const sf_model *model) {
     double origin[3];
     sf_model_get_origin(model, origin);
     char *text = malloc(APP_POSE_LINE * (s->count + 1));

@@ -1,6 +1,7 @@
-/* watch.c - the training log of fit: held-out quality at given times, snapshots, a clock without these. */
+/* training_log.c - the training log of fit: held-out quality at given times, snapshots, a clock without
+ * these. */
 #define _XOPEN_SOURCE 700 /* realpath */
-#include "watch.h"
+#include "training_log.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -9,7 +10,7 @@
 
 #include "../bench/clocks.h"
 
-const arg_option watch_options[] = {
+const arg_option training_log_options[] = {
     {"eval-every", 0, "N", "evaluate the held-out views every N steps, for the log's curve"},
     {"eval-at", 0, "LIST", "and at these seconds since the program's start, for example 1,2,5,10"},
     {"eval-views", 0, "N", "evaluate at most N views of a split, evenly spread (all)"},
@@ -25,23 +26,23 @@ enum { SNAPSHOTS = sizeof snapshot_at / sizeof *snapshot_at };
 /* Longest over middle axis from which a Gaussian counts as a needle. */
 #define NEEDLE_ASPECT 100.0
 
-void watch_begin(watch *w, const args *a) {
-    *w = (watch){.a = a, .start = sf_clock(), .curve = json_array()};
+void training_log_begin(training_log *w, const args *a) {
+    *w = (training_log){.a = a, .start = sf_clock(), .curve = json_array()};
     bench_machine_describe(&w->machine, 0);
 }
 
-double watch_seconds(const watch *w) { return sf_clock() - w->start - w->looking; }
+double training_log_seconds(const training_log *w) { return sf_clock() - w->start - w->evaluating; }
 
 /* Seconds above 0 in ascending order, separated by commas. */
-static int read_times(watch *w) {
+static int read_times(training_log *w) {
     const char *list = args_value(w->a, "eval-at"), *at = list;
     for (double before = 0; at; w->eval_times++) {
         char *end;
         double seconds = strtod(at, &end);
         if (end == at || (*end && *end != ',') || !(seconds > before) || !isfinite(seconds) ||
-            w->eval_times == WATCH_TIMES) {
+            w->eval_times == EVALUATION_TIMES) {
             args_error(w->a->command, "--eval-at: \"%s\" is not a list of up to %d ascending seconds", list,
-                       (int)WATCH_TIMES);
+                       (int)EVALUATION_TIMES);
             return EXIT_USAGE;
         }
         w->eval_at[w->eval_times] = before = seconds;
@@ -50,13 +51,13 @@ static int read_times(watch *w) {
     return 0;
 }
 
-int watch_read(watch *w) {
+int training_log_read(training_log *w) {
     int error = args_int(w->a, "eval-every", 1, 1000000000, &w->eval_every);
     if (!error) error = args_int(w->a, "eval-views", 1, 1000000000, &w->eval_views);
     return error ? error : read_times(w);
 }
 
-int watch_start(watch *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, app_draw draw) {
+int training_log_start(training_log *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, app_draw draw) {
     w->ctx = ctx;
     w->scene = scene;
     w->fitter = fitter;
@@ -65,7 +66,7 @@ int watch_start(watch *w, sf_context *ctx, sf_scene *scene, sf_fitter *fitter, a
     const char *folder = args_value(w->a, "snapshots");
     if (folder) w->snapshots = json_array();
     int error = folder ? app_make_folder(w->a, folder) : 0;
-    w->setup = watch_seconds(w);
+    w->setup = training_log_seconds(w);
     return error;
 }
 
@@ -78,7 +79,7 @@ static void set_quality(json_t *point, const evaluation *e) {
     json_object_set_new(point, "ssim", json_number(e->ssim));
 }
 
-static void add_point(watch *w, const sf_fit_progress *p, double seconds, const evaluation *e) {
+static void add_point(training_log *w, const sf_fit_progress *p, double seconds, const evaluation *e) {
     json_t *point = json_pack("{s:I, s:f, s:o, s:I, s:i, s:i}", "step", (json_int_t)p->step, "seconds",
                               seconds, "loss", json_number(p->loss), "gaussians", (json_int_t)p->gaussians,
                               "level", p->level, "sh_degree", p->sh_degree);
@@ -86,7 +87,7 @@ static void add_point(watch *w, const sf_fit_progress *p, double seconds, const 
     json_array_append_new(w->curve, point);
 }
 
-sf_status watch_first_held_out(sf_scene *scene, sf_view_info *view) {
+sf_status training_log_first_held_out(sf_scene *scene, sf_view_info *view) {
     sf_scene_info info;
     sf_scene_get_info(scene, &info);
     for (size_t i = 0; i < info.views; i++)
@@ -103,7 +104,7 @@ static char *in_folder(const char *folder, const char *name) {
 }
 
 /* How the log names a file: from its own folder on where the file lies in there, else in full. */
-static json_t *name_from_log(const watch *w, const char *path) {
+static json_t *name_from_log(const training_log *w, const char *path) {
     const char *log = args_value(w->a, "log");
     char *folder = log ? app_folder(log) : NULL, *full = realpath(path, NULL);
     char *base = folder ? realpath(*folder ? folder : ".", NULL) : NULL;
@@ -117,12 +118,12 @@ static json_t *name_from_log(const watch *w, const char *path) {
 }
 
 /* The picture that the snapshots show, once; then the view as the fit has it. */
-static sf_status write_snapshot(watch *w, int second, double seconds) {
+static sf_status write_snapshot(training_log *w, int second, double seconds) {
     sf_view_info view;
     sf_quality quality = {0};
     char name[32] = "picture.png";
     const char *folder = args_value(w->a, "snapshots");
-    sf_status status = watch_first_held_out(w->scene, &view);
+    sf_status status = training_log_first_held_out(w->scene, &view);
     if (second) snprintf(name, sizeof name, "%ds.png", second);
     char *path = in_folder(folder, name);
     if (!path) return SF_ERR_MEMORY;
@@ -139,39 +140,39 @@ static sf_status write_snapshot(watch *w, int second, double seconds) {
 }
 
 /* Moments that have come since the last look; of several the last one counts. */
-static int times_due(const watch *w, double seconds) {
+static int times_due(const training_log *w, double seconds) {
     int due = w->eval_done;
     while (due < w->eval_times && w->eval_at[due] <= seconds) due++;
     return due;
 }
 
-static int snapshots_due(const watch *w, double seconds) {
+static int snapshots_due(const training_log *w, double seconds) {
     int due = w->snapshots_done;
     while (w->snapshots && due < SNAPSHOTS && snapshot_at[due] <= seconds) due++;
     return due;
 }
 
-sf_status watch_evaluate(watch *w, const char *split, evaluation *e) {
+sf_status training_log_evaluate(training_log *w, const char *split, evaluation *e) {
     double began = sf_clock();
     e->most = w->eval_views;
     sf_status status = app_evaluate(w->ctx, w->scene, w->a, split, w->draw, w->fitter, e);
-    w->looking += sf_clock() - began;
+    w->evaluating += sf_clock() - began;
     return status;
 }
 
-static void look(watch *w, int evaluate, int snapshots, double seconds, evaluation *e) {
+static void look(training_log *w, int evaluate, int snapshots, double seconds, evaluation *e) {
     double began = sf_clock();
     e->most = w->eval_views;
     if (evaluate) w->status = app_evaluate(w->ctx, w->scene, w->a, "test", w->draw, w->fitter, e);
     if (!w->status && snapshots && !w->snapshots_done) w->status = write_snapshot(w, 0, seconds);
     if (!w->status && snapshots) w->status = write_snapshot(w, snapshot_at[snapshots - 1], seconds);
     double took = sf_clock() - began;
-    w->looking += took;
+    w->evaluating += took;
     sf_fitter_skip_time(w->fitter, took);
 }
 
-void watch_step(watch *w, const sf_fit_progress *p) {
-    double seconds = watch_seconds(w);
+void training_log_step(training_log *w, const sf_fit_progress *p) {
+    double seconds = training_log_seconds(w);
     int times = times_due(w, seconds), snapshots = snapshots_due(w, seconds);
     int evaluate = times > w->eval_done || (w->eval_every && p->step % w->eval_every == 0);
     evaluation e = {0};
@@ -187,13 +188,13 @@ void watch_step(watch *w, const sf_fit_progress *p) {
     json_decref(e.list);
 }
 
-static json_t *last_point(const watch *w) {
+static json_t *last_point(const training_log *w) {
     size_t n = json_array_size(w->curve);
     return n ? json_array_get(w->curve, n - 1) : NULL;
 }
 
-void watch_stop(watch *w, const sf_fit_progress *p) {
-    w->seconds = watch_seconds(w);
+void training_log_stop(training_log *w, const sf_fit_progress *p) {
+    w->seconds = training_log_seconds(w);
     w->machine.load_end = bench_machine_load();
     json_t *last = last_point(w);
     if (!last || json_integer_value(json_object_get(last, "step")) < p->step)
@@ -232,30 +233,30 @@ static json_t *scene_name(const char *project) {
     }
 }
 
-static json_t *machine_json(const watch *w) {
+static json_t *machine_json(const training_log *w) {
     const bench_machine *m = &w->machine;
     return json_pack("{s:o, s:i, s:i, s:s, s:f, s:f}", "cpu", app_json_text(m->cpu), "cpus", m->cpus,
                      "threads", m->threads, "isa", sf_context_isa(w->ctx), "load_start", m->load_start,
                      "load_end", m->load_end);
 }
 
-static void log_scene(const watch *w, json_t *scene) {
+static void log_scene(const training_log *w, json_t *scene) {
     sf_view_info view;
     json_object_set_new(scene, "name", scene_name(w->a->positional[w->a->positionals - 1]));
-    if (watch_first_held_out(w->scene, &view)) return;
+    if (training_log_first_held_out(w->scene, &view)) return;
     json_object_set_new(scene, "width", json_integer(view.camera.width));
     json_object_set_new(scene, "height", json_integer(view.camera.height));
 }
 
 /* Of the model at the end. */
-static void log_model(const watch *w, json_t *result, const sf_model *model) {
+static void log_model(const training_log *w, json_t *result, const sf_model *model) {
     const char *output = args_value(w->a, "output");
     double needles = 0;
     app_log_model(result, model, output ? output : FIT_OUTPUT);
     if (!count_needles(model, &needles)) json_object_set_new(result, "needles", json_real(needles));
 }
 
-void watch_log(watch *w, json_t *log, const sf_model *model, const evaluation *end) {
+void training_log_write(training_log *w, json_t *log, const sf_model *model, const evaluation *end) {
     static const char *const given[] = {"label", "preset"};
     json_t *result = json_object_get(log, "result"), *seed = json_object_get(log, "options");
     seed = json_object_get(seed, "seed");
@@ -271,11 +272,11 @@ void watch_log(watch *w, json_t *log, const sf_model *model, const evaluation *e
     if (w->snapshots) json_object_set(log, "snapshots", w->snapshots);
     json_object_set_new(result, "seconds", json_real(w->seconds));
     json_object_set_new(result, "setup_seconds", json_real(w->setup));
-    json_object_set_new(result, "evaluation_seconds", json_real(w->looking));
+    json_object_set_new(result, "evaluation_seconds", json_real(w->evaluating));
     if (model) log_model(w, result, model);
 }
 
-void watch_free(watch *w) {
+void training_log_free(training_log *w) {
     json_decref(w->curve);
     json_decref(w->snapshots);
 }

@@ -1,9 +1,10 @@
-/* middle.c - whether a model surrounds an empty center, as a room does, or fills it, as an object does. */
+/* scene_center.c - whether a model surrounds an empty center, as a room does, or fills it, as an object does.
+ */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "shots.h"
+#include "camera_path.h"
 
 /* Gaussians of a lower opacity are ignored. */
 #define VISIBLE 0.1f
@@ -38,11 +39,11 @@ static void keep_visible(cloud *c, const float *logits) {
 }
 
 /* Half way between what lies outermost, but for the last in twenty: a room's floor may hold most of it. */
-static void find_middle(const cloud *c, double middle[3]) {
+static void find_center(const cloud *c, double center[3]) {
     for (size_t k = 0; k < AXES; k++) {
         for (size_t i = 0; i < c->count; i++) c->values[i] = c->means[AXES * i + k];
         qsort(c->values, c->count, sizeof *c->values, rising);
-        middle[k] = 0.5 * (double)(quantile(c, 0.05) + quantile(c, 0.95));
+        center[k] = 0.5 * (double)(quantile(c, 0.05) + quantile(c, 0.95));
     }
 }
 
@@ -76,20 +77,20 @@ static int is_around(const cloud *c, const double at[3], const double up[3], con
     return 1;
 }
 
-/* The medians, else the middle of the extent. */
+/* The medians, else the center of the extent. */
 static int decide(const cloud *c, const double up[3], const double ahead[3], const double side[3],
-                  double middle[3]) {
+                  double center[3]) {
     double other[3];
     if (c->count < LEAST) return 0;
-    if (is_around(c, middle, up, ahead, side)) return 1;
-    find_middle(c, other);
+    if (is_around(c, center, up, ahead, side)) return 1;
+    find_center(c, other);
     if (!is_around(c, other, up, ahead, side)) return 0;
-    memcpy(middle, other, sizeof other);
+    memcpy(center, other, sizeof other);
     return 1;
 }
 
-int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const double *const axes[3],
-                 double middle[3], int *around) {
+int camera_path_find_center(const args *a, sf_context *ctx, const sf_model *model,
+                            const double *const axes[3], double center[3], int *around) {
     size_t n = sf_model_count(model);
     float *values = malloc((AXES + 2) * (n + 1) * sizeof *values);
     *around = 0;
@@ -100,7 +101,7 @@ int shots_middle(const args *a, sf_context *ctx, const sf_model *model, const do
     int error = sf_model_get(model, 0, n, &g) ? app_fail(a, ctx) : 0;
     if (!error) {
         keep_visible(&c, logits);
-        *around = decide(&c, axes[0], axes[1], axes[2], middle);
+        *around = decide(&c, axes[0], axes[1], axes[2], center);
     }
     free(values);
     return error;

@@ -1,11 +1,11 @@
-/* motion.c - a model turned, scaled, moved and cut, as the command line says. */
-#include "motion.h"
+/* model_transform.c - a model turned, scaled, moved and cut, as the command line says. */
+#include "model_transform.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-const arg_option motion_options[] = {
+const arg_option model_transform_options[] = {
     {"up", 0, "AXIS",
      "the axis of IN that points up, x, -x, y, -y, z or -z: it is turned to -y, which is up in .ply files of "
      "trainers"},
@@ -23,7 +23,7 @@ typedef struct motions {
     int moves, crops;
 } motions;
 
-int motion_up(const args *a, const char *text, double up[3]) {
+int model_transform_up(const args *a, const char *text, double up[3]) {
     int minus = text[0] == '-';
     up[0] = up[1] = up[2] = 0;
     if (text[minus] < 'x' || text[minus] > 'z' || text[minus + 1]) {
@@ -64,7 +64,7 @@ static void turn_about(int axis, double degrees, double R[9]) {
 /* The shortest way to -y; from y half a turn about x, so that x stays. */
 static int set_up(const args *a, const char *text, double R[9]) {
     double up[3];
-    int error = motion_up(a, text, up);
+    int error = model_transform_up(a, text, up);
     if (error) return error;
     if (up[1] > 0) turn_about(0, 180, R);
     if (up[0] != 0) turn_about(2, up[0] > 0 ? -90 : 90, R);
@@ -100,7 +100,7 @@ static int read_motions(const args *a, motions *m) {
     return error || !m->crops ? error : check_box(a, m->box);
 }
 
-int motion_apply(const args *a, sf_context *ctx, sf_model *model, int *moved) {
+int model_transform_apply(const args *a, sf_context *ctx, sf_model *model, int *moved) {
     motions m;
     int error = read_motions(a, &m);
     if (error) return error;

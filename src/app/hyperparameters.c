@@ -1,4 +1,4 @@
-/* hyper.c - the hyperparameters of a fit, from the command line and into a log. */
+/* hyperparameters.c - the hyperparameters of a fit, from the command line and into a log. */
 #include <stdlib.h>
 #include <string.h>
 

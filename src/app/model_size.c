@@ -1,4 +1,4 @@
-/* facts.c - the size of a model, for logs. */
+/* model_size.c - the size of a model, for logs. */
 #include <sys/stat.h>
 
 #include "app.h"
