@@ -37,14 +37,26 @@ static void limit_scales(float *block, float most_ratio, const float *most_scale
     }
 }
 
-static void limit_block(const update_job *job, float *log_scales, size_t block) {
-    float most[SF_LANES];
+/* The greatest log-scales of a block's lanes, where a unit is known. quick: a lower bound, which takes no
+ * logarithms: log(x) < log(2) (e + 1), with e the exponent of x. */
+static void greatest_scales(const update_job *job, size_t block, int quick, float *most) {
+    const float *inverse = job->fitter->units.inverse + block * SF_LANES;
+    size_t left = job->fitter->model->count - block * SF_LANES;
     for (size_t k = 0; k < SF_LANES; k++) {
-        size_t i = block * SF_LANES + k;
-        float inverse = i < job->fitter->model->count ? job->fitter->units.inverse[i] : 0;
-        most[k] =
-            inverse > 0 ? least_of(job->most_scale - logf(inverse), SF_LOG_SCALE_MOST) : SF_LOG_SCALE_MOST;
+        float unit = k < left ? inverse[k] : 0;
+        float above = quick      ? 0.6932f * ((float)(sf_bits_of(unit) >> 23) - 125.9f)
+                      : unit > 0 ? logf(unit)
+                                 : 0;
+        most[k] = unit > 0 ? least_of(job->most_scale - above, SF_LOG_SCALE_MOST) : SF_LOG_SCALE_MOST;
     }
+}
+
+static void limit_block(const update_job *job, float *log_scales, size_t block) {
+    float most[SF_LANES], above = -INFINITY;
+    greatest_scales(job, block, 1, most);
+    for (size_t k = 0; k < 3 * SF_LANES; k++)
+        above = most_of(log_scales[k] - most[k % SF_LANES], above); /* NaN is not above */
+    if (above > 0) greatest_scales(job, block, 0, most);
     limit_scales(log_scales, job->most_ratio, most);
 }
 
@@ -102,7 +114,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
     sf_fitter *f = job->fitter;
     size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
     int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
-    sf_note_units(f, first, end);
+    if (seen) sf_note_units(f, first, end);
     around_mean(f, first, end, sf_mean_open);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         /* no gradient: a band that these blocks lack, or that is not in use yet */
@@ -125,7 +137,7 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
         limit_block(job, log_scale + 3 * SF_LANES * block, block);
     if (job->noise > 0) sf_inject_noise(f, job->noise, first, end);
     around_mean(f, first, end, sf_mean_close);
-    gather_statistics(f, first * SF_LANES, last);
+    if (seen) gather_statistics(f, first * SF_LANES, last);
 }
 
 /* Seed of the rounding of moments of a field in this step: a function of seed, step and field, so that it

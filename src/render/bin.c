@@ -17,9 +17,9 @@
 #include "../scene/gaussians.h"
 
 enum {
-    LINE = 16,    /* counts in a cache line */
-    CHUNK = 1024, /* Gaussians a task */
-    PASSES = 3,   /* of the radix sort */
+    LINE = 16,                                /* counts in a cache line */
+    CHUNK = 4 * SF_PROJECT_BLOCKS * SF_LANES, /* Gaussians a task: 1,024 */
+    PASSES = 3,                               /* of the radix sort */
     MOST_BITS = 11,
     MOST_DIGITS = 1 << MOST_BITS /* 3 passes of 11 bits: any float */
 };
@@ -40,6 +40,14 @@ static size_t end_of_chunk(const bin_job *job, size_t chunk) {
     return end < job->ws->count ? end : job->ws->count;
 }
 
+/* Whether all Gaussians of a chunk are known to be out of view. */
+static int is_empty(const bin_job *job, size_t chunk) {
+    size_t first = chunk * (CHUNK / (SF_PROJECT_BLOCKS * SF_LANES)), in_view = 0;
+    for (size_t k = first; k * SF_PROJECT_BLOCKS * SF_LANES < end_of_chunk(job, chunk); k++)
+        in_view += job->ws->in_view[k];
+    return !in_view;
+}
+
 /* Counts a Gaussian at the rows where its strips begin and end; prefix sums follow later. */
 static void count_strips_task(void *job_pointer, size_t chunk, int thread) {
     (void)thread;
@@ -47,6 +55,8 @@ static void count_strips_task(void *job_pointer, size_t chunk, int thread) {
     const sf_workspace *ws = job->ws;
     uint32_t *strips = job->strips + chunk * job->pitch, sum = 0;
     memset(strips, 0, (job->tiles_y + 1) * sizeof *strips);
+    job->spans[chunk] = 0;
+    if (is_empty(job, chunk)) return;
     for (size_t i = chunk * CHUNK; i < end_of_chunk(job, chunk); i++) {
         uint32_t rows = ws->rows[i], first = rows ? ws->first_row[i] : 0;
         strips[first]++;
@@ -64,6 +74,8 @@ static void span_task(void *job_pointer, size_t chunk, int thread) {
     const sf_workspace *ws = job->ws;
     size_t first = chunk * CHUNK, end = end_of_chunk(job, chunk);
     uint32_t offset = job->spans[chunk], slot = 0;
+    job->slots[chunk] = 0;
+    if (is_empty(job, chunk)) return;
     for (size_t i = first; i < end; i++) {
         ws->span_offset[i] = offset;
         offset += ws->rows[i];
@@ -85,6 +97,10 @@ static void deal_strips_task(void *job_pointer, size_t chunk, int thread) {
     uint32_t *strips = job->strips + chunk * job->pitch;
     uint32_t *pairs = job->pairs + chunk * job->pitch;
     memset(pairs, 0, (job->tiles_y + 1) * sizeof *pairs);
+    if (is_empty(job, chunk)) { /* a Gaussian's slots end where those of the next one begin */
+        ws->slot[chunk * CHUNK] = job->slots[chunk];
+        return;
+    }
     for (size_t i = chunk * CHUNK; i < end_of_chunk(job, chunk); i++) {
         uint32_t rows = ws->rows[i], row = ws->first_row[i], slot = ws->slot[i] += job->slots[chunk];
         const sf_span *span = ws->spans + ws->span_offset[i];

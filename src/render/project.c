@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "in_view.h"
 #include "near_plane.h"
 
 static size_t tasks_of(size_t count) {
@@ -18,6 +19,7 @@ static sf_status room(sf_workspace *ws, size_t count) {
         {&ws->first_row, sizeof *ws->first_row},     {&ws->rows, sizeof *ws->rows},
         {&ws->span_offset, sizeof *ws->span_offset}, {&ws->slot, sizeof *ws->slot},
         {&ws->screen, sizeof *ws->screen},           {&ws->depth_of, sizeof *ws->depth_of},
+        {&ws->in_view, sizeof *ws->in_view},
     };
     return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->gaussian_capacity, need);
 }
@@ -34,7 +36,15 @@ static size_t end_of_degree(const sf_workspace *ws, int most, size_t first, size
 typedef struct project_job {
     sf_workspace *ws;
     sf_project_args args;
+    sf_frustum frustum;
 } project_job;
+
+/* What the kernel says of Gaussians that are out of view. */
+static void leave_out(const sf_workspace *ws, size_t first, size_t end) {
+    size_t at = first * SF_LANES, n = (end - first) * SF_LANES;
+    memset(ws->state + at, SF_OUT_OF_VIEW, n * sizeof *ws->state);
+    memset(ws->rows + at, 0, n * sizeof *ws->rows);
+}
 
 static void project_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
@@ -43,6 +53,11 @@ static void project_task(void *job_pointer, size_t task, int thread) {
     sf_project_args args = job->args;
     size_t first = task * SF_PROJECT_BLOCKS, blocks = sf_blocks(ws->count);
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
+    ws->in_view[task] = (uint8_t)!sf_are_out_of_view(&job->frustum, &ws->params, first, end);
+    if (!ws->in_view[task]) {
+        leave_out(ws, first, end);
+        return;
+    }
     for (size_t until; first < end; first = until) {
         until = end_of_degree(ws, ws->sh_degree, first, end, &args.sh_degree);
         ws->ctx->kernels->project(&args, first, until);
@@ -83,7 +98,7 @@ sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degre
     memcpy(ws->banded, model->banded, sizeof ws->banded);
     ws->sh_degree = sh_degree;
     ws->antialiased = antialiased;
-    project_job job = {ws, project_args(ws)};
+    project_job job = {ws, project_args(ws), sf_frustum_of(&ws->eye)};
     sf_pool_run(ws->ctx->pool, tasks_of(count), project_task, &job);
     ws->not_finite = 0;
     for (size_t i = 0; i < count; i++) ws->not_finite += ws->state[i] == SF_NOT_FINITE;
@@ -128,6 +143,12 @@ static void clear_lacking(const sf_workspace *ws, const sf_params *grads, int de
     }
 }
 
+static void clear_all(const sf_params *grads, size_t blocks) {
+    for (int field = 0; field < SF_FIELD_COUNT; field++)
+        if (grads->field[field])
+            memset(grads->field[field], 0, sf_field_values(field, blocks * SF_LANES) * sizeof(float));
+}
+
 static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     project_bwd_job *job = job_pointer;
     const sf_workspace *ws = job->ws;
@@ -136,14 +157,20 @@ static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
     args.camera = job->camera ? job->camera + SF_CAMERA_SUMS * task : NULL;
     args.not_finite = &ws->partial_count[task];
+    if (!ws->in_view[task])
+        memset(ws->screen + first * SF_LANES, 0, (end - first) * SF_LANES * sizeof *ws->screen);
     for (size_t until; first < end; first = until) {
         int degree;
         until = first + SF_GRAD_BLOCKS < end ? first + SF_GRAD_BLOCKS : end;
         until = end_of_degree(ws, SF_MAX_SH_DEGREE, first, until, &degree);
         args.forward.sh_degree = degree < ws->sh_degree ? degree : ws->sh_degree;
         args.grads = grads_of(ws, thread, degree);
-        ws->ctx->kernels->project_bwd(&args, first, until);
-        clear_lacking(ws, &args.grads, args.forward.sh_degree, first, until);
+        if (ws->in_view[task]) {
+            ws->ctx->kernels->project_bwd(&args, first, until);
+            clear_lacking(ws, &args.grads, args.forward.sh_degree, first, until);
+        } else {
+            clear_all(&args.grads, until - first);
+        }
         job->take(job->user, &args.grads, first, until);
     }
 }

@@ -18,7 +18,8 @@ void sf_workspace_free(sf_workspace *ws) {
                       ws->first_row,     ws->rows,       ws->slot,    ws->span_offset, ws->screen,
                       ws->grads,         ws->depth_of,   ws->spans,   ws->strips,      ws->strips_swap,
                       ws->bin_counts,    ws->tile_begin, ws->entries, ws->entry_slots, ws->sums,
-                      ws->entry_parts,   ws->weight,     ws->scratch, ws->partial,     ws->partial_count};
+                      ws->entry_parts,   ws->weight,     ws->scratch, ws->partial,     ws->partial_count,
+                      ws->in_view};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ws->ctx, blocks[i]);
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         sf_free(ws->ctx, ws->rgb[ch]);

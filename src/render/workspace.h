@@ -47,6 +47,7 @@ typedef struct sf_workspace {
     sf_params params;
     sf_splat *splats;
     uint8_t *state;
+    uint8_t *in_view; /* [tasks of SF_PROJECT_BLOCKS] 0: all of them are known to be out of view */
     uint16_t *first_row, *rows;
     uint32_t *span_offset; /* [n] first span of each Gaussian */
     float *depth_of;       /* [n] */
