@@ -338,6 +338,7 @@ sf_status sf_fitter_step(sf_fitter *f) {
     double fraction = sf_fraction_at(f, sf_next_time_fraction(f));
     sf_status status = validate(f, fraction);
     if (status == SF_ERR_END && sf_remove_not_finite(f)) status = SF_ERR_MEMORY;
+    if (status == SF_ERR_END) sf_workspace_free(&f->workspace); /* room for what is written now */
     if (!status) status = sf_recovery_step(f, sf_validation_chooses(&f->validation));
     if (!status) status = find_blurred_views(f, fraction);
     if (!status) status = find_misplaced_views(f, fraction);

@@ -72,7 +72,7 @@ typedef struct bill_rates {
 
 static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     const double entry = 2 * sizeof(uint32_t) + sizeof(uint64_t) + SF_SUMS * sizeof(float);
-    const double strip = sizeof(sf_span) + 2 * sizeof(sf_strip);
+    const double strip = sizeof(sf_span); /* the rest is where the sums of entries are later */
     const double seen =
         sizeof(sf_splat) + sizeof(uint8_t) + 2 * sizeof(uint16_t) + 3 * sizeof(uint32_t) + 2 * sizeof(float);
     double stride, pixels = largest_picture(f->scene, &stride);

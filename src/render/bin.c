@@ -243,13 +243,15 @@ static sf_status count_room(bin_job *job) {
     return SF_OK;
 }
 
+/* Strips are needed only until the lists are made, the sums only after that. */
 static sf_status strip_room(sf_workspace *ws, size_t strips) {
-    const sf_array arrays[] = {
-        {&ws->spans, sizeof *ws->spans},
-        {&ws->strips, sizeof *ws->strips},
-        {&ws->strips_swap, sizeof *ws->strips_swap},
-    };
-    return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &ws->strip_capacity, strips);
+    size_t slots =
+        (2 * strips * sizeof *ws->strips + SF_SUMS * sizeof(float) - 1) / (SF_SUMS * sizeof(float));
+    sf_status status = sf_grow(ws->ctx, &ws->spans, &ws->strip_capacity, 0, strips, sizeof *ws->spans);
+    if (!status) status = sf_grow(ws->ctx, &ws->sums, &ws->sums_capacity, 0, slots, SF_SUMS * sizeof(float));
+    ws->strips = (sf_strip *)ws->sums;
+    ws->strips_swap = ws->strips ? ws->strips + strips : NULL;
+    return status;
 }
 
 static sf_status entry_room(sf_workspace *ws, size_t entries) {

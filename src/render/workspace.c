@@ -14,12 +14,11 @@ void sf_workspace_init(sf_workspace *ws, sf_context *ctx) {
 }
 
 void sf_workspace_free(sf_workspace *ws) {
-    void *blocks[] = {ws->transmittance, ws->depth,      ws->last,    ws->splats,      ws->state,
-                      ws->first_row,     ws->rows,       ws->slot,    ws->span_offset, ws->screen,
-                      ws->grads,         ws->depth_of,   ws->spans,   ws->strips,      ws->strips_swap,
-                      ws->bin_counts,    ws->tile_begin, ws->entries, ws->entry_slots, ws->sums,
-                      ws->entry_parts,   ws->weight,     ws->scratch, ws->partial,     ws->partial_count,
-                      ws->in_view};
+    void *blocks[] = {ws->transmittance, ws->depth,       ws->last,          ws->splats,      ws->state,
+                      ws->first_row,     ws->rows,        ws->slot,          ws->span_offset, ws->screen,
+                      ws->grads,         ws->depth_of,    ws->spans,         ws->bin_counts,  ws->tile_begin,
+                      ws->entries,       ws->entry_slots, ws->sums,          ws->entry_parts, ws->weight,
+                      ws->scratch,       ws->partial,     ws->partial_count, ws->in_view};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ws->ctx, blocks[i]);
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         sf_free(ws->ctx, ws->rgb[ch]);

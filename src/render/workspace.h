@@ -60,13 +60,13 @@ typedef struct sf_workspace {
     /* tile lists */
     size_t strip_capacity, entry_capacity, tile_capacity;
     sf_span *spans;                  /* [strips] by Gaussian */
-    sf_strip *strips, *strips_swap;  /* [strips] by row of tiles */
+    sf_strip *strips, *strips_swap;  /* [strips] by row of tiles, in the memory of sums */
     uint32_t *tile_begin;            /* [tiles + 1] */
     uint32_t *entries, *entry_slots; /* [entries], by tile, near to far */
     uint32_t *bin_counts;            /* scratch */
     size_t bin_counts_capacity;
     uint64_t *entry_parts; /* [entries] what blend leaves for blend_bwd */
-    float *sums;           /* [entries][SF_SUMS] by slot */
+    float *sums;           /* [entries][SF_SUMS] by slot; bin's strips before */
     size_t sums_capacity;
 
     /* the loss: target and weight of the picture */
