@@ -81,7 +81,8 @@ typedef enum sf_moment_format {
     REAL(quality, 1, 0.001, 1000, "",                                                                        \
          "size auto: the pruning threshold is divided by this, so that a higher value keeps more Gaussians") \
     INT(memory, 0, 0, 1000000000000000, "bytes",                                                             \
-        "most memory of the whole process (900M, 2G); lowers max_gaussians; 0: 4/5 of what is free")         \
+        "most memory of the whole process (900M, 2G): pictures beyond half of it go to a file in TMPDIR or " \
+        "/var/tmp, and max_gaussians is lowered; 0: 4/5 of what is free")                                    \
     INT(seed, 1, 0, INT64_MAX, "", "seed of every random choice")                                            \
     REAL(extent, 0, 0, 1e12, "world units",                                                                  \
          "size of the scene, for first points and a given near_plane; 0: computed from points and cameras")  \
@@ -286,7 +287,8 @@ SF_API void sf_fitter_destroy(sf_fitter **fitter);
 
 /* Does one step (project, bin, blend, loss, gradients, update; densification when due) on the next training
  * view. SF_ERR_END: the run is complete, nothing was done; SF_ERR_CANCELLED; SF_ERR_EMPTY: no training view
- * is left; SF_ERR_MEMORY: the step was not done, the model is whole. */
+ * is left; SF_ERR_MEMORY, SF_ERR_IO (a picture in a file cannot be read): the step was not done, the model is
+ * whole. */
 SF_API sf_status sf_fitter_step(sf_fitter *fitter);
 
 /* Checkpoints hold the whole state of a fit between two steps. A fit that is loaded makes the same bytes as
@@ -323,7 +325,7 @@ SF_API sf_status sf_fitter_follow(sf_fitter *fitter, const uint32_t *ticks, size
 /* The memory estimate of a fit, made when it was created: bytes of the whole process. */
 typedef struct sf_memory_bill {
     uint64_t budget;    /* memory of the options, or 4/5 of what was free; 0: not known, no limit */
-    uint64_t before;    /* resident before the fitter: the program and the pictures */
+    uint64_t before;    /* the program and the pictures, or the buffers of those that are in a file */
     uint64_t gaussians; /* for max_gaussians: the model, optimizer state, statistics of densification */
     uint64_t lists;     /* for max_gaussians: projected Gaussians, tile lists, sums of gradients */
     uint64_t planes;    /* for the largest view: rendered pictures and intermediate planes */
@@ -332,7 +334,8 @@ typedef struct sf_memory_bill {
 } sf_memory_bill;
 
 /* The estimate alone, of a fit of `scene` from its points; the pictures of a scene without pixels count as if
- * they had been read. options NULL: the defaults. Errors as sf_fitter_create; the bill is then unchanged. */
+ * they had been read within that memory. options NULL: the defaults. Errors as sf_fitter_create; the bill is
+ * then unchanged. */
 SF_API sf_status sf_fit_memory(sf_context *context, sf_scene *scene, const sf_fit_options *options,
                                sf_memory_bill *bill);
 

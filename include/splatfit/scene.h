@@ -41,8 +41,8 @@ typedef struct sf_load_options {
     int hold_out;          /* every n-th view in name order, from the first, is held out; 0: none */
     const char *test_list; /* a text file with one picture name a line: these are held out instead */
     int max_views;         /* refuse projects with more views; 0: no limit */
-    int64_t memory;        /* bytes for the whole process: refuse pictures that take more; 0: 4/5 of what is
-                              free. Simulated scenes are not checked */
+    int64_t memory;        /* bytes for the whole process; 0: 4/5 of what is free. Pixels that take more than
+                              half of it go to a temporary file, see sf_scene_load */
     int sub_model;         /* of a project with several models: sparse/N or the N-th reconstruction, from 0;
                               -1: the one with most pictures (logged) */
     const char *masks;     /* folder of masks, inside the project or elsewhere; black is ignored. NULL: the
@@ -67,10 +67,13 @@ SF_API void sf_scene_destroy(sf_scene **scene);
  * see source.h). Pictures of distorted lenses are resampled to a pinhole camera of the same focal lengths and
  * size; those of a fisheye become as large as its field of view, up to 60 degrees on each side. Structural
  * faults are fatal and named. A view whose picture is missing or damaged, or whose pose is not finite, is
- * skipped, counted and logged. SF_ERR_EMPTY: no training view is left; SF_ERR_MEMORY: also if the pictures
- * would not fit, before one is read; SF_ERR_CANCELLED. A .zip is unpacked to a folder under TMPDIR, else
- * /tmp, which is removed when the call returns; a folder that a killed process left is removed by the next
- * call. */
+ * skipped, counted and logged. Pictures whose pixels take more than half of options->memory are read again
+ * and again from a file without a name, which ends with the scene: in TMPDIR, /var/tmp or /tmp, the first
+ * that is on a disk and has the room; where none is, they stay in memory if it holds them. SF_ERR_EMPTY: no
+ * training view is left; SF_ERR_IO: also if neither memory nor a disk takes the pictures, or the disk is
+ * full; SF_ERR_MEMORY: also if the memory holds not even a few; SF_ERR_CANCELLED. A .zip is unpacked to a
+ * folder under TMPDIR, else /tmp, which is removed when the call returns; a folder that a killed process left
+ * is removed by the next call. */
 SF_API sf_status sf_scene_load(sf_context *context, const char *path, const sf_load_options *options,
                                sf_scene **scene);
 
@@ -160,14 +163,15 @@ typedef struct sf_view_info {
 SF_API sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info);
 
 /* Copies a view's picture to rgb [H][W][3] (0..1) and its weights to weight [H][W]; either may be NULL.
- * SF_ERR_ARGUMENT: no such view; its picture was not read (no_pixels). */
+ * SF_ERR_ARGUMENT: no such view; its picture was not read (no_pixels). SF_ERR_IO, SF_ERR_MEMORY: of a picture
+ * in a file. */
 SF_API sf_status sf_scene_get_pixels(sf_scene *scene, uint32_t id, float *rgb, float *weight);
 
 /* Copies up to `capacity` points from index `first`; returns how many. */
 SF_API size_t sf_scene_get_points(sf_scene *scene, size_t first, size_t capacity, float *xyz, uint8_t *rgb);
 
 /* A 64-bit hash of all views (names, splits, cameras, pictures) and points, for checking that a scene is the
- * one of an earlier run. It is not cryptographic. SF_ERR_MEMORY. */
+ * one of an earlier run. It is not cryptographic. SF_ERR_MEMORY, SF_ERR_IO. */
 SF_API sf_status sf_scene_fingerprint(sf_scene *scene, uint64_t *fingerprint);
 
 /* Writes the views' cameras as INRIA's cameras.json, atomically. world 0: positions relative to the scene's

@@ -27,37 +27,50 @@ void sf_behind_pixel(const sf_camera *c, size_t x, size_t y, double depth, float
         xyz[k] = (float)(c->R_cw[k] * p[0] + c->R_cw[3 + k] * p[1] + c->R_cw[6 + k] * p[2]);
 }
 
-/* An open view. */
-typedef struct open_view {
+/* A view that is read. */
+typedef struct read_view {
+    const sf_view *view;
     const sf_camera *camera;
-    sf_view_pixels pixels;
+    sf_view_pixels pixels; /* rgb NULL: its pixels are read one by one */
     size_t width, plane;
-} open_view;
+    sf_status status; /* of these */
+} read_view;
 
 /* Its colour at a pixel; returns the weight. */
-static uint8_t pixel(const open_view *v, size_t x, size_t y, uint8_t rgb[3]) {
+static uint8_t pixel(read_view *v, size_t x, size_t y, uint8_t rgb[3]) {
     size_t at = y * v->width + x;
+    if (!v->pixels.rgb) {
+        uint8_t weight = 255;
+        if (!v->status) v->status = sf_view_weight(v->view, x, y, &weight);
+        if (!v->status) v->status = sf_view_color(v->view, x, y, rgb);
+        if (v->status) memset(rgb, 0, 3);
+        return weight;
+    }
     for (size_t k = 0; k < 3; k++) rgb[k] = v->pixels.rgb[k * v->plane + at];
     return v->pixels.weight ? v->pixels.weight[at] : 255;
 }
 
-/* What is done with items [count], the view of each in keys: view by view. */
-typedef void (*visit_fn)(const open_view *view, sf_probe *probes, size_t item);
+/* What is done with an item, which reads up to `pixels` of its view. */
+typedef struct visitor {
+    void (*visit)(read_view *view, sf_probe *probes, size_t item);
+    size_t pixels;
+} visitor;
 
-static sf_status visit(const sf_view *view, const size_t *items, size_t count, visit_fn fn,
+static sf_status visit(const sf_view *view, const size_t *items, size_t count, const visitor *by,
                        sf_probe *probes) {
-    open_view v = {.camera = &view->camera, .width = (size_t)view->camera.width};
+    read_view v = {.view = view, .camera = &view->camera, .width = (size_t)view->camera.width};
     if (!count) return SF_OK;
-    sf_status status = sf_view_open(view, &v.pixels);
-    if (status) return status;
+    if (sf_view_is_worth_opening(view, count * by->pixels)) v.status = sf_view_open(view, &v.pixels);
     v.plane = v.width * (size_t)view->camera.height;
-    for (size_t i = 0; i < count; i++) fn(&v, probes, items[i]);
-    sf_view_close(view, &v.pixels);
-    return SF_OK;
+    for (size_t i = 0; i < count && !v.status; i++) by->visit(&v, probes, items[i]);
+    if (v.pixels.rgb) sf_view_close(view, &v.pixels);
+    return v.status;
 }
 
+/* Items [count], the view of each in keys. */
+
 static sf_status visit_by_view(sf_context *ctx, const sf_view *const *views, size_t n, const uint32_t *keys,
-                               size_t count, visit_fn fn, sf_probe *probes) {
+                               size_t count, const visitor *by, sf_probe *probes) {
     size_t *first = sf_calloc(ctx, n + 2, sizeof *first), *items = sf_alloc(ctx, count, sizeof *items);
     sf_status status = first && items ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
@@ -67,8 +80,9 @@ static sf_status visit_by_view(sf_context *ctx, const sf_view *const *views, siz
         for (size_t i = 0; i < count; i++) items[first[keys[i] + 1]++] = i;
     }
     for (size_t v = 0; v < n && !status; v++) {
-        if (v + 1 < n && first[v + 2] > first[v + 1]) sf_view_expect(views[v + 1]);
-        status = visit(views[v], items + first[v], first[v + 1] - first[v], fn, probes);
+        size_t next = v + 1 < n ? first[v + 2] - first[v + 1] : 0;
+        if (next && sf_view_is_worth_opening(views[v + 1], next * by->pixels)) sf_view_expect(views[v + 1]);
+        status = visit(views[v], items + first[v], first[v + 1] - first[v], by, probes);
     }
     sf_free(ctx, items);
     sf_free(ctx, first);
@@ -77,7 +91,7 @@ static sf_status visit_by_view(sf_context *ctx, const sf_view *const *views, siz
 
 static size_t clamped(int at, int size) { return (size_t)(at < 0 ? 0 : at < size ? at : size - 1); }
 
-static void read_colors(const open_view *v, sf_probe *probes, size_t item) {
+static void read_colors(read_view *v, sf_probe *probes, size_t item) {
     static const int across[SF_PROBE_PIXELS] = {0, 1, -1, 0, 0}, down[SF_PROBE_PIXELS] = {0, 0, 0, 1, -1};
     sf_probe *p = &probes[item];
     const sf_camera *c = v->camera;
@@ -94,14 +108,15 @@ static void read_colors(const open_view *v, sf_probe *probes, size_t item) {
 sf_status sf_probe_colors(sf_context *ctx, const sf_view *const *views, size_t n, sf_probe *probes,
                           size_t count) {
     uint32_t *keys = sf_alloc(ctx, count, sizeof *keys);
+    const visitor by = {read_colors, SF_PROBE_PIXELS};
     if (!keys) return SF_ERR_MEMORY;
     for (size_t i = 0; i < count; i++) keys[i] = probes[i].view;
-    sf_status status = visit_by_view(ctx, views, n, keys, count, read_colors, probes);
+    sf_status status = visit_by_view(ctx, views, n, keys, count, &by, probes);
     sf_free(ctx, keys);
     return status;
 }
 
-static int difference(const open_view *v, const float *xyz, const uint8_t *rgb) {
+static int difference(read_view *v, const float *xyz, const uint8_t *rgb) {
     size_t x, y;
     uint8_t there[3];
     int sum = 0;
@@ -111,7 +126,7 @@ static int difference(const open_view *v, const float *xyz, const uint8_t *rgb) 
     return sum < SF_PROBE_MOST_DIFFERENCE ? sum : SF_PROBE_MOST_DIFFERENCE;
 }
 
-static void add_differences(const open_view *v, sf_probe *probes, size_t item) {
+static void add_differences(read_view *v, sf_probe *probes, size_t item) {
     sf_probe *p = &probes[item / SF_PROBE_VIEWS];
     for (size_t d = 0; d < p->depth_count; d++)
         for (int i = 0; i < SF_PROBE_PIXELS; i++) p->sums[d] += difference(v, p->points[d][i], p->colors[i]);
@@ -120,6 +135,7 @@ static void add_differences(const open_view *v, sf_probe *probes, size_t item) {
 sf_status sf_probe_compare(sf_context *ctx, const sf_view *const *views, size_t n, sf_probe *probes,
                            size_t count) {
     uint32_t *keys = sf_alloc(ctx, count, SF_PROBE_VIEWS * sizeof *keys);
+    const visitor by = {add_differences, SF_PROBE_DEPTHS * SF_PROBE_PIXELS};
     if (!keys) return SF_ERR_MEMORY;
     for (size_t i = 0; i < count; i++) {
         sf_probe *p = &probes[i];
@@ -130,7 +146,7 @@ sf_status sf_probe_compare(sf_context *ctx, const sf_view *const *views, size_t 
                 sf_behind_pixel(&views[p->view]->camera, p->xs[k], p->ys[k], p->depths[d], p->points[d][k]);
         }
     }
-    sf_status status = visit_by_view(ctx, views, n, keys, SF_PROBE_VIEWS * count, add_differences, probes);
+    sf_status status = visit_by_view(ctx, views, n, keys, SF_PROBE_VIEWS * count, &by, probes);
     sf_free(ctx, keys);
     return status;
 }

@@ -35,6 +35,24 @@ sf_status sf_view_weight(const sf_view *view, size_t x, size_t y, uint8_t *weigh
     return sf_pixel_cache_peek(view->cache, view->cached_at, 3 * pixels_of(view) + at, weight, 1);
 }
 
+sf_status sf_view_color(const sf_view *view, size_t x, size_t y, uint8_t rgb[3]) {
+    size_t at = y * (size_t)view->camera.width + x, plane = pixels_of(view);
+    if (!view->rgb && !view->cache) return not_read(view);
+    sf_status status = SF_OK;
+    for (size_t c = 0; c < 3 && !status; c++)
+        if (view->rgb)
+            rgb[c] = view->rgb[c * plane + at];
+        else
+            status = sf_pixel_cache_peek(view->cache, view->cached_at, c * plane + at, &rgb[c], 1);
+    return status;
+}
+
+/* Each value of a pixel is on a page of its own. */
+int sf_view_is_worth_opening(const sf_view *view, size_t pixels) {
+    const size_t page = 4096, values = view->has_weight ? 4 : 3;
+    return view->rgb || pixels * values * page > bytes_of(view);
+}
+
 void sf_view_expect(const sf_view *view) {
     if (view->cache) sf_pixel_cache_expect(view->cache, view->cached_at, bytes_of(view));
 }

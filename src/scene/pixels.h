@@ -15,8 +15,12 @@ typedef struct sf_view_pixels {
 sf_status sf_view_open(const sf_view *view, sf_view_pixels *pixels);
 void sf_view_close(const sf_view *view, sf_view_pixels *pixels);
 
-/* The weight of a single pixel, 255 where all have full weight. Errors as sf_view_open. */
+/* The weight of a single pixel, 255 where all have full weight; its colour. Errors as sf_view_open. Where the
+ * pixels are in a file each reads it: for more than a few the view is opened. */
 sf_status sf_view_weight(const sf_view *view, size_t x, size_t y, uint8_t *weight);
+sf_status sf_view_color(const sf_view *view, size_t x, size_t y, uint8_t rgb[3]);
+/* Whether it is better to open a view than to read so many single pixels of it. */
+int sf_view_is_worth_opening(const sf_view *view, size_t pixels);
 
 /* Has the system read the pixels ahead, where they are in a file: the view will be opened soon. */
 void sf_view_expect(const sf_view *view);

@@ -8,14 +8,18 @@
 #include "scene/scene.h"
 
 #define SCENE "sim:studio?width=64&height=48&frames=24"
-enum { ALL = 24 * 3 * 64 * 48 };
+/* So large that a few pixels are read without the rest. */
+#define LARGE "sim:studio?width=200&height=150&frames=12"
+enum { ALL = 24 * 3 * 64 * 48, ALL_LARGE = 12 * 3 * 200 * 150 };
 
-/* memory: of the load alone. */
-static sf_scene *load(sf_context *ctx, int64_t memory) {
+static sf_scene *load_named(sf_context *ctx, const char *name, int64_t memory) {
     sf_load_options options = sf_load_options_default();
     options.memory = memory;
-    return test_load_scene(ctx, SCENE, &options);
+    return test_load_scene(ctx, name, &options);
 }
+
+/* memory: of the load alone. */
+static sf_scene *load(sf_context *ctx, int64_t memory) { return load_named(ctx, SCENE, memory); }
 
 /* All that reads pictures: first points, steps at three resolutions, validation, model selection, blur. */
 static sf_fit_options every_reader(sf_init init) {
@@ -51,6 +55,27 @@ static void test_same_model(void **state) {
         fit_assert_same(&memory, fit_with(1 + i, ALL, &options));
         free(memory.values);
     }
+}
+
+static content first_of_large(int64_t memory) {
+    sf_context *ctx = test_context();
+    sf_scene *scene = load_named(ctx, LARGE, memory);
+    sf_fit_options options = every_reader(SF_INIT_RANDOM);
+    options.init_random = 20;
+    sf_fitter *fitter = fit_start(ctx, scene, &options);
+    content c = fit_content_of(ctx, fitter);
+    sf_fitter_destroy(&fitter);
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+    return c;
+}
+
+static void test_single_pixels(void **state) {
+    (void)state;
+    content memory = first_of_large(0);
+    assert_int_equal(memory.count, 20);
+    fit_assert_same(&memory, first_of_large(ALL_LARGE));
+    free(memory.values);
 }
 
 /* Half a run from memory, the other half from a file. */
@@ -112,9 +137,8 @@ static void test_failing_disk(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_same_model),
-        cmocka_unit_test(test_resume),
-        cmocka_unit_test(test_forecast),
+        cmocka_unit_test(test_same_model),   cmocka_unit_test(test_single_pixels),
+        cmocka_unit_test(test_resume),       cmocka_unit_test(test_forecast),
         cmocka_unit_test(test_failing_disk),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

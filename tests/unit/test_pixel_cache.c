@@ -79,6 +79,9 @@ static void test_moved_out(void **state) {
             sf_view_close(views[i], &p);
             assert_ok(ctx, sf_view_weight(views[i], 1, 0, &weight));
             assert_int_equal(weight, i % 2 ? 255 : 0);
+            uint8_t rgb[3];
+            assert_ok(ctx, sf_view_color(views[i], 5, 2, rgb));
+            for (size_t c = 0; c < 3; c++) assert_int_equal(rgb[c], shade(i, c * PIXELS + 2 * 64 + 5));
             assert_ok(ctx, sf_view_weight(views[i], 5, 2, &weight));
             assert_int_equal(weight, i % 2 ? 255 : shade(i, 2 * 64 + 5) | 1);
         }
