@@ -26,15 +26,18 @@ typedef struct picture_bytes {
 } picture_bytes;
 
 /* By the files' sizes, which need not be the cameras'. While a picture is read there are pixels of 4 bytes,
- * planes, and planes once more where they are resampled. */
-static picture_bytes estimate(const sf_project *p, const sf_load_options *options) {
+ * planes, and planes once more where they are resampled. A file that cannot be read is named when it is its
+ * turn. SF_ERR_MEMORY. */
+static sf_status estimate(const sf_project *p, const sf_load_options *options, picture_bytes *bytes) {
     enum { AT_WORK = 4 + 3 + 3 };
     picture_bytes b = {0};
     double area = (double)options->downscale * options->downscale;
     for (size_t i = 0; i < p->count; i++) {
         const sf_entry *e = &p->entries[i];
         int width = e->width, height = e->height;
-        if (e->bad_pose || sf_picture_size(p->ctx, e->path, &width, &height)) continue;
+        sf_status status = e->bad_pose ? SF_OK : sf_picture_size(p->ctx, e->path, &width, &height);
+        if (status == SF_ERR_MEMORY) return status;
+        if (e->bad_pose || status) continue;
         sf_optics lens = sf_scaled_lens(e, (double)width / e->width, (double)height / e->height);
         sf_undistorted frame = sf_undistort_frame(&lens, width, height);
         int weighted = e->mask || sf_optics_is_distorted(&lens);
@@ -44,7 +47,8 @@ static picture_bytes estimate(const sf_project *p, const sf_load_options *option
         b.largest = fmax(b.largest, kept);
         b.read = fmax(b.read, read);
     }
-    return b;
+    *bytes = b;
+    return SF_OK;
 }
 
 /* How many pictures `bytes` hold while they are read, at most one a thread. */
@@ -76,7 +80,9 @@ sf_status sf_plan_pictures(const sf_project *p, const sf_load_options *options, 
     double budget = options->no_pixels ? 0 : (double)sf_memory_budget((uint64_t)options->memory);
     if (!(budget > 0)) return SF_OK;
     double before = (double)sf_memory_resident(), left = budget - before;
-    picture_bytes b = estimate(p, options);
+    picture_bytes b;
+    sf_status status = estimate(p, options, &b);
+    if (status) return status;
     if (stays(p, &b, budget, left, plan)) return SF_OK;
     size_t buffers = sf_pixel_buffers(budget, b.largest);
     double least = fmax(b.read, (double)buffers * b.largest);
@@ -87,7 +93,7 @@ sf_status sf_plan_pictures(const sf_project *p, const sf_load_options *options, 
             "beside the %.0f in use (downscale makes them smaller)",
             p->path, budget / mega, least / mega, before / mega);
     plan->at_once = at_once(p, &b, left);
-    sf_status status =
+    status =
         sf_pixel_cache_create(p->ctx, p->path, (uint64_t)b.kept, (size_t)b.largest, buffers, &plan->cache);
     if (status) return stay_after_all(p, &b, left, status, plan);
     sf_log(
