@@ -181,7 +181,7 @@ typedef enum sf_moment_format {
     REAL(split_scale, 0, 0, 1e9, "half pictures",                                                            \
          "larger Gaussians are split along their long axis, others cloned")                                  \
     REAL(prune_opacity, 0.005, 0, 1, "", "fainter Gaussians are removed, or relocated")                      \
-    REAL(max_scale, 3, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                    \
+    REAL(max_scale, 0.7, 0, 1e9, "half pictures", "no axis grows beyond this; 0: no limit")                  \
     REAL(max_aspect, 30, 0, 1e9, "",                                                                         \
          "the longest axis is at most this multiple of the middle one; 0: no limit")
 
