@@ -35,6 +35,7 @@
 #
 # make bench         speed and accuracy on this machine: build/bench.json, build/bench-*.svg, build/bench-sfm.txt; minutes.
 #                    PARTS=against AGAINST=PROGRAM: fits beside another build's program: build/bench-against.md
+# make bench-arm     what llvm-mca says of the hot loops on ARM: build/bench-arm.md; make deps-bench installs what it needs
 # make bench-quick   whether the bench works: build/bench-quick.json; seconds
 # make charts        quality against time and size of sets of fits: build/charts/index.html; SPLATFIT_DATA as above;
 #                    some 45 minutes with PARTS=fits, else more

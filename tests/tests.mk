@@ -111,13 +111,17 @@ compile_commands.json:
 
 # ---- measurements ------------------------------------------------------------------------------------------
 
-.PHONY: bench bench-quick charts charts-quick stability demo
+.PHONY: bench bench-arm bench-quick charts charts-quick stability demo
 # PARTS, AGAINST and BENCH_FLAGS: as tests/bench/bench.sh says; SPLATFIT_DATA as above.
 bench: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' LEVELS='$(LEVELS)' BENCH_FLAGS='$(BENCH_FLAGS)' PARTS='$(PARTS)' AGAINST='$(AGAINST)' \
 	    tests/bench/bench.sh
 bench-quick: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/bench.sh quick
+# llvm-mca's estimates; deps-bench installs what it needs.
+bench-arm:
+	@mkdir -p build
+	@tests/bench/arm.py >build/bench-arm.md && cat build/bench-arm.md
 charts: $(PROGRAM)
 	@RUN='$(RUN)' PROGRAM='$(PROGRAM)' tests/bench/charts.sh build/charts
 charts-quick: $(PROGRAM)

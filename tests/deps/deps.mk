@@ -11,7 +11,7 @@ WANTED_NOW := $(if $(DEPS_OPTIONAL),$(if $(filter 1,$(STATIC)),static,$(DEPS_OPT
 
 # config.sh writes config.mk, which is read below: FOUND (of OPTIONAL), CIVETWEB, LIBS_CFLAGS, LIBS_FOUND, TEST_LIBS,
 # PARTS (modules with their versions). `make -n` only looks.
-NOT_CONFIGURED := clean help doc uninstall ci fuzz mutants test-vm coverage test-fresh lint-quick
+NOT_CONFIGURED := bench-arm deps-bench clean help doc uninstall ci fuzz mutants test-vm coverage test-fresh lint-quick
 ifneq ($(filter-out $(NOT_CONFIGURED),$(or $(MAKECMDGOALS),all)),)
 CONFIGURED := $(shell CC='$(CC)' CXX='$(CXX)' CFLAGS='$(CFLAGS)' PKG_CONFIG='$(PKG_CONFIG)' \
     LINK='$(TARGET_CFLAGS) $(CFLAGS) $(TARGET_LDFLAGS) $(LDFLAGS)' LOOK=$(if $(INSTALL_DEPS),$(findstring n,$(firstword -$(MAKEFLAGS))),1) \
@@ -24,7 +24,7 @@ include $(O)/config.mk
 endif
 
 # FETCH, set by toolchains/rules/flags.mk, brings sources that no package has.
-.PHONY: fetch deps deps-ci
+.PHONY: fetch deps deps-bench deps-ci
 fetch:
 	@$(FETCH)
 
@@ -32,6 +32,9 @@ fetch:
 deps: fetch
 
 CI_TOOLCHAINS := aarch64-linux-gnu arm-linux-gnueabihf
+deps-bench:
+	@tests/deps/deps.sh bench
+
 deps-ci: deps
 	@tests/deps/deps.sh ci vm browser arm64 armhf
 	@set -e; for t in $(CI_TOOLCHAINS); do $(MAKE) --no-print-directory TOOLCHAIN=$$t deps; done

@@ -1,5 +1,5 @@
 #!/bin/sh
-# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, static, ci, vm, browser, amd64,
+# deps.sh [--look] SET... - installs what is missing for the named sets: build, source, test, optional, static, ci, bench, vm, browser, amd64,
 # arm64, armhf.
 #
 # As root on Debian or Ubuntu it installs; anywhere else it names the packages and the command, and fails.
@@ -107,6 +107,15 @@ need_ci() {
     need qemu-user-static program qemu-x86_64-static
 }
 
+# Estimates of ARM: LLVM 19 is the first with a model of neoverse-n1.
+need_bench() {
+    need llvm-19 program llvm-mca-19
+    need clang-19 program clang-19
+    need gcc-aarch64-linux-gnu program aarch64-linux-gnu-gcc
+    need gcc-arm-linux-gnueabihf program arm-linux-gnueabihf-gcc
+    need python3 program python3
+}
+
 # An emulated board, its kernel and what it boots from.
 need_vm() {
     need qemu-system-arm program qemu-system-aarch64
@@ -133,9 +142,10 @@ for name in "$@"; do
     optional) need_optional ;;
     static) need_static ;;
     ci) need_ci ;;
+    bench) need_bench ;;
     vm) need_vm ;;
     browser) need_browser ;;
-    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, static, ci, vm, browser, amd64, arm64, armhf" >&2 && exit 2 ;;
+    *) echo "deps.sh: \"$name\" is none of build, source, test, optional, static, ci, bench, vm, browser, amd64, arm64, armhf" >&2 && exit 2 ;;
     esac
 done
 
