@@ -329,7 +329,8 @@ typedef struct sf_memory_bill {
     uint64_t gaussians; /* for max_gaussians: the model, optimizer state, statistics of densification */
     uint64_t lists;     /* for max_gaussians: projected Gaussians, tile lists, sums of gradients */
     uint64_t planes;    /* for the largest view: rendered pictures and intermediate planes */
-    uint64_t results;   /* for writing or for evaluating the final model, whichever takes more */
+    uint64_t results;   /* what writing or evaluating the final model takes beyond lists and planes,
+                           which are freed before */
     uint64_t total;     /* the sum of all but the budget */
 } sf_memory_bill;
 

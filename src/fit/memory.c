@@ -33,7 +33,7 @@ enum { SELECTING = 128 + sizeof(sf_merge) / 4 };
 /* Factors of what the allocator holds: low for arrays that are made once, higher for those that grow or are
  * made again. */
 #define ARRAY_SLACK 1.05
-#define LIST_SLACK  1.15
+#define LIST_SLACK  1.22
 #define PLANE_SLACK 1.25
 
 /* The estimate is high, and a process that continues from a checkpoint has a little more resident memory than
@@ -66,12 +66,13 @@ static double largest_picture(sf_scene *scene, double *stride) {
 
 /* Bytes for each Gaussian, and bytes that do not depend on their number. */
 typedef struct bill_rates {
-    double gaussians, lists, results;
-    double fixed_lists, planes, evaluation;
+    double gaussians, lists, results, drawn; /* drawn: copied, and with lists to be drawn, but no sums */
+    double fixed_lists, fixed_drawn, planes, evaluation;
 } bill_rates;
 
 static bill_rates rates_of(sf_fitter *f, int sh_degree) {
-    const double entry = 2 * sizeof(uint32_t) + sizeof(uint64_t) + SF_SUMS * sizeof(float);
+    const double drawn = 2 * sizeof(uint32_t) + sizeof(uint64_t);
+    const double entry = drawn + SF_SUMS * sizeof(float);
     const double strip = sizeof(sf_span); /* the rest is where the sums of entries are later */
     const double seen =
         sizeof(sf_splat) + sizeof(uint8_t) + 2 * sizeof(uint16_t) + 3 * sizeof(uint32_t) + 2 * sizeof(float);
@@ -90,7 +91,9 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
                                      sizeof *f->densify.visible_count + sizeof *f->units.inverse + densifying,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
+                        .drawn = values + seen + MEAN_TILES * drawn + MEAN_STRIPS * strip,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),
+                        .fixed_drawn = layers * (drawn + LAYER_ROWS * strip),
                         .planes = pictures,
                         .evaluation = pictures + pixels * EVALUATION_PLANES * sizeof(float)};
 }
@@ -99,7 +102,10 @@ static void fill_in(sf_memory_bill *bill, const bill_rates *r, double count) {
     bill->gaussians = (uint64_t)(ARRAY_SLACK * r->gaussians * count);
     bill->lists = (uint64_t)(LIST_SLACK * (r->lists * count + r->fixed_lists));
     bill->planes = (uint64_t)(PLANE_SLACK * r->planes);
-    bill->results = (uint64_t)fmax(ARRAY_SLACK * r->results * count, PLANE_SLACK * r->evaluation);
+    /* the arrays of a step are freed before the result is copied, written and drawn */
+    double freed = (double)bill->lists + (double)bill->planes;
+    double drawn = LIST_SLACK * (r->drawn * count + r->fixed_drawn) + PLANE_SLACK * r->evaluation;
+    bill->results = (uint64_t)fmax(fmax(ARRAY_SLACK * r->results * count, drawn) - freed, 0);
     bill->total = bill->before + bill->gaussians + bill->lists + bill->planes + bill->results;
 }
 
