@@ -33,7 +33,7 @@ enum { SELECTING = 128 + sizeof(sf_merge) / 4 };
 /* Factors of what the allocator holds: low for arrays that are made once, higher for those that grow or are
  * made again. */
 #define ARRAY_SLACK 1.05
-#define LIST_SLACK  1.22
+#define LIST_SLACK  1.5
 #define PLANE_SLACK 1.25
 
 /* The estimate is high, and a process that continues from a checkpoint has a little more resident memory than
