@@ -196,14 +196,18 @@ void fit_assert_sound(sf_context *ctx, const sf_fitter *fitter) {
     sf_model_destroy(&model);
 }
 
-content fit_fitted_by(int threads, const sf_fit_options *options) {
-    sf_context *ctx = test_context_threads(threads);
-    sf_scene *scene = fit_small_scene(ctx);
-    sf_fitter *fitter = fit_start(ctx, scene, options);
-    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+content fit_end(sf_context *ctx, sf_scene *scene, sf_fitter *fitter) {
     content c = fit_content_of(ctx, fitter);
     sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
     return c;
+}
+
+content fit_fitted_by(int threads, const sf_fit_options *options) {
+    sf_context *ctx = test_context_threads(threads);
+    sf_scene *scene = fit_small_scene(ctx);
+    sf_fitter *fitter = fit_start(ctx, scene, options);
+    assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
+    return fit_end(ctx, scene, fitter);
 }

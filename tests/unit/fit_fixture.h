@@ -38,6 +38,8 @@ typedef struct content {
 
 content fit_content_of_model(const sf_model *model);
 content fit_content_of(sf_context *ctx, const sf_fitter *fitter);
+/* The same, and destroys all three. */
+content fit_end(sf_context *ctx, sf_scene *scene, sf_fitter *fitter);
 
 /* To the bit; frees b. */
 void fit_assert_same(const content *a, content b);

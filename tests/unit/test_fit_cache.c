@@ -39,11 +39,7 @@ static content fit_with(int threads, int64_t memory, const sf_fit_options *optio
     sf_view_release(view);
     sf_fitter *fitter = fit_start(ctx, scene, options);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
-    content c = fit_content_of(ctx, fitter);
-    sf_fitter_destroy(&fitter);
-    sf_scene_destroy(&scene);
-    sf_context_destroy(&ctx);
-    return c;
+    return fit_end(ctx, scene, fitter);
 }
 
 static void test_same_model(void **state) {
@@ -63,11 +59,7 @@ static content first_of_large(int64_t memory) {
     sf_fit_options options = every_reader(SF_INIT_RANDOM);
     options.init_random = 20;
     sf_fitter *fitter = fit_start(ctx, scene, &options);
-    content c = fit_content_of(ctx, fitter);
-    sf_fitter_destroy(&fitter);
-    sf_scene_destroy(&scene);
-    sf_context_destroy(&ctx);
-    return c;
+    return fit_end(ctx, scene, fitter);
 }
 
 static void test_single_pixels(void **state) {

@@ -139,11 +139,7 @@ static content fitted_to_left_half(const float *hidden) {
     fit_add_points(scene);
     sf_fitter *fitter = fit_start(ctx, scene, &options);
     assert_ok(ctx, sf_fitter_run(fitter, NULL, NULL));
-    content c = fit_content_of(ctx, fitter);
-    sf_fitter_destroy(&fitter);
-    sf_scene_destroy(&scene);
-    sf_context_destroy(&ctx);
-    return c;
+    return fit_end(ctx, scene, fitter);
 }
 
 static void test_mask_hides(void **state) {
