@@ -202,20 +202,21 @@ static int overrule(const sf_map *map, sf_map_camera *cameras) {
     return count;
 }
 
-/* Pictures that are not placed though a pair connects them with one that is. */
-static size_t count_missing(const mapper *m) {
+/* Counts pictures that are not placed though a pair connects them with one that is. SF_ERR_MEMORY. */
+static sf_status count_missing(const mapper *m, size_t *missing) {
     const sf_map *map = m->map;
     uint8_t *is_missing = sf_calloc(map->ctx, map->picture_count + 1, 1);
-    size_t count = 0;
-    for (size_t i = 0; is_missing && i < m->input->pair_count; i++) {
+    *missing = 0;
+    if (!is_missing) return SF_ERR_MEMORY;
+    for (size_t i = 0; i < m->input->pair_count; i++) {
         const sf_matched_pair *p = &m->input->pairs[i];
         const sf_map_picture *a = &map->pictures[p->first], *b = &map->pictures[p->second];
         if (a->is_placed != b->is_placed && !a->is_left_out && !b->is_left_out)
             is_missing[a->is_placed ? p->second : p->first] = 1;
     }
-    for (size_t i = 0; is_missing && i < map->picture_count; i++) count += is_missing[i];
+    for (size_t i = 0; i < map->picture_count; i++) *missing += is_missing[i];
     sf_free(map->ctx, is_missing);
-    return count;
+    return SF_OK;
 }
 
 /* Changes the focal lengths that only pairs of pictures tell. Returns whether there are any. */
@@ -237,11 +238,13 @@ static int are_vague(const sf_map_camera *cameras, size_t count) {
 }
 
 /* Makes maps with focal lengths that are `step`, step^2 ... times the voted ones, as long as they hold more
- * observations than the best one so far, which stays in m. */
-static sf_status climb(sf_context *ctx, mapper *m, const sf_map_options *options, const sf_map_camera *voted,
-                       sf_map_camera *cameras, double step) {
+ * observations than the best one so far, which stays in m. *changed: whether that is another one now. */
+static sf_status climb(mapper *m, const sf_map_options *options, const sf_map_camera *voted,
+                       sf_map_camera *cameras, double step, int *changed) {
+    sf_context *ctx = m->map->ctx;
     sf_status status = SF_OK;
     int is_better = 1;
+    *changed = 0;
     for (double factor = step; is_better && factor < FOCAL_FARTHEST && factor * FOCAL_FARTHEST > 1;
          factor *= step) {
         mapper other = *m;
@@ -251,6 +254,7 @@ static sf_status climb(sf_context *ctx, mapper *m, const sf_map_options *options
         if (status) break;
         sf_map_count_points(m->map, &most), sf_map_count_points(other.map, &observations);
         is_better = observations > most;
+        *changed |= is_better;
         sf_map *worse = is_better ? m->map : other.map;
         if (is_better) m->map = other.map;
         sf_map_destroy(&worse);
@@ -260,17 +264,18 @@ static sf_status climb(sf_context *ctx, mapper *m, const sf_map_options *options
 
 /* Pairs hardly tell a long focal length from a longer one, and from far off the bundle does not find the
  * right one: where their vote is vague, or pictures are missing, others are tried. */
-static sf_status try_other_focal(sf_context *ctx, mapper *m, const sf_map_options *options,
-                                 sf_map_camera *cameras) {
-    size_t count = m->input->camera_count, missing = count_missing(m);
-    const sf_map *first = m->map;
+static sf_status try_other_focal(mapper *m, const sf_map_options *options, sf_map_camera *cameras) {
+    sf_context *ctx = m->map->ctx;
+    size_t count = m->input->camera_count, missing;
+    int changed;
+    sf_status status = count_missing(m, &missing);
     int is_missing = missing > 1 && MISSING_PART * missing >= m->map->placed_count;
-    if (!is_missing && !are_vague(cameras, count)) return SF_OK;
+    if (status || (!is_missing && !are_vague(cameras, count))) return status;
     sf_map_camera *voted = sf_alloc(ctx, count + 1, sizeof *voted);
     if (!voted) return SF_ERR_MEMORY;
     memcpy(voted, cameras, count * sizeof *voted);
-    sf_status status = climb(ctx, m, options, voted, cameras, FOCAL_STEP);
-    if (!status && m->map == first) status = climb(ctx, m, options, voted, cameras, 1 / FOCAL_STEP);
+    status = climb(m, options, voted, cameras, FOCAL_STEP, &changed);
+    if (!status && !changed) status = climb(m, options, voted, cameras, 1 / FOCAL_STEP, &changed);
     memcpy(cameras, voted, count * sizeof *voted);
     sf_free(ctx, voted);
     for (size_t i = 0; !status && i < count; i++)
@@ -280,11 +285,10 @@ static sf_status try_other_focal(sf_context *ctx, mapper *m, const sf_map_option
                 "focal: the photos hardly tell the focal length, %.0f px: give it if you know it (--focal, "
                 "--lens)",
                 m->map->cameras[i].lens.fx);
-    if (status) sf_map_destroy(&m->map);
     return status;
 }
 
-/* A map, and once more where it overrules what files tell, or where pictures are missing. */
+/* A map, and once more where it overrules what files tell; others where the focal length is in doubt. */
 static sf_status run_again(sf_context *ctx, mapper *m, const sf_map_options *options,
                            sf_map_camera *cameras) {
     sf_status status = run_once(ctx, m, options);
@@ -292,10 +296,8 @@ static sf_status run_again(sf_context *ctx, mapper *m, const sf_map_options *opt
         sf_map_destroy(&m->map);
         status = run_once(ctx, m, options);
     }
-    if (!status)
-        status = try_other_focal(ctx, m, options, cameras);
-    else
-        sf_map_destroy(&m->map);
+    if (!status) status = try_other_focal(m, options, cameras);
+    if (status) sf_map_destroy(&m->map);
     return status;
 }
 
