@@ -39,6 +39,14 @@ sf_context *test_context_threads(int threads) {
 
 sf_context *test_context(void) { return test_context_threads(2); }
 
+size_t test_runner(char **command, size_t limit) {
+    static char words[4096];
+    size_t n = 0;
+    snprintf(words, sizeof words, "%s", getenv("RUN") ? getenv("RUN") : "");
+    for (char *word = strtok(words, " "); word && n < limit; word = strtok(NULL, " ")) command[n++] = word;
+    return n;
+}
+
 void *test_count_alloc(void *allocations, size_t size) {
     test_allocations *a = allocations;
     if (atomic_fetch_add(&a->calls, 1) + 1 == a->fail_at) return NULL;
@@ -344,22 +352,45 @@ sf_camera test_camera_around(int view, int views, int width, int height) {
                        .t_cw = {0, 0, 4}};
 }
 
-pid_t test_start(int (*begin)(sf_context *ctx, const char *path), const char *path) {
-    int ready[2];
+static const char *self;
+
+void test_say_begun(void) {
+    if (write(STDOUT_FILENO, "x", 1) != 1) _exit(1);
+}
+
+void test_begin(int argc, char **argv, void (*begin)(sf_context *ctx, const char *path)) {
+    self = argv[0];
+    if (argc == 1) return;
+    sf_context *ctx;
+    sf_context_options options = {.threads = 1};
+    if (sf_context_create(&ctx, &options)) _exit(1);
+    begin(ctx, argv[1]);
+    test_say_begun();
+    pause();
+    _exit(1);
+}
+
+pid_t test_start(const char *path) {
+    enum { MAX_COMMAND = 64 };
+    int begun[2];
     char byte;
-    assert_int_equal(pipe(ready), 0);
+    char *command[MAX_COMMAND];
+    assert_non_null(self);
+    assert_int_equal(pipe(begun), 0);
     pid_t pid = fork();
     assert_true(pid >= 0);
     if (!pid) {
-        sf_context *ctx;
-        sf_context_options options = {.threads = 1};
-        if (sf_context_create(&ctx, &options) || !begin(ctx, path)) _exit(1);
-        if (write(ready[1], "x", 1) == 1) pause();
-        _exit(1);
+        size_t n = test_runner(command, MAX_COMMAND - 3);
+        memcpy(&command[n], &self, sizeof self);
+        memcpy(&command[n + 1], &path, sizeof path);
+        command[n + 2] = NULL;
+        close(begun[0]);
+        if (dup2(begun[1], STDOUT_FILENO) >= 0) execvp(command[0], command);
+        _exit(99);
     }
-    close(ready[1]);
-    assert_int_equal(read(ready[0], &byte, 1), 1);
-    close(ready[0]);
+    close(begun[1]);
+    assert_int_equal(read(begun[0], &byte, 1), 1);
+    close(begun[0]);
     return pid;
 }
 

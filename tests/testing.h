@@ -87,9 +87,17 @@ double test_number(const json_t *object, const char *key);
 
 void test_pause_ms(long ms);
 
-/* A separate process in which `begin` has been called, which must return 1; it holds what it took until
- * test_kill, by SIGKILL. */
-pid_t test_start(int (*begin)(sf_context *ctx, const char *path), const char *path);
+/* The words of RUN, which run a program of another machine here; how many. */
+size_t test_runner(char **command, size_t limit);
+
+/* A test program that runs itself once more calls test_begin first of all. test_start starts that other
+ * process, in which test_begin calls `begin`, and returns once that has returned or called test_say_begun.
+ * The process holds what it took until test_kill, by SIGKILL. A fork alone would not do: where other threads
+ * run, as those of libraries do, the child may inherit a locked allocator (clang 14's address sanitizer).
+ */
+void test_begin(int argc, char **argv, void (*begin)(sf_context *ctx, const char *path));
+void test_say_begun(void);
+pid_t test_start(const char *path);
 void test_kill(pid_t pid);
 
 /* Of the training views only `wanted` stay, evenly spread. */

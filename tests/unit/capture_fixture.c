@@ -20,11 +20,8 @@ static void redirect(const char *path, int flags, int to) {
 }
 
 static void become_program(const char *const *args, rlim_t file_limit) {
-    char prefix[4096];
     char *command[MAX_COMMAND] = {0};
-    int n = 0;
-    snprintf(prefix, sizeof prefix, "%s", getenv("RUN") ? getenv("RUN") : "");
-    for (char *word = strtok(prefix, " "); word && n < 20; word = strtok(NULL, " ")) command[n++] = word;
+    size_t n = test_runner(command, 20);
     command[n++] = program;
     for (; *args && n < MAX_COMMAND - 1; args++) memcpy(&command[n++], args, sizeof *args);
     if (*args || chdir(test_folder())) _exit(99);

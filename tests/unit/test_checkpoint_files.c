@@ -316,6 +316,18 @@ static void test_failing_disk(void **state) {
     checkpoint_end(&other);
 }
 
+/* Takes steps from a checkpoint and keeps it again, until it is killed. */
+static void keep_on_saving(sf_context *ctx, const char *path) {
+    sf_scene *scene = NULL;
+    sf_fitter *fitter = NULL;
+    if (sf_scene_load(ctx, SCENE, NULL, &scene) || sf_fitter_load(ctx, scene, path, NULL, &fitter)) _exit(1);
+    test_say_begun();
+    for (;;) {
+        sf_fitter_step(fitter);
+        sf_fitter_save(fitter, path);
+    }
+}
+
 /* Killed at any moment: a whole checkpoint stands. */
 static void test_killed(void **state) {
     (void)state;
@@ -323,21 +335,7 @@ static void test_killed(void **state) {
     const char *path = test_path("survivor");
     for (int attempt = 0; attempt < 6; attempt++) {
         write_checkpoint(path);
-        pid_t pid = fork();
-        assert_true(pid >= 0);
-        if (pid == 0) {
-            sf_context *ctx = NULL;
-            sf_context_options one = {.threads = 1};
-            sf_scene *scene = NULL;
-            sf_fitter *fitter = NULL;
-            if (sf_context_create(&ctx, &one) || sf_scene_load(ctx, SCENE, NULL, &scene) ||
-                sf_fitter_load(ctx, scene, path, NULL, &fitter))
-                _exit(1);
-            for (;;) {
-                sf_fitter_step(fitter);
-                sf_fitter_save(fitter, path);
-            }
-        }
+        pid_t pid = test_start(path);
         checkpoint_rest(0.05 + 0.0137 * attempt);
         int status;
         kill(pid, SIGKILL);
@@ -467,7 +465,8 @@ static void test_memory_units(void **state) {
     sf_context_destroy(&ctx);
 }
 
-int main(void) {
+int main(int argc, char **argv) {
+    test_begin(argc, argv, keep_on_saving);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_cut_off),
         cmocka_unit_test(test_flipped_bits),
