@@ -8,7 +8,7 @@
 #   desktop   that with g++ and pkg-config
 #   user      build-essential and git, and a user without root and sudo; the line that the command prints is typed as root
 # CACHE is where packages and roots are kept; MIRROR another mirror than this system's; COMPILERS names
-# the suites whose clang builds too, with warnings as errors; SOME_TESTS the tests that are enough in roots after the first. Needs root.
+# the suites whose clang builds too, with warnings as errors; SOME_TESTS the tests that are enough. Needs root.
 set -euo pipefail
 
 cd "$(dirname "$0")/../.."
@@ -132,7 +132,7 @@ check_parts() {
     diff "$work/parts" "$root.parts"
 }
 
-passed=0 failed=0 skipped=0 tests=
+passed=0 failed=0 skipped=0 tests=${SOME_TESTS:-}
 one() { # SUITE/START
     suite=${1%/*} start=${1#*/} began=$SECONDS as='' result=
     log=$work/$suite-$start.log
@@ -178,7 +178,6 @@ for root_name in "$@"; do
     bookworm/bare | bookworm/desktop | bookworm/user | trixie/bare | trixie/desktop | trixie/user | sid/bare | sid/desktop | sid/user) one "$root_name" ;;
     *) echo "fresh.sh: \"$root_name\" is not {bookworm,trixie,sid}/{bare,desktop,user}" >&2; exit 2 ;;
     esac
-    tests=${SOME_TESTS:-}
 done
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" = 0 ]
