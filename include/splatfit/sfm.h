@@ -45,7 +45,8 @@ typedef struct sf_sfm_options {
     int all_pairs;  /* of so many photos at most each is matched with each, 0..1000000; of more, with
                        those that are most like it and with its neighbours by name */
     int64_t memory; /* bytes for the whole process: refuse photos that take more; 0: 4/5 of what is free */
-    double error;   /* px: the greatest distance of an inlier from where its point is seen, above 0 */
+    double error;   /* px of the photo as it was reduced: the greatest distance of an inlier from where its
+                       point is seen, above 0 */
     double focal;   /* px of the photos, about; 0: found */
     const sf_lens *lens;             /* the lens of all photos, kept as it is; NULL: found */
     int32_t lens_width, lens_height; /* px: of the photos that it is for; 0: photos of one size */

@@ -11,6 +11,7 @@ typedef struct gathering {
     sf_bundle_observation *observations;
     size_t *picture_of, *view_of; /* [views]; [pictures], SIZE_MAX: none */
     size_t *track_of;             /* [points] */
+    uint8_t *is_chosen;           /* [tracks]: its point is adjusted */
 } gathering;
 
 static int make_gathering(const sf_map *map, gathering *g) {
@@ -23,13 +24,14 @@ static int make_gathering(const sf_map *map, gathering *g) {
     g->picture_of = sf_alloc(ctx, n + 1, sizeof *g->picture_of);
     g->view_of = sf_alloc(ctx, n + 1, sizeof *g->view_of);
     g->track_of = sf_alloc(ctx, points + 1, sizeof *g->track_of);
+    g->is_chosen = sf_calloc(ctx, map->tracks.count + 1, sizeof *g->is_chosen);
     return g->bundle.views && g->bundle.cameras && g->bundle.points && g->observations && g->picture_of &&
-           g->view_of && g->track_of;
+           g->view_of && g->track_of && g->is_chosen;
 }
 
 static void free_gathering(const sf_map *map, gathering *g) {
     void *const blocks[] = {g->bundle.views, g->bundle.cameras, g->bundle.points, g->observations,
-                            g->picture_of,   g->view_of,        g->track_of};
+                            g->picture_of,   g->view_of,        g->track_of,      g->is_chosen};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(map->ctx, blocks[i]);
 }
 
@@ -67,25 +69,62 @@ static void gather_point(const sf_map *map, gathering *g, size_t track, size_t f
     g->track_of[b->point_count++] = track;
 }
 
-/* The points of each n-th track. */
-static void gather_points(const sf_map *map, gathering *g, size_t each) {
-    g->bundle.observations = g->observations;
-    for (size_t track = 0; track < map->tracks.count; track += each)
-        if (map->has_point[track]) gather_point(map, g, track, 0);
+static void choose_track(const sf_map *map, gathering *g, size_t track, size_t *seen) {
+    g->is_chosen[track] = 1;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
+        if (map->is_used[i]) seen[map->tracks.observations[i].picture]++;
 }
 
-/* The points that free views see. */
-static void gather_points_around(const sf_map *map, gathering *g) {
+static int sees_too_few(const sf_map *map, size_t track, const size_t *seen) {
+    enum { LEAST = 60 };
+    int few = 0;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++)
+        few |= map->is_used[i] && seen[map->tracks.observations[i].picture] < LEAST;
+    return few;
+}
+
+/* Each n-th track with a point, and others as long as a picture sees too few. seen [pictures]: all 0. */
+static void choose_tracks(const sf_map *map, gathering *g, size_t each, size_t *seen) {
+    for (size_t track = 0; track < map->tracks.count; track += each)
+        if (map->has_point[track]) choose_track(map, g, track, seen);
+    for (size_t track = 0; track < map->tracks.count; track++)
+        if (map->has_point[track] && !g->is_chosen[track] && sees_too_few(map, track, seen))
+            choose_track(map, g, track, seen);
+}
+
+static void gather_chosen(const sf_map *map, gathering *g) {
+    g->bundle.observations = g->observations;
+    for (size_t track = 0; track < map->tracks.count; track++)
+        if (g->is_chosen[track]) gather_point(map, g, track, 0);
+}
+
+/* How many of the observations of a track's point are of views that are free, or of others. */
+static void count_views(const sf_map *map, const gathering *g, size_t track, size_t *free_count,
+                        size_t *fixed) {
+    *free_count = *fixed = 0;
+    if (!map->has_point[track]) return;
+    for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
+        if (!map->is_used[i]) continue;
+        int is_free = g->bundle.views[g->view_of[map->tracks.observations[i].picture]].is_free;
+        *free_count += is_free != 0, *fixed += is_free == 0;
+    }
+}
+
+/* Points that free views see: all of few, and of many about POINTS, but enough of each picture. */
+static void gather_points_around(const sf_map *map, gathering *g, size_t *seen) {
+    enum { POINTS = 600 };
+    size_t count = 0, number = 0, free_count, fixed;
+    for (size_t track = 0; track < map->tracks.count; track++) {
+        count_views(map, g, track, &free_count, &fixed);
+        count += free_count > 0;
+    }
+    memset(seen, 0, map->picture_count * sizeof *seen);
     g->bundle.observations = g->observations;
     for (size_t track = 0; track < map->tracks.count; track++) {
-        size_t free_count = 0, fixed = 0;
-        if (!map->has_point[track]) continue;
-        for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
-            if (!map->is_used[i]) continue;
-            int is_free = g->bundle.views[g->view_of[map->tracks.observations[i].picture]].is_free;
-            free_count += is_free != 0, fixed += is_free == 0;
-        }
-        if (free_count) gather_point(map, g, track, fixed);
+        count_views(map, g, track, &free_count, &fixed);
+        if (!free_count || (number++ % (count / POINTS + 1) && !sees_too_few(map, track, seen))) continue;
+        choose_track(map, g, track, seen);
+        gather_point(map, g, track, fixed);
     }
 }
 
@@ -126,17 +165,45 @@ sf_status sf_map_adjust(sf_map *map, int rounds, double enough) {
 
 sf_status sf_map_adjust_sample(sf_map *map, size_t each, int rounds, double enough) {
     gathering g = {.bundle = {.enough = enough}};
-    sf_status status = make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
+    size_t *seen = sf_calloc(map->ctx, map->picture_count + 1, sizeof *seen);
+    sf_status status = seen && make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
         gather_views(map, &g);
         for (size_t v = 1; v < g.bundle.view_count; v++) g.bundle.views[v].is_free = 1;
-        gather_points(map, &g, each);
+        choose_tracks(map, &g, each, seen);
+        gather_chosen(map, &g);
         free_lenses(map, &g);
         status = sf_bundle_adjust(map->ctx, &g.bundle, rounds, &map->spread);
     }
     if (!status) accept(map, &g);
     free_gathering(map, &g);
+    sf_free(map->ctx, seen);
     return status;
+}
+
+/* Moves all points to where the views, which stay, see them. */
+static sf_status adjust_points(sf_map *map) {
+    enum { ROUNDS = 4 };
+    gathering g = {.bundle = {.enough = 1e-3}};
+    sf_status status = make_gathering(map, &g) ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        gather_views(map, &g);
+        memcpy(g.is_chosen, map->has_point, map->tracks.count);
+        gather_chosen(map, &g);
+        status = sf_bundle_adjust(map->ctx, &g.bundle, ROUNDS, &map->spread);
+    }
+    if (!status) accept(map, &g);
+    free_gathering(map, &g);
+    return status;
+}
+
+sf_status sf_map_adjust_roughly(sf_map *map, int rounds, double enough) {
+    enum { OBSERVATIONS = 30000 };
+    size_t observations;
+    sf_map_count_points(map, &observations);
+    size_t each = observations / OBSERVATIONS + 1;
+    sf_status status = sf_map_adjust_sample(map, each, rounds, enough);
+    return status || each == 1 ? status : adjust_points(map);
 }
 
 /* Frees the views that share most points with one, counted in `shared` [views]. */
@@ -168,7 +235,7 @@ sf_status sf_map_adjust_around(sf_map *map, size_t picture, size_t most) {
     if (!status) {
         gather_views(map, &g);
         choose_free(map, &g, g.view_of[picture], most, shared);
-        gather_points_around(map, &g);
+        gather_points_around(map, &g, shared);
         status = sf_bundle_adjust(map->ctx, &g.bundle, ROUNDS, &map->spread);
     }
     if (!status) accept(map, &g);

@@ -36,7 +36,8 @@ static int make_observations(const sf_map *map, size_t picture, sf_pose_search *
 }
 
 static sf_pose_search_options options_for(const sf_map *map, size_t picture) {
-    return (sf_pose_search_options){.error_px = map->options.error_px,
+    return (sf_pose_search_options){.error_px = map->options.error_px *
+                                                sf_map_unit(&map->cameras[map->pictures[picture].camera]),
                                     .least = map->options.least_seen,
                                     .seed = map->options.seed + picture};
 }

@@ -13,11 +13,14 @@ enum {
     CHUNK = 256      /* tracks a task */
 };
 
+double sf_map_unit(const sf_map_camera *camera) { return camera->unit > 0 ? camera->unit : 1; }
+
 int sf_map_observe(const sf_map *map, size_t observation, sf_sight *sight) {
     const sf_track_observation *s = &map->tracks.observations[observation];
     const sf_map_picture *p = &map->pictures[s->picture];
     if (!p->is_placed) return 0;
     sight->lens = &map->cameras[p->camera].lens, sight->pose = &p->pose;
+    sight->unit = sf_map_unit(&map->cameras[p->camera]);
     memcpy(sight->pixel, p->keypoints + 2 * (size_t)s->keypoint, sizeof sight->pixel);
     return 1;
 }
@@ -105,7 +108,6 @@ typedef struct job {
     sf_map *map;
     const uint32_t *list; /* [count]; UINT32_MAX: none; NULL: all of the map */
     size_t count;
-    double most;
     size_t *dropped; /* [chunks] */
     void (*of_track)(const struct job *job, size_t track, size_t chunk);
 } job;
@@ -142,7 +144,8 @@ void sf_map_make_points(sf_map *map, size_t picture) {
     sf_pool_run(map->ctx->pool, chunks_of(&j), chunk_task, &j);
 }
 
-static size_t drop_bad_of(sf_map *map, size_t track, double most) {
+static size_t drop_bad_of(sf_map *map, size_t track) {
+    double most = map->options.error_px;
     sf_sight sights[SIGHTS_MOST];
     size_t dropped = 0, kept = 0;
     for (size_t i = map->tracks.first[track]; i < map->tracks.first[track + 1]; i++) {
@@ -165,12 +168,12 @@ static size_t drop_bad_of(sf_map *map, size_t track, double most) {
 }
 
 static void drop(const job *j, size_t track, size_t chunk) {
-    if (j->map->has_point[track]) j->dropped[chunk] += drop_bad_of(j->map, track, j->most);
+    if (j->map->has_point[track]) j->dropped[chunk] += drop_bad_of(j->map, track);
 }
 
-sf_status sf_map_drop_bad(sf_map *map, size_t picture, double most, size_t *dropped) {
+sf_status sf_map_drop_bad(sf_map *map, size_t picture, size_t *dropped) {
     job j = job_of(map, picture);
-    j.of_track = drop, j.most = most;
+    j.of_track = drop;
     j.dropped = sf_calloc(map->ctx, chunks_of(&j) + 1, sizeof *j.dropped);
     *dropped = 0;
     if (!j.dropped) return SF_ERR_MEMORY;

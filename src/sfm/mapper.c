@@ -66,9 +66,9 @@ static sf_status try_start(mapper *m, const sf_matched_pair *pair, int *is_good)
     place_at(map, pair->second, &pair->geometry.T);
     sf_map_make_points(map, SIZE_MAX);
     if (sf_map_count_points(map, &observations) < map->options.first_count) return SF_OK;
-    sf_status status = sf_map_adjust(map, 10, 1e-4);
+    sf_status status = sf_map_adjust(map, 30, 1e-5);
     if (status) return status;
-    status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
+    status = sf_map_drop_bad(map, SIZE_MAX, &dropped);
     *is_good = !status && sf_map_count_points(map, &observations) >= map->options.first_count;
     return status;
 }
@@ -118,9 +118,9 @@ static size_t choose_next(const sf_map *map) {
 static sf_status adjust_all(mapper *m, int rounds, double enough) {
     sf_map *map = m->map;
     for (int round = 0; round < 2; round++) {
-        sf_status status = sf_map_adjust(map, rounds, enough);
+        sf_status status = sf_map_adjust_roughly(map, rounds, enough);
         size_t observations, dropped;
-        if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
+        if (!status) status = sf_map_drop_bad(map, SIZE_MAX, &dropped);
         if (status) return status;
         sf_map_make_points(map, SIZE_MAX);
         sf_map_count_points(map, &observations);
@@ -137,7 +137,7 @@ static sf_status add_picture(mapper *m, size_t picture, int *is_placed) {
     if (status || !*is_placed) return status;
     sf_map_make_points(map, picture);
     status = sf_map_adjust_around(map, picture, NEIGHBOURS);
-    if (!status) status = sf_map_drop_bad(map, picture, map->options.error_px, &dropped);
+    if (!status) status = sf_map_drop_bad(map, picture, &dropped);
     if (status) return status;
     if (m->progress && m->progress(m->user, map->placed_count, map->picture_count))
         return sf_fail(map->ctx, SF_ERR_CANCELLED, "cancelled");
@@ -167,13 +167,14 @@ static sf_status finish(mapper *m) {
     static const double enough[FINAL_ROUNDS] = {1e-3, 1e-4, 1e-5}; /* outliers first */
     sf_map *map = m->map;
     for (int round = 0; round < FINAL_ROUNDS; round++) {
+        int is_last = round + 1 == FINAL_ROUNDS;
         size_t dropped;
-        sf_status status = SF_OK;
-        if (round + 1 == FINAL_ROUNDS) status = sf_map_choose_lens(map);
-        if (!status) status = sf_map_adjust(map, 30, enough[round]);
-        if (!status) status = sf_map_drop_bad(map, SIZE_MAX, map->options.error_px, &dropped);
+        sf_status status = is_last ? sf_map_choose_lens(map) : SF_OK;
+        if (!status) status = sf_map_adjust_roughly(map, 30, enough[round]);
+        if (!status && is_last) status = sf_map_adjust(map, 30, 1e-5);
+        if (!status) status = sf_map_drop_bad(map, SIZE_MAX, &dropped);
         if (status) return status;
-        if (round + 1 < FINAL_ROUNDS) sf_map_make_points(map, SIZE_MAX);
+        if (!is_last) sf_map_make_points(map, SIZE_MAX);
     }
     return SF_OK;
 }

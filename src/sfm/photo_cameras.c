@@ -25,6 +25,7 @@ static sf_map_camera first_camera(const grouping *g, const sf_photo_file *photo,
            told = sf_exif_focal(exif, photo->width, photo->height), prior = o->focal > 0 ? o->focal : told,
            focal = prior > 0 ? prior : GUESS * longer;
     sf_map_camera camera = {
+        .unit = photo->factor,
         .width = photo->width,
         .height = photo->height,
         .lens = {.fx = focal, .fy = focal, .cx = photo->width / 2.0, .cy = photo->height / 2.0},

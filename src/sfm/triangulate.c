@@ -38,7 +38,7 @@ double sf_sight_error(const sf_sight *sight, const double at[3]) {
     sf_rigid_apply(sight->pose, at, p);
     if (!sf_lens_project(sight->lens, p, pixel, NULL, NULL)) return INFINITY;
     double x = pixel[0] - sight->pixel[0], y = pixel[1] - sight->pixel[1];
-    return sqrt(x * x + y * y);
+    return sqrt(x * x + y * y) / (sight->unit > 0 ? sight->unit : 1);
 }
 
 /* The sum of the squares of the residuals, with A = sum J^T J and g = sum J^T r. */

@@ -11,6 +11,7 @@ typedef struct sf_sight {
     const sf_lens *lens;
     const sf_rigid *pose; /* world to camera */
     double pixel[2], ray[2];
+    double unit; /* px, of errors (0: 1) */
 } sf_sight;
 
 /* The point of least distance from the rays of `count` >= 2 cameras. 0: the rays are parallel. */
@@ -20,7 +21,7 @@ int sf_triangulate_rays(const sf_sight *sights, size_t count, double at[3]);
  * mean square per camera; infinite if the point is behind one. */
 double sf_triangulate_refine(const sf_sight *sights, size_t count, double at[3]);
 
-/* The distance in px between where a camera sees the point and where it should; infinite behind it. */
+/* The distance between where a camera sees the point and where it should, in its unit; infinite behind it. */
 double sf_sight_error(const sf_sight *sight, const double at[3]);
 
 /* Whether two of the lines from the cameras' centers to the point make an angle with a cosine below this; the

@@ -95,6 +95,8 @@ static void try_pose(const finder *f, const sf_rigid *T, const uint8_t *inliers,
     uint8_t *marks = f->flags;
     if (!(length > 0)) return;
     for (int k = 0; k < 3; k++) c.T.t[k] /= length;
+    /* Of a plane's poses, refining does not bring before the cameras what is behind them. */
+    if (2 * sf_count_in_front(&c.T, f->p.a, f->p.b, inliers, f->p.count) < best->in_front) return;
     for (size_t i = 0; i < f->p.count; i++) f->scratch[i] = inliers[i];
     sf_relative_pose_refine(f->p.a, f->p.b, f->scratch, f->p.count, 10, &c.T);
     sf_essential_of_pose(&c.T, E);

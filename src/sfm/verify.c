@@ -90,10 +90,10 @@ static void verify_task(void *pointer, size_t task, int thread) {
     if (!p->count || (v->with_lenses && !was_known && p->geometry.kind == SF_PAIR_NONE)) return;
     make_rays(v, p, 0, v->with_lenses, a);
     make_rays(v, p, 1, v->with_lenses, b);
-    double focal = (v->cameras[v->pictures[p->first].camera].lens.fx +
-                    v->cameras[v->pictures[p->second].camera].lens.fx) /
-                   2;
-    o.known = v->with_lenses, o.threshold = v->o->error_px / focal, o.least_count = v->o->least_count;
+    const sf_map_camera *first = &v->cameras[v->pictures[p->first].camera];
+    const sf_map_camera *second = &v->cameras[v->pictures[p->second].camera];
+    double unit = (sf_map_unit(first) + sf_map_unit(second)) / (first->lens.fx + second->lens.fx);
+    o.known = v->with_lenses, o.threshold = v->o->error_px * unit, o.least_count = v->o->least_count;
     o.seed = v->o->seed + task;
     sf_two_view_find(&o, a, b, p->count, rest, inliers, &found);
     /* A focal length that is wrong loses matches that the fundamental matrix has confirmed: they stay,
@@ -126,7 +126,7 @@ static size_t count_explained(const verifier *v, size_t camera, size_t voters, d
     sf_map_camera *c = &v->cameras[camera];
     const sf_lens kept = c->lens;
     c->lens.fx = c->lens.fy = focal;
-    o.known = 1, o.threshold = v->o->error_px / 2 / focal, o.seed = v->o->seed;
+    o.known = 1, o.threshold = v->o->error_px * sf_map_unit(c) / 2 / focal, o.seed = v->o->seed;
     for (size_t i = 0; i < v->pair_count; i++) {
         const sf_matched_pair *p = &v->pairs[i];
         sf_two_view found;

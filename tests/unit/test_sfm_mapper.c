@@ -96,6 +96,32 @@ static void lenses_may_be_mixed(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Features of a photo that was reduced to a fourth are as far off as a fourth of its pixels tells. */
+static void errors_are_in_the_unit_of_features(void **state) {
+    (void)state;
+    size_t observations[2], placed[2];
+    for (int i = 0; i < 2; i++) {
+        sf_context *ctx = test_context();
+        sf_map_options options = sf_map_options_default();
+        sfm_scene s;
+        sf_map *map = NULL;
+        sfm_scene_make(ctx, &(sfm_scene_options){16, 1500, 1, 3, 0.1, 4, 1, SFM_GENERAL, 0}, &s);
+        s.known[0].unit = i ? 4 : 0;
+        sfm_scene_verify(&s);
+        const sf_map_input input = sfm_scene_input(&s);
+        sf_status status = sf_mapper_run(ctx, &input, &options, NULL, NULL, &map);
+        assert_true(!status || (i == 0 && status == SF_ERR_EMPTY));
+        placed[i] = status ? 0 : map->placed_count, observations[i] = 0;
+        if (!status) sf_map_count_points(map, &observations[i]);
+        print_message("unit %g: %zu placed, %zu observations\n", s.known[0].unit, placed[i], observations[i]);
+        assert_true(i == 0 || placed[i] == s.views);
+        sf_map_destroy(&map);
+        sfm_scene_free(&s);
+        sf_context_destroy(&ctx);
+    }
+    assert_true(observations[0] < observations[1] / 2);
+}
+
 static void threads_do_not_matter(void **state) {
     (void)state;
     const sfm_scene_options o = {18, 1200, 1, 0.5, 0.1, 3, 3, SFM_GENERAL, 0};
@@ -286,6 +312,7 @@ int main(void) {
         cmocka_unit_test(a_ring_is_mapped),
         cmocka_unit_test(cameras_may_be_mixed),
         cmocka_unit_test(lenses_may_be_mixed),
+        cmocka_unit_test(errors_are_in_the_unit_of_features),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(maps_that_end_early),
         cmocka_unit_test(a_wall_is_mapped),

@@ -96,7 +96,7 @@ static void look(sf_rng *rng, double noise, const double at[3], sf_rigid poses[E
         double center[3] = {3 * sin(0.2 * i), 0.3 * sf_rng_normal(rng), -3 * cos(0.2 * i)}, p[3];
         const double target[3] = {0.3 * sf_rng_normal(rng), 0.3 * sf_rng_normal(rng), 0};
         sfm_look_at(center, target, &poses[i]);
-        sights[i].lens = &lens, sights[i].pose = &poses[i];
+        sights[i].lens = &lens, sights[i].pose = &poses[i], sights[i].unit = 1;
         sf_rigid_apply(&poses[i], at, p);
         assert_true(sf_lens_project(&lens, p, sights[i].pixel, NULL, NULL));
         for (int k = 0; k < 2; k++) sights[i].pixel[k] += noise * sf_rng_normal(rng);
@@ -150,7 +150,7 @@ static void rays_that_do_not_meet(void **state) {
     sf_rigid beside = first;
     double at[3], behind[3] = {0, 0, -2};
     beside.t[0] = -1;
-    sf_sight sights[2] = {{&lens, &first, {0}, {0.1, 0}}, {&lens, &beside, {0}, {0.1, 0}}};
+    sf_sight sights[2] = {{&lens, &first, {0}, {0.1, 0}, 1}, {&lens, &beside, {0}, {0.1, 0}, 1}};
     assert_false(sf_triangulate_rays(sights, 2, at));
     assert_true(isinf(sf_sight_error(&sights[0], behind)));
     assert_true(isinf(sf_triangulate_refine(sights, 2, behind)));
