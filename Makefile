@@ -51,6 +51,7 @@
 # TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
 # COVERAGE=1         a build that counts lines, for make coverage
+# MPI=openmpi        a program whose fits run on several machines, build/native-openmpi/splatfit; or MPI=mpich
 # DEBUG=1            a build for a debugger, -O0 -g3: build/native-debug/splatfit
 # STATIC=1           a program that needs no shared library, tested by test-static
 
@@ -80,7 +81,7 @@ endif
 comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
 CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)
-CONFIG := $(CONFIG)$(if $(filter 1,$(COVERAGE)),-coverage)$(if $(filter 1,$(DEBUG)),-debug)
+CONFIG := $(CONFIG)$(if $(filter 1,$(COVERAGE)),-coverage)$(if $(filter 1,$(DEBUG)),-debug)$(if $(MPI),-$(MPI))
 O      := build/$(CONFIG)
 
 .DEFAULT_GOAL := all
@@ -100,7 +101,7 @@ all: lib $(PROGRAM)
 lib: $(LIB) $(if $(SAN)$(filter 1,$(COVERAGE)),,$(SO))
 
 # build/splatfit is the last native program made for use, and so are the libraries beside it.
-ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC) $(COVERAGE) $(DEBUG)),native)
+ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC) $(COVERAGE) $(DEBUG))$(MPI),native)
 LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
 .PHONY: $(LATEST)
 all: $(LATEST)

@@ -4,6 +4,7 @@
 
 #include "calibrate.h"
 #include "camera.h"
+#include "cluster.h"
 #include "context.h"
 #include "file.h"
 #include "fitter.h"

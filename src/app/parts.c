@@ -23,6 +23,8 @@ static const part parts[] = {
     {"libwebp", ".sog", "libwebp-dev"},
     {"libzip", "projects in a .zip", "libzip-dev"},
     {"libzstd", ".spz of version 4", "libzstd-dev"},
+    {"ompi-c", "fits on several machines (make MPI=openmpi)", "libopenmpi-dev"},
+    {"mpich", "fits on several machines (make MPI=mpich)", "libmpich-dev"},
     {"civetweb", "the page in the browser", "libcivetweb-dev"},
 };
 

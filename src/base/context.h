@@ -14,6 +14,7 @@
 struct sf_pool;
 struct sf_kernels;
 struct sf_libcamera;
+struct sf_cluster;
 
 struct sf_context {
     sf_allocator allocator;
@@ -25,6 +26,7 @@ struct sf_context {
     struct sf_pool *pool;
     struct sf_kernels *kernels;     /* const after creation; src/kernels */
     struct sf_libcamera *libcamera; /* src/capture/libcamera_manager.c's, under `lock`; NULL: not in use */
+    struct sf_cluster *cluster;     /* src/cluster; NULL: this process fits alone */
 #ifndef __cplusplus                 /* whose atomics have other names */
     atomic_int loads_cancelled;     /* sf_scene_cancel_loads */
     atomic_uint_least64_t versions; /* of models, handed out so far */

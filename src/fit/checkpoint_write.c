@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "ranks.h"
 
 static void put_params(sf_sections_out *out, const char *prefix, const sf_model *model) {
     for (int i = 0; i < SF_FIELD_COUNT; i++)
@@ -86,6 +87,9 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
 
 sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
     sf_sections_out out;
+    if (sf_is_shared(f))
+        return sf_fail(f->ctx, SF_ERR_UNSUPPORTED, "%s: checkpoints do not work with more than one rank yet",
+                       path);
     sf_status status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
     if (status) return status;
     put_text(&out, "program", sf_version());

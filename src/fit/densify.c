@@ -15,6 +15,7 @@
 #include "local_units.h"
 #include "densify_relocate.h"
 #include "densify_score.h"
+#include "ranks.h"
 #include "remove.h"
 #include "reorder.h"
 #include "schedule.h"
@@ -60,11 +61,11 @@ static void split(sf_fitter *f, size_t i, size_t j) {
 }
 
 /* Clones Gaussian i: its copy j is displaced, and both together are as opaque as i was. */
-static void clone(sf_fitter *f, size_t i, size_t j) {
+static void clone(sf_fitter *f, sf_rng *rng, size_t i, size_t j) {
     const sf_params *p = &f->model->params;
     for (int axis = 0; axis < 3; axis++) {
         float direction[3], scale = expf(*sf_value(p, SF_FIELD_log_scale, j, axis));
-        float step = (float)(CLONE_SPREAD * sf_rng_normal(&f->rng)) * scale;
+        float step = (float)(CLONE_SPREAD * sf_rng_normal(rng)) * scale;
         sf_axis_of(p, j, axis, direction);
         for (int k = 0; k < 3; k++) *sf_value(p, SF_FIELD_mean, j, k) += step * direction[k];
     }
@@ -110,6 +111,25 @@ static sf_status keep_largest(const sf_fitter *f, candidate *candidates, size_t 
     return SF_OK;
 }
 
+static int falling(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x < y) - (x > y);
+}
+
+/* How many of the candidates are among the `wanted` best, of all ranks. */
+static sf_status share_wanted(const sf_fitter *f, const candidate *candidates, size_t found, size_t wanted,
+                              size_t *added) {
+    *added = found < wanted ? found : wanted;
+    if (!sf_is_shared(f)) return SF_OK;
+    double *scores = sf_alloc(f->ctx, found + 1, sizeof *scores);
+    if (!scores) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < found; k++) scores[k] = candidates[k].score;
+    qsort(scores, found, sizeof *scores, falling);
+    *added = sf_share_of_largest(f, scores, found, wanted);
+    sf_free(f->ctx, scores);
+    return SF_OK;
+}
+
 /* Gaussians on their way through a densification. */
 typedef struct densification {
     sf_remap_entry *entries; /* [kept + added]: those that are kept, in the order of the model, then copies */
@@ -130,8 +150,8 @@ static sf_status find_candidates(const sf_fitter *f, size_t wanted, densificatio
         if (score > 0 && score >= f->options.densify_threshold)
             d->candidates[found++] = (candidate){score, (uint32_t)k};
     }
-    d->added = found < wanted ? found : wanted;
-    sf_status status = keep_largest(f, d->candidates, found, d->added);
+    sf_status status = share_wanted(f, d->candidates, found, wanted, &d->added);
+    if (!status) status = keep_largest(f, d->candidates, found, d->added);
     if (!status) qsort(d->candidates, d->added, sizeof *d->candidates, by_score);
     return status;
 }
@@ -142,6 +162,7 @@ static sf_status apply(sf_fitter *f, densification *d) {
     if (all == f->model->count && !d->added) return SF_OK;
     uint32_t *moved_to = sf_alloc(f->ctx, all + 1, sizeof *moved_to);
     for (size_t k = 0; k < d->added; k++) d->entries[d->kept + k] = d->entries[d->candidates[k].index];
+    sf_rng *rng = sf_rng_of_rank(f);
     sf_status status = moved_to ? sf_reorder_unsorted(f, d->entries, all, moved_to) : SF_ERR_MEMORY;
     for (size_t k = 0; k < d->added && !status; k++) {
         size_t i = moved_to[d->candidates[k].index], j = moved_to[d->kept + k];
@@ -150,15 +171,16 @@ static sf_status apply(sf_fitter *f, densification *d) {
         if (scale > f->options.split_scale * (double)sf_unit_of(f, i))
             split(f, i, j);
         else
-            clone(f, i, j);
+            clone(f, rng, i, j);
     }
     sf_free(f->ctx, moved_to);
     return status;
 }
 
-/* How many Gaussians to add to `count`. */
+/* How many Gaussians to add, on all ranks, to `count` on this one. */
 static size_t wanted_more(const sf_fitter *f, double fraction, size_t count) {
     size_t planned = sf_planned_count(f, fraction);
+    count = sf_total(f, count);
     size_t wanted = planned > count ? planned - count : 0;
     size_t most = (size_t)(f->options.densify_rate * (double)count);
     if (wanted > most) wanted = most;
@@ -169,7 +191,10 @@ static sf_status remove_and_add(sf_fitter *f, double fraction) {
     densification d = {0};
     size_t count = f->model->count, planned = sf_planned_count(f, fraction);
     size_t most = count + (size_t)(f->options.densify_rate * (double)count);
-    if (most > planned) most = planned > count ? planned : count;
+    if (sf_is_shared(f))
+        most = 2 * count; /* each may be a candidate */
+    else if (most > planned)
+        most = planned > count ? planned : count;
     d.entries = sf_alloc(f->ctx, most + 1, sizeof *d.entries);
     sf_status status = d.entries ? sf_list_kept(f, d.entries, &d.kept) : SF_ERR_MEMORY;
     if (!status) status = find_candidates(f, f->densify.ended ? 0 : wanted_more(f, fraction, d.kept), &d);

@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "../base/pool.h"
+#include "../render/shard.h"
 #include "adam.h"
 
 sf_status sf_exposure_room(sf_exposure *e, const sf_workspace *ws) {
@@ -88,8 +89,11 @@ void sf_expose_bwd(sf_exposure *e, sf_workspace *ws, const sf_view_state *view, 
     sf_expose_swap(e, ws);
     sf_pool_run(ws->ctx->pool, (size_t)ws->eye.height, expose_bwd_row, &job);
     for (int k = 0; k < 2 * SF_CHANNELS; k++) gradient[k] = 0;
-    for (size_t i = 0; i < 2 * SF_CHANNELS * (size_t)ws->eye.height; i++)
+    size_t first, end;
+    sf_shard_rows(ws, &first, &end);
+    for (size_t i = 2 * SF_CHANNELS * first; i < 2 * SF_CHANNELS * end; i++)
         gradient[i % (2 * SF_CHANNELS)] += ws->partial[i];
+    sf_shard_sum(ws, gradient, 2 * SF_CHANNELS);
     for (int ch = 0; ch < SF_CHANNELS; ch++)
         gradient[ch] *= (double)job.gain[ch]; /* with respect to log_gain */
 }

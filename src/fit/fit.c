@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "../render/shard.h"
 #include "../scene/init.h"
 #include "blur.h"
 #include "misplaced.h"
@@ -14,6 +15,7 @@
 #include "memory.h"
 #include "moving_average.h"
 #include "options.h"
+#include "ranks.h"
 #include "recovery.h"
 #include "refine.h"
 #include "remove.h"
@@ -117,14 +119,19 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
     sf_workspace *ws = &f->workspace;
     int exposed = state && f->options.exposure;
     double weight_sum;
+    ws->band_only = 1; /* of several ranks each needs but its band of the picture */
     sf_status status = sf_draw_view(f, view, state, &weight_sum);
-    if (status) return status;
-    if (state) sf_note_depth(state, ws, f->extent);
+    if (status) {
+        ws->band_only = 0;
+        return status;
+    }
+    if (state && !sf_is_shared(f)) sf_note_depth(state, ws, f->extent);
     sf_stage_loss(ws, f->options.lambda_dssim, f->options.huber_delta, weight_sum, 0, 1, loss);
     if (exposed) sf_expose_bwd(&f->exposure, ws, state, d->exposure);
     status = sf_stage_blend_bwd(ws);
     if (!status && f->options.background == SF_BACKGROUND_AUTO)
         status = sf_stage_background_bwd(ws, d->background);
+    ws->band_only = 0;
     return status;
 }
 
@@ -171,6 +178,7 @@ static sf_status make_plan(sf_fitter *f) {
         sf_status status = time_step(f, &seconds);
         if (status) return status;
         planned = sf_steps_in(f, o->time_limit - (sf_clock() - f->start), seconds);
+        planned = sf_of_first_rank(f, planned);
     }
     sf_plan_schedule(f, planned);
     if (!o->validate) f->validation.count = 0; /* the run is too short for validation */
@@ -205,7 +213,10 @@ sf_status sf_fitter_create_empty(sf_context *ctx, sf_scene *scene, const sf_fit_
     f->cool_down.from = options->cool_down;
     f->cool_down.length = 1 - options->cool_down;
     *out = f;
-    return SF_OK;
+    status = sf_ranks_check(f);
+    if (!status) status = sf_shard_create(&f->workspace);
+    if (status) sf_fitter_destroy(out);
+    return status;
 }
 
 /* Warns about pictures from one place: they do not determine depths. */
@@ -243,9 +254,11 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
         warn_of_one_place(f);
         f->model->antialiased = options->antialiased || (from && from->antialiased);
         f->first_count = f->model->count;
-        status = make_plan(f);
+        f->shared_count = f->first_count;
+        status = sf_ranks_divide(f);
     }
-    size_t most = status ? 0 : sf_planned_count(f, 1);
+    if (!status) status = make_plan(f);
+    size_t most = status ? 0 : sf_room_of_rank(f, sf_planned_count(f, 1));
     if (!status) status = sf_fitter_start_room(f, most);
     if (!status) status = sf_fitter_sort(f);
     if (status) sf_fitter_destroy(out);
@@ -270,7 +283,9 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_free(f->ctx, f->trace.ticks);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
+    sf_shard_empty(&f->workspace);
     sf_workspace_free(&f->workspace);
+    sf_shard_destroy(&f->workspace);
     sf_free(f->ctx, f);
     *fitter_pointer = NULL;
 }
@@ -334,11 +349,15 @@ void sf_select_and_densify(sf_fitter *f, double fraction) {
 }
 
 sf_status sf_fitter_step(sf_fitter *f) {
-    if (atomic_load(&f->cancelled)) return SF_ERR_CANCELLED;
+    if (sf_ranks_begin_step(f)) return SF_ERR_CANCELLED;
     double fraction = sf_fraction_at(f, sf_next_time_fraction(f));
     sf_status status = validate(f, fraction);
     if (status == SF_ERR_END && sf_remove_not_finite(f)) status = SF_ERR_MEMORY;
-    if (status == SF_ERR_END) sf_workspace_free(&f->workspace); /* room for what is written now */
+    if (status == SF_ERR_END) { /* room for what is written now */
+        f->shared_count = sf_total(f, f->model->count);
+        sf_shard_empty(&f->workspace);
+        sf_workspace_free(&f->workspace);
+    }
     if (!status) status = sf_recovery_step(f, sf_validation_chooses(&f->validation));
     if (!status) status = find_blurred_views(f, fraction);
     if (!status) status = find_misplaced_views(f, fraction);

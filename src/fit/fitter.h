@@ -138,7 +138,7 @@ struct sf_fitter {
     double extent;      /* of the scene, world units */
     float near_plane;   /* world units; 0: chosen for each view */
     int warm_start;     /* started from a model: full resolution and all bands from the first step */
-    size_t first_count; /* Gaussians at the start */
+    size_t first_count; /* Gaussians at the start, of all ranks */
     sf_memory_bill bill;
 
     sf_model *model;
@@ -166,6 +166,9 @@ struct sf_fitter {
 
     sf_workspace workspace;
     sf_rng rng;
+    sf_rng rank_rng;       /* ranks.c: of the present densification of this rank's Gaussians */
+    size_t shared_count;   /* Gaussians of all ranks, at the beginning of the step */
+    double shared_seconds; /* of the fit, as rank 0 said at the beginning of the step */
 
     /* progress */
     int end; /* an sf_fit_end */

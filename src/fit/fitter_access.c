@@ -4,9 +4,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "../base/clock.h"
 #include "../io/cameras_json.h"
 #include "moving_average.h"
+#include "ranks.h"
 #include "refine.h"
 #include "schedule.h"
 #include "select_merge.h"
@@ -23,8 +23,8 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
     *p = (sf_fit_progress){.step = f->step,
                            .steps = f->options.steps,
                            .fraction = sf_fraction(f),
-                           .seconds = sf_clock() - f->start,
-                           .gaussians = f->model->count,
+                           .seconds = sf_fit_seconds(f),
+                           .gaussians = sf_is_shared(f) ? f->shared_count : f->model->count,
                            .steps_per_second = f->steps_per_second,
                            .level = f->level,
                            .sh_degree = f->sh_degree,
@@ -45,13 +45,23 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
     sf_refinement(&f->views, &p->turned_degrees, &p->moved_depths, &p->focal_change);
 }
 
+/* Puts the Gaussians of all ranks in the place of this rank's. */
+static sf_status gather(const sf_fitter *f, sf_model **model) {
+    sf_model *part = *model;
+    sf_status status = sf_ranks_gather(f, part, model);
+    if (status) *model = NULL;
+    sf_model_destroy(&part);
+    return status;
+}
+
 sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
     sf_status status = sf_model_copy(f->model, f->model->count, model);
     if (status) return status;
     sf_take_moving_average(f, *model);
     sf_merges_undo(&f->merges, *model);
-    sf_model_set_unit(*model, 0);
-    return SF_OK;
+    if (sf_is_shared(f)) status = gather(f, model);
+    if (!status) sf_model_set_unit(*model, 0);
+    return status;
 }
 
 sf_status sf_fitter_get_camera(const sf_fitter *f, uint32_t id, sf_camera *camera) {

@@ -11,6 +11,7 @@
 
 #include "../base/memory.h"
 #include "../base/pool.h"
+#include "ranks.h"
 
 enum {
     PLANES = 9,      /* floats a pixel of a render: colour, its gradient, transmittance, depth, last entry */
@@ -124,13 +125,22 @@ static size_t most_within(const sf_memory_bill *bill, const bill_rates *r, size_
     return least;
 }
 
+/* Of several ranks each has a part of the Gaussians and of what is drawn; results are gathered on one. */
+static void share_rates(const sf_fitter *f, bill_rates *rates) {
+    double part = 1 / sf_total_of(f, 1);
+    rates->gaussians *= part;
+    rates->lists *= part, rates->fixed_lists *= part;
+}
+
 sf_status sf_fitter_plan_memory(sf_fitter *f, size_t least, int sh_degree) {
     sf_memory_bill *bill = &f->bill;
     bill_rates rates = rates_of(f, sh_degree);
+    share_rates(f, &rates);
     size_t asked = (size_t)f->options.max_gaussians, most = asked;
     bill->budget = sf_memory_budget((uint64_t)f->options.memory);
     bill->before = sf_memory_resident() + sf_scene_missing_bytes(f->scene, bill->budget);
     if (bill->budget) most = most_within(bill, &rates, asked);
+    if (sf_is_shared(f)) most = (size_t)-sf_most_of_ranks(f, -(double)most); /* the least of them */
     if (most < least) {
         fill_in(bill, &rates, (double)least);
         if ((double)bill->total <= OVERDRAFT * (double)bill->budget) most = least;
@@ -151,8 +161,9 @@ sf_status sf_fitter_plan_memory(sf_fitter *f, size_t least, int sh_degree) {
 }
 
 void sf_fitter_watch_memory(sf_fitter *f) {
-    uint64_t resident = f->densify.out_of_memory || !f->bill.budget ? 0 : sf_memory_resident();
-    if (resident <= f->bill.budget) return;
+    if (f->densify.out_of_memory) return;
+    uint64_t resident = f->bill.budget ? sf_memory_resident() : 0;
+    if (!(sf_most_of_ranks(f, resident > f->bill.budget) > 0)) return;
     f->densify.out_of_memory = 1;
     sf_log(
         f->ctx, SF_LOG_WARNING,

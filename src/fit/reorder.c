@@ -108,20 +108,26 @@ static void get_means(const sf_model *m, float *xyz) {
         for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = means[sf_at(i, 3, k)];
 }
 
-sf_status sf_fitter_sort(sf_fitter *f) {
+sf_status sf_list_along_curve(const sf_fitter *f, sf_remap_entry *entries) {
     const sf_model *m = f->model;
     size_t n = m->count;
-    if (n < LEAST_SORTED) return SF_OK;
     uint32_t *order = NULL;
-    float *xyz = sf_alloc(f->ctx, 3 * n, sizeof *xyz);
+    float *xyz = sf_alloc(f->ctx, 3 * n + 1, sizeof *xyz);
     if (xyz) get_means(m, xyz);
     sf_status status = xyz ? sf_curve_order(f->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
     sf_free(f->ctx, xyz);
-    sf_remap_entry *entries = status ? NULL : sf_alloc(f->ctx, n, sizeof *entries);
-    for (size_t i = 0; entries && i < n; i++)
+    for (size_t i = 0; i < n && !status; i++)
         entries[i] = (sf_remap_entry){order[i], (uint8_t)sf_degree_of(m, order[i])};
-    status = entries ? sf_reorder(f, entries, n, NULL) : SF_ERR_MEMORY;
-    sf_free(f->ctx, entries);
     sf_free(f->ctx, order);
+    return status;
+}
+
+sf_status sf_fitter_sort(sf_fitter *f) {
+    size_t n = f->model->count;
+    if (n < LEAST_SORTED) return SF_OK;
+    sf_remap_entry *entries = sf_alloc(f->ctx, n, sizeof *entries);
+    sf_status status = entries ? sf_list_along_curve(f, entries) : SF_ERR_MEMORY;
+    if (!status) status = sf_reorder(f, entries, n, NULL);
+    sf_free(f->ctx, entries);
     return status;
 }

@@ -17,6 +17,8 @@ sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n,
 /* The same, before sf_fitter_sort follows: Gaussians keep their places where they can, so that little moves.
  */
 sf_status sf_reorder_unsorted(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *moved_to);
+/* Lists all Gaussians along a space-filling curve. SF_ERR_MEMORY. */
+sf_status sf_list_along_curve(const sf_fitter *fitter, sf_remap_entry *entries);
 /* Sorts the Gaussians of each degree along a space-filling curve: then invisible Gaussians fill whole blocks,
  * which a step skips, and those of one tile are close in memory. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_fitter_sort(sf_fitter *fitter);

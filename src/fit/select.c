@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "ranks.h"
 #include "remove.h"
 #include "schedule.h"
 #include "select_floaters.h"
@@ -127,7 +128,7 @@ static void judge_densification(sf_fitter *f, int level, double squares) {
     f->densify.ended = 1;
     sf_log(f->ctx, SF_LOG_INFO,
            "densification ends at %zu Gaussians: each of the last %d lowered the error by less than %g %%",
-           f->model->count, VAIN_GROWTHS, 100 * GROWTH_GAIN);
+           sf_total(f, f->model->count), VAIN_GROWTHS, 100 * GROWTH_GAIN);
 }
 
 sf_status sf_select_growth(sf_fitter *f, double fraction) {
@@ -168,6 +169,18 @@ static sf_status measure_without(sf_fitter *f, prune_candidate *list, size_t n, 
     return status;
 }
 
+/* *n: how many of the candidates, least important first, are among the `wanted` least important of all ranks.
+ */
+static sf_status least_of_all(const sf_fitter *f, const prune_candidate *list, size_t found, size_t wanted,
+                              size_t *n) {
+    double *scores = sf_alloc(f->ctx, found + 1, sizeof *scores);
+    if (!scores) return SF_ERR_MEMORY;
+    for (size_t k = 0; k < found; k++) scores[k] = -(double)list[k].score;
+    *n = sf_share_of_largest(f, scores, found, wanted);
+    sf_free(f->ctx, scores);
+    return SF_OK;
+}
+
 /* Marks Gaussians below the threshold for removal, the least important first: at most half of all where
  * errors are visible, and no more at once than `rise` allows. Redundant Gaussians have a low score each; when
  * some of them are removed, the importance of the others rises. */
@@ -175,20 +188,22 @@ static sf_status mark_pruned(sf_fitter *f, double fraction, double threshold, co
     sf_errors before, after;
     double rise = fraction > prune_until(f) ? LATE_RISE : is_invisible(&w->errors) ? INVISIBLE_RISE : RISE;
     prune_candidate *list = sf_alloc(f->ctx, w->count, sizeof *list);
-    size_t n = 0, half = w->count / 2;
+    size_t n = 0, found = 0, all, half = sf_total(f, w->count) / 2;
     if (!list) return SF_ERR_MEMORY;
     for (size_t i = 0; i < w->count; i++)
         if ((double)w->score[i] < threshold && !(f->densify.gradient_sum[i] < 0) &&
             sf_importance_is_known(w, i))
-            list[n++] = (prune_candidate){.score = w->score[i], .gaussian = (uint32_t)i};
-    qsort(list, n, sizeof *list, by_score);
+            list[found++] = (prune_candidate){.score = w->score[i], .gaussian = (uint32_t)i};
+    qsort(list, found, sizeof *list, by_score);
+    n = found, all = sf_total(f, found);
     sf_status status = sf_measure_errors(f, 0, ERROR_VIEWS, &before);
-    while (n && !status) {
+    while (all && !status) {
         double unseen = VISIBLE * VISIBLE * before.values; /* of the same views as the rise */
         status = measure_without(f, list, n, &after);
-        if (after.squares - before.squares <= (n > half ? LATE_RISE : rise) * (before.squares + unseen))
+        if (after.squares - before.squares <= (all > half ? LATE_RISE : rise) * (before.squares + unseen))
             break;
-        n = n > half ? half : (size_t)(NEXT_PART * (double)n);
+        all = all > half ? half : (size_t)(NEXT_PART * (double)all);
+        status = least_of_all(f, list, found, all, &n);
     }
     for (size_t k = 0; k < n && !status; k++) f->densify.gradient_sum[list[k].gaussian] = -1;
     sf_free(f->ctx, list);
@@ -277,8 +292,8 @@ static sf_status prune_and_merge(sf_fitter *f, double fraction, uint8_t *degrees
     for (size_t i = 0; i < had && !status; i++)
         if (!(f->densify.gradient_sum[i] < 0)) f->densify.gradient_sum[i] = (double)w.score[i];
     if (!status) status = sf_remove_marked(f, degrees);
-    size_t removed = had - f->model->count;
-    *changed = floats - sf_model_floats(f->model) > floats / CHANGED_PART;
+    size_t removed = had - f->model->count, lost = sf_total(f, floats - sf_model_floats(f->model));
+    *changed = lost > sf_total(f, floats) / CHANGED_PART;
     w.count = f->model->count;
     for (size_t i = 0; i < w.count && !status; i++) w.score[i] = (float)f->densify.gradient_sum[i];
     if (!status) status = merge(f, fraction, removed, &w);

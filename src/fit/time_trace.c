@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "../base/clock.h"
+#include "ranks.h"
 
 enum { LEAST_ROOM = 1 << 14 /* steps: the array rarely grows again */ };
 
@@ -15,7 +15,7 @@ double sf_time_fraction(const sf_fitter *f) {
         return step < f->trace.count ? (double)f->trace.ticks[step] / SF_PLAN_TICKS : 1;
     }
     if (!(f->options.time_limit > 0)) return 0;
-    double part = (sf_clock() - f->start) / f->options.time_limit;
+    double part = sf_fit_seconds(f) / f->options.time_limit;
     if (!(part < 1)) return 1;
     return part > 0 ? (double)(uint32_t)(part * SF_PLAN_TICKS) / SF_PLAN_TICKS : 0;
 }

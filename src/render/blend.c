@@ -3,9 +3,11 @@
 #include "workspace.h"
 
 #include "../base/pool.h"
+#include "shard.h"
 
 typedef struct blend_job {
     sf_workspace *ws;
+    size_t first; /* tile */
     int with_depth;
 } blend_job;
 
@@ -33,32 +35,40 @@ static sf_blend_args tile_args(const sf_workspace *ws, size_t tile) {
     return args;
 }
 
-static void blend_task(void *job_pointer, size_t tile, int thread) {
+static void blend_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     const blend_job *job = job_pointer;
-    sf_blend_args args = tile_args(job->ws, tile);
+    sf_blend_args args = tile_args(job->ws, job->first + task);
     if (job->with_depth) args.depth = job->ws->depth + (args.transmittance - job->ws->transmittance);
     job->ws->ctx->kernels->blend(&args);
 }
 
+/* A task for each tile that this rank draws. */
+static void run_tiles(sf_workspace *ws, int with_depth, sf_task_fn task) {
+    size_t first, end, tiles_x = (size_t)ws->eye.tiles_x;
+    sf_shard_tile_rows(ws, &first, &end);
+    blend_job job = {ws, first * tiles_x, with_depth};
+    sf_pool_run(ws->ctx->pool, (end - first) * tiles_x, task, &job);
+}
+
 void sf_stage_blend(sf_workspace *ws, const float background[3], int with_depth) {
     for (int ch = 0; ch < SF_CHANNELS; ch++) ws->background[ch] = background[ch];
-    blend_job job = {ws, with_depth};
-    sf_pool_run(ws->ctx->pool, (size_t)ws->eye.tiles_x * (size_t)ws->eye.tiles_y, blend_task, &job);
+    run_tiles(ws, with_depth, blend_task);
+    sf_shard_picture(ws, with_depth);
 }
 
-static void blend_bwd_task(void *ws_pointer, size_t tile, int thread) {
+static void blend_bwd_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    sf_workspace *ws = ws_pointer;
-    sf_blend_args args = tile_args(ws, tile);
-    ws->ctx->kernels->blend_bwd(&args);
+    const blend_job *job = job_pointer;
+    sf_blend_args args = tile_args(job->ws, job->first + task);
+    job->ws->ctx->kernels->blend_bwd(&args);
 }
 
-static void blend_importance_task(void *ws_pointer, size_t tile, int thread) {
+static void blend_importance_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
-    sf_workspace *ws = ws_pointer;
-    sf_blend_args args = tile_args(ws, tile);
-    ws->ctx->kernels->blend_importance(&args);
+    const blend_job *job = job_pointer;
+    sf_blend_args args = tile_args(job->ws, job->first + task);
+    job->ws->ctx->kernels->blend_importance(&args);
 }
 
 /* A task for each tile, which fills the sums of its slots. */
@@ -66,16 +76,19 @@ static sf_status fill_slots(sf_workspace *ws, sf_task_fn task) {
     size_t slots = ws->slot[ws->count];
     sf_status status = sf_grow(ws->ctx, &ws->sums, &ws->sums_capacity, 0, slots, SF_SUMS * sizeof(float));
     if (status) return status;
-    sf_pool_run(ws->ctx->pool, (size_t)ws->eye.tiles_x * (size_t)ws->eye.tiles_y, task, ws);
-    return SF_OK;
+    run_tiles(ws, 0, task);
+    return sf_shard_return(ws);
 }
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws) { return fill_slots(ws, blend_bwd_task); }
 sf_status sf_stage_blend_importance(sf_workspace *ws) { return fill_slots(ws, blend_importance_task); }
 
-static void background_task(void *ws_pointer, size_t row, int thread) {
+static void background_task(void *ws_pointer, size_t task, int thread) {
     (void)thread;
     sf_workspace *ws = ws_pointer;
+    size_t row, end;
+    sf_shard_rows(ws, &row, &end);
+    row += task;
     double *sums = ws->partial + SF_CHANNELS * row;
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         const float *T = ws->transmittance + row * ws->stride, *d = ws->d_rgb[ch] + row * ws->stride;
@@ -89,11 +102,14 @@ sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background) {
     sf_status status =
         sf_grow(ws->ctx, &ws->partial, &ws->partial_capacity, 0, SF_CHANNELS * rows, sizeof(double));
     if (status) return status;
-    sf_pool_run(ws->ctx->pool, rows, background_task, ws);
+    size_t first, end;
+    sf_shard_rows(ws, &first, &end);
+    sf_pool_run(ws->ctx->pool, end - first, background_task, ws);
     for (int ch = 0; ch < SF_CHANNELS; ch++) {
         d_background[ch] = 0;
-        for (size_t row = 0; row < rows; row++)
+        for (size_t row = first; row < end; row++)
             d_background[ch] += ws->partial[SF_CHANNELS * row + (size_t)ch];
     }
+    sf_shard_sum(ws, d_background, SF_CHANNELS);
     return SF_OK;
 }

@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "../base/statistics.h"
+#include "../cluster/cluster.h"
 
 /* The near plane is NEAR_PART times the NEAR_SHARE quantile of the depths of the Gaussians in the picture,
  * out of at most SAMPLES of the model's. */
@@ -12,9 +13,9 @@
 #define NEAR_SHARE 0.02
 #define NEAR_PART  0.1
 
-float sf_near_plane_of(const sf_model *model, const sf_eye *eye) {
-    float depths[SAMPLES];
-    size_t stride = (model->count + SAMPLES - 1) / SAMPLES, n = 0;
+/* Depths in the picture, of at most `most` Gaussians; returns how many. */
+static size_t sample_depths(const sf_model *model, const sf_eye *eye, size_t most, float *depths) {
+    size_t stride = (model->count + most - 1) / most, n = 0;
     for (size_t i = 0; i < model->count; i += stride) {
         float p[3], at[3];
         for (int k = 0; k < 3; k++) p[k] = *sf_value(&model->params, SF_FIELD_mean, i, k);
@@ -26,6 +27,26 @@ float sf_near_plane_of(const sf_model *model, const sf_eye *eye) {
         depths[n] = at[2];
         n += (size_t)inside;
     }
+    return n;
+}
+
+/* Those of all ranks, each of which samples a part; the unused places of a rank have NAN. */
+static size_t gather_depths(const sf_model *model, const sf_eye *eye, sf_cluster *cluster, float *depths) {
+    size_t most = (size_t)(SAMPLES / cluster->size), n = 0;
+    float mine[SAMPLES];
+    if (!most) return 0; /* more ranks than samples */
+    size_t found = sample_depths(model, eye, most, mine);
+    while (found < most) mine[found++] = NAN;
+    sf_cluster_gather_bytes(cluster, mine, most * sizeof *mine, depths);
+    for (size_t i = 0; i < most * (size_t)cluster->size; i++)
+        if (!isnan(depths[i])) depths[n++] = depths[i];
+    return n;
+}
+
+float sf_near_plane_of(const sf_model *model, const sf_eye *eye, struct sf_cluster *cluster) {
+    float depths[SAMPLES];
+    size_t n =
+        cluster ? gather_depths(model, eye, cluster, depths) : sample_depths(model, eye, SAMPLES, depths);
     float nearest = n ? sf_rankedf(depths, n, (size_t)(NEAR_SHARE * (double)n)) : 0;
     return fmaxf((float)NEAR_PART * nearest, FLT_MIN);
 }

@@ -6,7 +6,8 @@
 #include "../scene/gaussians.h"
 
 /* The nearest depth to draw, world units, above 0: a small part of the depth that nearly all Gaussians in the
- * picture are beyond. It follows the model under any scaling and any rigid motion of the world. */
-float sf_near_plane_of(const sf_model *model, const sf_eye *eye);
+ * picture are beyond. It follows the model under any scaling and any rigid motion of the world.
+ * cluster: of the ranks that each have a part of the model, or NULL. */
+float sf_near_plane_of(const sf_model *model, const sf_eye *eye, struct sf_cluster *cluster);
 
 #endif

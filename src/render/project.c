@@ -7,6 +7,7 @@
 #include "../base/pool.h"
 #include "in_view.h"
 #include "near_plane.h"
+#include "shard.h"
 
 static size_t tasks_of(size_t count) {
     return (sf_blocks(count) + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS;
@@ -89,10 +90,11 @@ static void use_unit(sf_workspace *ws, int unit) {
 
 sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degree, int antialiased) {
     size_t count = model->count;
+    sf_shard_begin(ws);
     sf_status status = room(ws, count);
     if (status) return status;
     use_unit(ws, model->unit);
-    if (!(ws->eye.near_plane > 0)) ws->eye.near_plane = sf_near_plane_of(model, &ws->eye);
+    if (!(ws->eye.near_plane > 0)) ws->eye.near_plane = sf_near_plane_of(model, &ws->eye, ws->cluster);
     ws->params = model->params;
     ws->count = count;
     memcpy(ws->banded, model->banded, sizeof ws->banded);
@@ -102,7 +104,7 @@ sf_status sf_stage_project(sf_workspace *ws, const sf_model *model, int sh_degre
     sf_pool_run(ws->ctx->pool, tasks_of(count), project_task, &job);
     ws->not_finite = 0;
     for (size_t i = 0; i < count; i++) ws->not_finite += ws->state[i] == SF_NOT_FINITE;
-    return SF_OK;
+    return sf_shard_send(ws);
 }
 
 /* Floats of SF_GRAD_BLOCKS blocks of all fields. */

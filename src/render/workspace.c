@@ -14,6 +14,8 @@ void sf_workspace_init(sf_workspace *ws, sf_context *ctx) {
 }
 
 void sf_workspace_free(sf_workspace *ws) {
+    struct sf_cluster *cluster = ws->cluster;
+    struct sf_shard *shard = ws->shard;
     void *blocks[] = {ws->transmittance, ws->depth,       ws->last,          ws->splats,      ws->state,
                       ws->first_row,     ws->rows,        ws->slot,          ws->span_offset, ws->screen,
                       ws->grads,         ws->depth_of,    ws->spans,         ws->bin_counts,  ws->tile_begin,
@@ -26,6 +28,7 @@ void sf_workspace_free(sf_workspace *ws) {
         sf_free(ws->ctx, ws->target[ch]);
     }
     sf_workspace_init(ws, ws->ctx);
+    ws->cluster = cluster, ws->shard = shard; /* what is drawn next is shared, too */
 }
 
 /* Replaces a block by a larger, cleared one; the content is lost. */

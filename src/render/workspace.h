@@ -30,6 +30,10 @@ typedef struct sf_strip {
 
 typedef struct sf_workspace {
     sf_context *ctx;
+    struct sf_cluster
+        *cluster; /* of the ranks that draw together, and what is shared: shard.h. NULL: alone */
+    struct sf_shard *shard;
+    int band_only; /* of a shared picture each rank has its band alone, and what the loss reads around it */
 
     /* the picture: planes of plane_rows x stride floats, both multiples of SF_TILE */
     sf_eye eye;

@@ -2,7 +2,7 @@
 # includes.sh - every folder of src/ and arch/ includes only what lies before it, and no includes go in a circle.
 #
 #   kernels <- base <- scene <- {io, render};  base <- sim;  {io, sim} <- capture;  {io, sim, render} <- pose
-#   {io, render} <- fit;  pose <- sfm;  {sfm, fit} <- live
+#   base <- cluster <- render;  {io, render} <- fit;  pose <- sfm;  {sfm, fit} <- live
 #   chart sees base;  bench sees base, kernels, scene, render, fit, arch and chart;  preview sees base, scene and io;
 #   app sees bench, chart and preview;  arch sees kernels;  bench sees sfm, too;  all see include/splatfit
 set -eu
@@ -30,12 +30,13 @@ awk '
         allow("base", "kernels")
         allow("scene", "base kernels")
         allow("io", "base kernels scene")
-        allow("render", "base kernels scene")
+        allow("cluster", "base kernels")
+        allow("render", "base kernels scene cluster")
         allow("sim", "base")
         allow("capture", "base kernels scene io sim")
         allow("pose", "base kernels scene io sim render")
         allow("sfm", "base kernels scene io pose")
-        allow("fit", "base kernels scene io render")
+        allow("fit", "base kernels scene io cluster render")
         allow("live", "base kernels scene io render pose sfm fit")
         allow("preview", "base scene io")
         allow("chart", "base")

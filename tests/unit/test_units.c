@@ -202,7 +202,7 @@ static void test_near_plane(void **state) {
             *sf_value(&model->params, SF_FIELD_mean, i, 0) = ldexpf(x, k);
             *sf_value(&model->params, SF_FIELD_mean, i, 2) = ldexpf(z, k);
         }
-        assert_true(fabsf(ldexpf(sf_near_plane_of(model, &eye), -k) - 0.5f) < 1e-6f);
+        assert_true(fabsf(ldexpf(sf_near_plane_of(model, &eye, NULL), -k) - 0.5f) < 1e-6f);
     }
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);

@@ -1,0 +1,93 @@
+/* mpi.c - ranks that are processes of MPI. The only file that sees MPI. */
+#include "cluster.h"
+
+#ifdef SF_HAVE_MPI
+
+#include <stdlib.h>
+#include <string.h>
+
+#include <mpi.h>
+
+/* MPI counts in int. */
+enum { MOST_BYTES = 1 << 30 };
+
+static void gather(sf_cluster *c, const void *from, size_t bytes, void *to) {
+    (void)c;
+    MPI_Allgather(from, (int)bytes, MPI_BYTE, to, (int)bytes, MPI_BYTE, MPI_COMM_WORLD);
+}
+
+/* Sends or receives in parts; returns the number of requests. */
+static int post(MPI_Request *requests, char *bytes, size_t n, int rank, int sending) {
+    int posted = 0;
+    for (size_t done = 0; done < n; posted++) {
+        size_t part = n - done < MOST_BYTES ? n - done : MOST_BYTES;
+        if (sending)
+            MPI_Isend(bytes + done, (int)part, MPI_BYTE, rank, 0, MPI_COMM_WORLD, requests + posted);
+        else
+            MPI_Irecv(bytes + done, (int)part, MPI_BYTE, rank, 0, MPI_COMM_WORLD, requests + posted);
+        done += part;
+    }
+    return posted;
+}
+
+static void exchange(sf_cluster *c, const char *from, const size_t *send_at, const size_t *send_bytes,
+                     char *to, const size_t *receive_at, const size_t *receive_bytes) {
+    size_t parts = 0;
+    for (int r = 0; r < c->size; r++) parts += 2 + (send_bytes[r] + receive_bytes[r]) / MOST_BYTES;
+    MPI_Request *requests = sf_alloc(c->ctx, parts, sizeof(MPI_Request));
+    if (!requests) {
+        sf_log(c->ctx, SF_LOG_WARNING, "out of memory");
+        MPI_Abort(MPI_COMM_WORLD, 1);
+        return;
+    }
+    int n = 0;
+    for (int k = 1; k < c->size;
+         k++) { /* each begins with the rank after it, so that no rank gets all at once */
+        int source = (c->rank + c->size - k) % c->size;
+        n += post(requests + n, to + receive_at[source], receive_bytes[source], source, 0);
+    }
+    for (int k = 1; k < c->size; k++) {
+        int target = (c->rank + k) % c->size;
+        /* MPI takes what it sends as const; `post` is shared with receiving */
+        n += post(requests + n, (char *)(uintptr_t)(from + send_at[target]), send_bytes[target], target, 1);
+    }
+    if (send_bytes[c->rank]) memcpy(to + receive_at[c->rank], from + send_at[c->rank], send_bytes[c->rank]);
+    MPI_Waitall(n, requests, MPI_STATUSES_IGNORE);
+    sf_free(c->ctx, requests);
+}
+
+static void end_all(const sf_cluster *c, int exit_code) {
+    (void)c;
+    MPI_Abort(MPI_COMM_WORLD, exit_code);
+}
+
+static void leave(sf_cluster *c) {
+    (void)c;
+    MPI_Finalize();
+}
+
+static const sf_cluster_ops mpi = {
+    .gather = gather, .exchange = exchange, .end_all = end_all, .leave = leave};
+
+sf_status sf_mpi_join(sf_context *ctx, int expected) {
+    int level, rank, size;
+    if (MPI_Init_thread(NULL, NULL, MPI_THREAD_FUNNELED, &level) != MPI_SUCCESS)
+        return sf_fail(ctx, SF_ERR_UNSUPPORTED, "mpirun: MPI does not start");
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+    MPI_Comm_size(MPI_COMM_WORLD, &size);
+    if (size != expected) {
+        char version[MPI_MAX_LIBRARY_VERSION_STRING];
+        int length;
+        MPI_Get_library_version(version, &length);
+        MPI_Finalize();
+        return sf_fail(
+            ctx, SF_ERR_UNSUPPORTED,
+            "mpirun: %d processes were started by another MPI than this splatfit is built with, %.*s",
+            expected, (int)strcspn(version, ",\n"), version);
+    }
+    sf_status status = sf_cluster_create(ctx, &mpi, NULL, rank, size);
+    if (status) MPI_Abort(MPI_COMM_WORLD, 1);
+    return status;
+}
+
+#endif

@@ -1,0 +1,48 @@
+/* ranks.h - a fit on several ranks, each of which has a part of the Gaussians (src/cluster/README.md).
+ *
+ * Every rank takes the same decisions, from values that are the same on all of them: sums over the ranks, and
+ * what rank 0 says of time. With one rank all of this is the identity.
+ */
+#ifndef SF_FIT_RANKS_H
+#define SF_FIT_RANKS_H
+
+#include "fitter.h"
+
+/* Whether there are other ranks. */
+static inline int sf_is_shared(const sf_fitter *fitter) { return fitter->ctx->cluster != NULL; }
+
+/* Options that do not work with several ranks: SF_ERR_UNSUPPORTED, or they are switched off and the log says
+ * so. */
+sf_status sf_ranks_check(sf_fitter *fitter);
+
+/* Keeps this rank's part of the model's entries: *count of them. Parts are taken in turn along the curve, so
+ * that each has about the same of every view. */
+void sf_ranks_part(const sf_fitter *fitter, sf_remap_entry *entries, size_t *count);
+/* Keeps this rank's part of a model that every rank has whole, sorted along a space-filling curve. Arrays
+ * that follow the model must not exist yet. SF_ERR_MEMORY. */
+sf_status sf_ranks_divide(sf_fitter *fitter);
+
+/* Room for Gaussians on each rank, where all have `count`. */
+size_t sf_room_of_rank(const sf_fitter *fitter, size_t count);
+
+/* Seconds of the fit, as rank 0 said at the beginning of the step. */
+double sf_fit_seconds(const sf_fitter *fitter);
+/* At the beginning of a step: time, and whether a rank was cancelled. */
+int sf_ranks_begin_step(sf_fitter *fitter);
+
+/* Over all ranks. */
+size_t sf_total(const sf_fitter *fitter, size_t count);
+double sf_total_of(const sf_fitter *fitter, double value);
+double sf_of_first_rank(const sf_fitter *fitter, double value);
+double sf_most_of_ranks(const sf_fitter *fitter, double value);
+
+/* How many of this rank's values, largest first, are among the `wanted` largest of all. */
+size_t sf_share_of_largest(const sf_fitter *fitter, const double *values, size_t n, size_t wanted);
+
+/* The random numbers of what is done to this rank's Gaussians alone: the fit's with one rank. */
+sf_rng *sf_rng_of_rank(sf_fitter *fitter);
+
+/* On rank 0 the Gaussians of all ranks, on the others none: *whole is the caller's. SF_ERR_MEMORY. */
+sf_status sf_ranks_gather(const sf_fitter *fitter, const sf_model *part, sf_model **whole);
+
+#endif

@@ -1,0 +1,325 @@
+/* shard.c - see shard.h. */
+#include "shard.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../base/pool.h"
+#include "../cluster/cluster.h"
+
+/* Rows of pixels around a band that the gradient of SSIM reads. */
+enum { HALO = 2 * SF_SSIM_RADIUS };
+
+/* Floats of a Gaussian's sums that come back: blend_bwd's nine; blend_importance has eight. */
+enum { RETURNED = 9 };
+
+/* What a row of tiles costs beside its entries, in entries: pixels are filled and compared. */
+#define ROW_WORK 8.0
+
+enum { FIRST, LAST, WORK, COUNTS };
+
+static size_t ranks_of(const sf_workspace *ws) { return (size_t)ws->cluster->size; }
+static size_t rank_of(const sf_workspace *ws) { return (size_t)ws->cluster->rank; }
+
+sf_status sf_shard_create(sf_workspace *ws) {
+    sf_cluster *c = sf_cluster_of(ws->ctx);
+    if (!c) return SF_OK;
+    size_t n = (size_t)c->size;
+    sf_shard *s = ws->shard = sf_calloc(ws->ctx, 1, sizeof *s);
+    if (!s) return SF_ERR_MEMORY;
+    ws->cluster = c;
+    s->band_begin = sf_calloc(ws->ctx, n + 1, sizeof *s->band_begin);
+    s->send = sf_calloc(ws->ctx, n, sizeof *s->send);
+    s->receive = sf_calloc(ws->ctx, n, sizeof *s->receive);
+    s->ranges = sf_calloc(ws->ctx, 4 * n, sizeof *s->ranges);
+    return s->band_begin && s->send && s->receive && s->ranges ? SF_OK : SF_ERR_MEMORY;
+}
+
+void sf_shard_empty(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    if (!s) return;
+    sf_shard_begin(ws); /* the workspace frees its own */
+    void *blocks[] = {s->other.splats,    s->other.state,    s->other.in_view,
+                      s->other.first_row, s->other.rows,     s->other.span_offset,
+                      s->other.slot,      s->other.depth_of, s->work,
+                      s->counts,          s->outgoing,       s->incoming};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) sf_free(ws->ctx, blocks[i]);
+    s->other = (sf_drawn_arrays){0};
+    s->work = NULL, s->counts = NULL, s->outgoing = s->incoming = NULL;
+    s->rows_capacity = s->outgoing_capacity = s->incoming_capacity = 0;
+}
+
+void sf_shard_destroy(sf_workspace *ws) {
+    if (!ws->shard) return;
+    sf_shard_empty(ws);
+    sf_free(ws->ctx, ws->shard->band_begin);
+    sf_free(ws->ctx, ws->shard->send);
+    sf_free(ws->ctx, ws->shard->receive);
+    sf_free(ws->ctx, ws->shard->ranges);
+    sf_free(ws->ctx, ws->shard);
+    ws->shard = NULL;
+    ws->cluster = NULL;
+}
+
+/* Changes the workspace's arrays for the others. */
+static void swap(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    sf_drawn_arrays had = {.count = ws->count,
+                           .capacity = ws->gaussian_capacity,
+                           .splats = ws->splats,
+                           .state = ws->state,
+                           .in_view = ws->in_view,
+                           .first_row = ws->first_row,
+                           .rows = ws->rows,
+                           .span_offset = ws->span_offset,
+                           .slot = ws->slot,
+                           .depth_of = ws->depth_of};
+    const sf_drawn_arrays *o = &s->other;
+    ws->count = o->count, ws->gaussian_capacity = o->capacity;
+    ws->splats = o->splats, ws->state = o->state, ws->in_view = o->in_view;
+    ws->first_row = o->first_row, ws->rows = o->rows;
+    ws->span_offset = o->span_offset, ws->slot = o->slot, ws->depth_of = o->depth_of;
+    s->other = had;
+    s->drawing = !s->drawing;
+}
+
+void sf_shard_begin(sf_workspace *ws) {
+    if (ws->shard && ws->shard->drawing) swap(ws);
+}
+
+/* Counts in each row of tiles: Gaussians that begin there, that end there, and their tiles, estimated from
+ * their widths. */
+static void count_rows(const sf_workspace *ws, uint32_t *counts) {
+    size_t rows = (size_t)ws->eye.tiles_y;
+    memset(counts, 0, COUNTS * rows * sizeof *counts);
+    for (size_t i = 0; i < ws->count; i++) {
+        if (!ws->rows[i]) continue;
+        size_t first = ws->first_row[i], end = first + ws->rows[i];
+        uint32_t tiles =
+            1 + (uint32_t)fminf(ws->splats[i].half_width / (SF_TILE / 2), (float)ws->eye.tiles_x);
+        counts[FIRST * rows + first]++;
+        counts[LAST * rows + end - 1]++;
+        for (size_t row = first; row < end; row++) counts[WORK * rows + row] += tiles;
+    }
+}
+
+/* Bands of about the same work: the same on all ranks. */
+static void choose_bands(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    size_t rows = (size_t)ws->eye.tiles_y, n = ranks_of(ws), row = 0;
+    double all = 0, sum = 0;
+    for (size_t y = 0; y < rows; y++) {
+        s->work[y] = ROW_WORK * ws->eye.tiles_x;
+        for (size_t r = 0; r < n; r++) s->work[y] += s->counts[(COUNTS * r + WORK) * rows + y];
+        all += s->work[y];
+    }
+    for (size_t r = 0; r < n; r++) {
+        s->band_begin[r] = (uint32_t)row;
+        double until = all * (double)(r + 1) / (double)n;
+        while (row < rows && (sum + s->work[row] / 2 <= until || r + 1 == n)) sum += s->work[row++];
+    }
+    s->band_begin[n] = (uint32_t)rows;
+}
+
+/* Gaussians of `counts` that touch a band: those that begin before its end, but not those that end before its
+ * beginning. */
+static size_t touching(const uint32_t *counts, size_t rows, size_t begin, size_t end) {
+    size_t n = 0;
+    if (begin == end) return 0;
+    for (size_t y = 0; y < end; y++) n += counts[FIRST * rows + y];
+    for (size_t y = 0; y < begin; y++) n -= counts[LAST * rows + y];
+    return n;
+}
+
+/* What is sent of a Gaussian. */
+typedef struct packed {
+    sf_splat splat;
+    uint16_t first_row, rows; /* within the band */
+} packed;
+
+/* Calls for each band that Gaussian i touches, in the order of the ranks. */
+#define FOR_BANDS(ws, s, n, i, r, begin, end)                                                                \
+    for (size_t r = 0, begin, end; r < (n); r++)                                                             \
+        if ((begin = (s)->band_begin[r], end = (s)->band_begin[r + 1], begin < end) &&                       \
+            (ws)->first_row[i] < end && (size_t)(ws)->first_row[i] + (ws)->rows[i] > begin)
+
+static void pack(const sf_workspace *ws, packed *outgoing) {
+    const sf_shard *s = ws->shard;
+    size_t n = ranks_of(ws), *at = s->ranges;
+    for (size_t r = 0, sum = 0; r < n; sum += s->send[r], r++) at[r] = sum;
+    for (size_t i = 0; i < ws->count; i++) {
+        if (!ws->rows[i]) continue;
+        size_t first = ws->first_row[i], last = first + ws->rows[i];
+        FOR_BANDS(ws, s, n, i, r, begin, end) {
+            size_t from = first > begin ? first : begin, until = last < end ? last : end;
+            outgoing[at[r]++] = (packed){ws->splats[i], (uint16_t)from, (uint16_t)(until - from)};
+        }
+    }
+}
+
+static size_t sum_of(const size_t *counts, size_t n) {
+    size_t sum = 0;
+    for (size_t r = 0; r < n; r++) sum += counts[r];
+    return sum;
+}
+
+static sf_status counts_room(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    size_t rows = (size_t)ws->eye.tiles_y;
+    const sf_array arrays[] = {{&s->work, sizeof *s->work},
+                               {&s->counts, COUNTS * (ranks_of(ws) + 1) * sizeof *s->counts}};
+    return sf_grow_together(ws->ctx, arrays, 2, &s->rows_capacity, rows);
+}
+
+static sf_status drawn_room(sf_workspace *ws, sf_drawn_arrays *d, size_t count) {
+    const sf_array arrays[] = {
+        {&d->splats, sizeof *d->splats},           {&d->state, sizeof *d->state},
+        {&d->first_row, sizeof *d->first_row},     {&d->rows, sizeof *d->rows},
+        {&d->span_offset, sizeof *d->span_offset}, {&d->slot, sizeof *d->slot},
+        {&d->depth_of, sizeof *d->depth_of},       {&d->in_view, sizeof *d->in_view},
+    };
+    size_t need = (count + SF_LANES - 1) / SF_LANES * SF_LANES + 1;
+    return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &d->capacity, need);
+}
+
+/* Ranks in their order, and within a rank the order of its model: ties in depth go by it. */
+static void unpack(const packed *incoming, size_t count, sf_drawn_arrays *d) {
+    for (size_t i = 0; i < count; i++) {
+        d->splats[i] = incoming[i].splat;
+        d->first_row[i] = incoming[i].first_row;
+        d->rows[i] = incoming[i].rows;
+    }
+    for (size_t i = count; i < (count + SF_LANES - 1) / SF_LANES * SF_LANES; i++) {
+        d->splats[i] = (sf_splat){0};
+        d->first_row[i] = d->rows[i] = 0;
+    }
+    memset(d->state, SF_SEEN, count);
+    memset(d->in_view, 1, count / (SF_PROJECT_BLOCKS * SF_LANES) + 1);
+    d->count = count;
+}
+
+sf_status sf_shard_send(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    if (!s) return SF_OK;
+    size_t n = ranks_of(ws), rows = (size_t)ws->eye.tiles_y, me = rank_of(ws);
+    sf_status status = counts_room(ws);
+    if (status) return status;
+    uint32_t *mine = s->counts + COUNTS * n * rows;
+    count_rows(ws, mine);
+    sf_cluster_gather_bytes(ws->cluster, mine, COUNTS * rows * sizeof *mine, s->counts);
+    choose_bands(ws);
+    for (size_t r = 0; r < n; r++) {
+        s->send[r] = touching(mine, rows, s->band_begin[r], s->band_begin[r + 1]);
+        s->receive[r] =
+            touching(s->counts + COUNTS * r * rows, rows, s->band_begin[me], s->band_begin[me + 1]);
+    }
+    size_t sent = sum_of(s->send, n), received = sum_of(s->receive, n);
+    status = sf_grow(ws->ctx, &s->outgoing, &s->outgoing_capacity, 0, sent * sizeof(packed) + 1, 1);
+    if (!status)
+        status = sf_grow(ws->ctx, &s->incoming, &s->incoming_capacity, 0, received * sizeof(packed) + 1, 1);
+    if (!status) status = drawn_room(ws, &s->other, received);
+    if (status) return status;
+    pack(ws, (packed *)(void *)s->outgoing);
+    sf_cluster_exchange(ws->cluster, sizeof(packed), s->outgoing, s->send, s->incoming, s->receive);
+    unpack((const packed *)(const void *)s->incoming, received, &s->other);
+    swap(ws);
+    return SF_OK;
+}
+
+/* Rows of pixels of a rank's band. */
+static void rows_of_band(const sf_workspace *ws, size_t rank, size_t *first, size_t *end) {
+    size_t height = (size_t)ws->eye.height;
+    *first = SF_TILE * (size_t)ws->shard->band_begin[rank];
+    *end = SF_TILE * (size_t)ws->shard->band_begin[rank + 1];
+    if (*first > height) *first = height;
+    if (*end > height) *end = height;
+}
+
+void sf_shard_picture(sf_workspace *ws, int with_depth) {
+    sf_shard *s = ws->shard;
+    if (!s) return;
+    size_t n = ranks_of(ws), *begin = s->ranges, *end = begin + n, *wanted = end + n;
+    for (size_t r = 0; r < n; r++) {
+        size_t height = (size_t)ws->eye.height;
+        rows_of_band(ws, r, &begin[r], &end[r]);
+        wanted[2 * r] = 0, wanted[2 * r + 1] = height;
+        if (!ws->band_only) continue;
+        wanted[2 * r] = begin[r] > HALO ? begin[r] - HALO : 0;
+        wanted[2 * r + 1] = end[r] + HALO < height ? end[r] + HALO : height;
+        if (begin[r] == end[r]) wanted[2 * r + 1] = wanted[2 * r];
+    }
+    size_t row = ws->stride * sizeof(float);
+    for (int ch = 0; ch < SF_CHANNELS; ch++)
+        sf_cluster_share(ws->cluster, row, ws->rgb[ch], begin, end, wanted);
+    if (ws->band_only) return;
+    sf_cluster_share(ws->cluster, row, ws->transmittance, begin, end, wanted);
+    if (with_depth) sf_cluster_share(ws->cluster, row, ws->depth, begin, end, wanted);
+}
+
+typedef struct return_job {
+    const sf_workspace *ws;
+    float *sums; /* [count][RETURNED] */
+} return_job;
+
+enum { GATHER = 1024 /* Gaussians a task */ };
+
+static void add_slots(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const return_job *job = job_pointer;
+    const sf_workspace *ws = job->ws;
+    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < ws->count; i++) {
+        float *sums = job->sums + RETURNED * i;
+        for (int k = 0; k < RETURNED; k++) sums[k] = 0;
+        for (size_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++)
+            for (int k = 0; k < RETURNED; k++) sums[k] += ws->sums[slot * SF_SUMS + (size_t)k];
+    }
+}
+
+/* Puts what came back into slots: one for each band that a Gaussian touches, in the order of the ranks. */
+static void take_back(sf_workspace *ws, const float *returned) {
+    const sf_shard *s = ws->shard;
+    size_t n = ranks_of(ws), *at = s->ranges, slot = 0;
+    for (size_t r = 0, sum = 0; r < n; sum += s->send[r], r++) at[r] = sum;
+    for (size_t i = 0; i < ws->count; i++) {
+        ws->slot[i] = (uint32_t)slot;
+        if (!ws->rows[i]) continue;
+        FOR_BANDS(ws, s, n, i, r, begin, end)
+        memcpy(ws->sums + SF_SUMS * slot++, returned + RETURNED * at[r]++, RETURNED * sizeof(float));
+    }
+    for (size_t i = ws->count; i <= (ws->count + SF_LANES - 1) / SF_LANES * SF_LANES; i++)
+        ws->slot[i] = (uint32_t)slot;
+}
+
+sf_status sf_shard_return(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    if (!s) return SF_OK;
+    size_t n = ranks_of(ws), sent = sum_of(s->send, n), received = ws->count;
+    const size_t size = RETURNED * sizeof(float);
+    sf_status status = sf_grow(ws->ctx, &s->incoming, &s->incoming_capacity, 0, received * size + 1, 1);
+    if (!status) status = sf_grow(ws->ctx, &s->outgoing, &s->outgoing_capacity, 0, sent * size + 1, 1);
+    if (status) return status;
+    return_job job = {ws, (float *)(void *)s->incoming};
+    sf_pool_run(ws->ctx->pool, (received + GATHER - 1) / GATHER, add_slots, &job);
+    sf_cluster_exchange(ws->cluster, size, s->incoming, s->receive, s->outgoing, s->send);
+    swap(ws);
+    status = sf_grow(ws->ctx, &ws->sums, &ws->sums_capacity, 0, sent + 1, SF_SUMS * sizeof(float));
+    if (status) return status;
+    take_back(ws, (const float *)(const void *)s->outgoing);
+    return SF_OK;
+}
+
+void sf_shard_rows(const sf_workspace *ws, size_t *first, size_t *end) {
+    *first = 0, *end = (size_t)ws->eye.height;
+    if (ws->shard && ws->band_only) rows_of_band(ws, rank_of(ws), first, end);
+}
+
+void sf_shard_tile_rows(const sf_workspace *ws, size_t *first, size_t *end) {
+    *first = 0, *end = (size_t)ws->eye.tiles_y;
+    if (!ws->shard) return;
+    *first = ws->shard->band_begin[rank_of(ws)];
+    *end = ws->shard->band_begin[rank_of(ws) + 1];
+}
+
+void sf_shard_sum(const sf_workspace *ws, double *values, size_t n) {
+    if (ws->shard && ws->band_only) sf_cluster_sum(ws->cluster, values, n);
+}

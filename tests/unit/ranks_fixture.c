@@ -1,0 +1,97 @@
+/* ranks_fixture.c - see ranks_fixture.h. */
+#include "ranks_fixture.h"
+
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_RANKS = 8 };
+
+/* What a rank shows to the others between two barriers. */
+typedef struct shown {
+    const char *from;
+    size_t send_at[MOST_RANKS], send_bytes[MOST_RANKS];
+} shown;
+
+typedef struct ranks {
+    pthread_barrier_t barrier;
+    shown shown[MOST_RANKS];
+    int size, threads;
+    ranks_fn fn;
+    void *user;
+} ranks;
+
+typedef struct one_rank {
+    ranks *all;
+    int rank;
+    sf_status status;
+} one_rank;
+
+static void exchange(sf_cluster *c, const char *from, const size_t *send_at, const size_t *send_bytes,
+                     char *to, const size_t *receive_at, const size_t *receive_bytes) {
+    ranks *all = c->state;
+    shown *mine = &all->shown[c->rank];
+    mine->from = from;
+    memcpy(mine->send_at, send_at, (size_t)c->size * sizeof *send_at);
+    memcpy(mine->send_bytes, send_bytes, (size_t)c->size * sizeof *send_bytes);
+    pthread_barrier_wait(&all->barrier);
+    for (int r = 0; r < c->size; r++) {
+        const shown *other = &all->shown[r];
+        if (other->send_bytes[c->rank] != receive_bytes[r]) {
+            fprintf(stderr, "rank %d expects %zu bytes of rank %d, which sends %zu\n", c->rank,
+                    receive_bytes[r], r, other->send_bytes[c->rank]);
+            abort();
+        }
+        if (receive_bytes[r])
+            memcpy(to + receive_at[r], other->from + other->send_at[c->rank], receive_bytes[r]);
+    }
+    pthread_barrier_wait(&all->barrier);
+}
+
+static void gather(sf_cluster *c, const void *from, size_t bytes, void *to) {
+    size_t send_at[MOST_RANKS] = {0}, send[MOST_RANKS], at[MOST_RANKS];
+    for (int r = 0; r < c->size; r++) send[r] = bytes, at[r] = bytes * (size_t)r;
+    exchange(c, from, send_at, send, to, at, send);
+}
+
+static void end_all(const sf_cluster *c, int exit_code) {
+    (void)c, (void)exit_code;
+    abort();
+}
+
+static void leave(sf_cluster *c) { (void)c; }
+
+static const sf_cluster_ops threads_ops = {gather, exchange, end_all, leave};
+
+static void *run_rank(void *rank_pointer) {
+    one_rank *r = rank_pointer;
+    sf_context *ctx;
+    const sf_context_options options = {.threads = r->all->threads};
+    r->status = sf_context_create(&ctx, &options);
+    if (!r->status && r->all->size > 1)
+        r->status = sf_cluster_create(ctx, &threads_ops, r->all, r->rank, r->all->size);
+    if (!r->status) r->status = r->all->fn(ctx, r->rank, r->all->user);
+    if (r->status) fprintf(stderr, "rank %d: %s\n", r->rank, sf_last_error(ctx));
+    sf_cluster_destroy(ctx);
+    sf_context_destroy(&ctx);
+    return NULL;
+}
+
+sf_status ranks_run(int size, int threads, ranks_fn fn, void *user) {
+    ranks all = {.size = size, .threads = threads, .fn = fn, .user = user};
+    one_rank rank[MOST_RANKS];
+    pthread_t thread[MOST_RANKS];
+    sf_status status = SF_OK;
+    pthread_barrier_init(&all.barrier, NULL, (unsigned)size);
+    for (int r = 0; r < size; r++) {
+        rank[r] = (one_rank){&all, r, SF_OK};
+        pthread_create(&thread[r], NULL, run_rank, &rank[r]);
+    }
+    for (int r = 0; r < size; r++) {
+        pthread_join(thread[r], NULL);
+        if (!status) status = rank[r].status;
+    }
+    pthread_barrier_destroy(&all.barrier);
+    return status;
+}

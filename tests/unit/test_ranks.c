@@ -1,0 +1,261 @@
+/* test_ranks.c - fits on several ranks, which are threads here: the collectives, a step, whole fits. */
+#include "ranks_fixture.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/fitter.h"
+
+enum { MOST = 4, VALUES = 100, WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT };
+
+/* 1. Collectives. */
+
+typedef struct chosen {
+    double values[MOST][VALUES];
+    size_t taken[MOST], wanted;
+} chosen;
+
+static int falling(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x < y) - (x > y);
+}
+
+static sf_status choose(sf_context *ctx, int rank, void *user) {
+    chosen *c = user;
+    c->taken[rank] = sf_cluster_largest(ctx->cluster, c->values[rank], VALUES, c->wanted);
+    return SF_OK;
+}
+
+/* The largest of all, with many equal ones: of those, lower ranks first. */
+static void test_largest(void **state) {
+    (void)state;
+    static chosen c;
+    static double all[MOST * VALUES];
+    static const size_t wanted[] = {0, 1, 37, 200, MOST * VALUES, 1000};
+    for (int r = 0; r < MOST; r++) {
+        for (int k = 0; k < VALUES; k++) c.values[r][k] = (double)((k * 7 + r * 3) % 11) - 5;
+        qsort(c.values[r], VALUES, sizeof(double), falling);
+        memcpy(all + r * VALUES, c.values[r], sizeof c.values[r]);
+    }
+    qsort(all, MOST * VALUES, sizeof *all, falling);
+    for (size_t w = 0; w < sizeof wanted / sizeof *wanted; w++) {
+        size_t n = 0, most = wanted[w] < MOST * VALUES ? wanted[w] : MOST * VALUES, more_equal = 0;
+        c.wanted = wanted[w];
+        assert_int_equal(ranks_run(MOST, 1, choose, &c), SF_OK);
+        for (int r = 0; r < MOST; r++) n += c.taken[r];
+        assert_int_equal(n, most);
+        for (int r = 0; r < MOST && most; r++) {
+            double least = all[most - 1];
+            if (c.taken[r]) assert_true(c.values[r][c.taken[r] - 1] >= least);
+            if (c.taken[r] < VALUES) assert_true(c.values[r][c.taken[r]] <= least);
+            /* once a rank has left an equal one, the ranks after it take none */
+            size_t above = 0;
+            while (above < VALUES && c.values[r][above] > least) above++;
+            if (more_equal) assert_int_equal(c.taken[r], above);
+            more_equal |= c.taken[r] < VALUES && c.values[r][c.taken[r]] == least;
+        }
+    }
+}
+
+static sf_status share(sf_context *ctx, int rank, void *user) {
+    sf_cluster *c = ctx->cluster;
+    double sums[3] = {1, rank, 0.1 * rank}, *rows = (double *)user + VALUES * rank;
+    size_t begin[MOST], end[MOST], wanted[2 * MOST];
+    sf_cluster_sum(c, sums, 3);
+    for (size_t r = 0; r < MOST; r++) {
+        begin[r] = 5 * r, end[r] = 5 * r + 5; /* five rows each, and one of each neighbour */
+        wanted[2 * r] = r ? begin[r] - 1 : 0, wanted[2 * r + 1] = r < MOST - 1 ? end[r] + 1 : end[r];
+    }
+    for (size_t k = 0; k < 5; k++) rows[begin[rank] + k] = 100 + (double)(begin[rank] + k);
+    sf_cluster_share(c, sizeof *rows, rows, begin, end, wanted);
+    rows[VALUES - 1] = sums[0], rows[VALUES - 2] = sums[1], rows[VALUES - 3] = sums[2];
+    return sf_cluster_most(c, -rank) == 0 && sf_cluster_first(c, 7 + rank) == 7 ? SF_OK : SF_ERR_ARGUMENT;
+}
+
+static void test_sums_and_rows(void **state) {
+    (void)state;
+    static double rows[MOST][VALUES];
+    assert_int_equal(ranks_run(MOST, 1, share, rows), SF_OK);
+    for (int r = 0; r < MOST; r++) {
+        assert_true(rows[r][VALUES - 1] == MOST && rows[r][VALUES - 2] == 6);
+        assert_true(rows[r][VALUES - 3] == rows[0][VALUES - 3]);
+        for (int k = 0; k < 5 * MOST; k++) {
+            int has = k >= 5 * r - 1 && k <= 5 * r + 5;
+            assert_true(rows[r][k] == (has ? 100 + k : 0));
+        }
+    }
+}
+
+/* 2. Fits. */
+
+typedef struct fit_job {
+    sf_fit_options options;
+    const char *project;
+    double losses[512]; /* of each step */
+    float rgb[MOST][3 * PIXELS];
+    double psnr;
+    size_t counts[MOST];
+    uint64_t sent;
+    sf_fit_progress progress;
+    double screens[MOST]; /* sums of the screen gradients of the first step */
+} fit_job;
+
+static sf_status view_of(sf_context *ctx, sf_scene *scene, sf_fitter *f, int rank, fit_job *job) {
+    static float truth[MOST][3 * PIXELS];
+    sf_view_info view;
+    double squares = 0;
+    sf_status status = sf_scene_get_view(scene, 1, &view);
+    if (!status) status = sf_fitter_render(f, &view.camera, &(sf_image_out){.rgb = job->rgb[rank]});
+    if (!status) status = sf_scene_get_pixels(scene, view.id, truth[rank], NULL);
+    (void)ctx;
+    for (int i = 0; i < 3 * PIXELS; i++)
+        squares += pow((double)job->rgb[rank][i] - (double)truth[rank][i], 2);
+    if (!rank) job->psnr = -10 * log10(squares / (3 * PIXELS));
+    return status;
+}
+
+static sf_status fit(sf_context *ctx, int rank, void *user) {
+    fit_job *job = user;
+    sf_scene *scene;
+    sf_fitter *f = NULL;
+    sf_model *model = NULL;
+    sf_status status = sf_scene_load(ctx, job->project, NULL, &scene);
+    if (status) return status;
+    status = sf_fitter_create(ctx, scene, NULL, &job->options, &f);
+    for (int k = 0; !status; k++) {
+        status = sf_fitter_step(f);
+        for (size_t i = 0; !k && !status && i < f->model->count; i++)
+            job->screens[rank] += (double)f->workspace.screen[i];
+        if (!status && !rank && k < 512) job->losses[k] = f->losses[(f->step - 1) % SF_LOSS_WINDOW];
+    }
+    if (status == SF_ERR_END) status = SF_OK;
+    if (!status) {
+        job->counts[rank] = f->model->count;
+        if (!rank) sf_fitter_get_progress(f, &job->progress);
+        status = view_of(ctx, scene, f, rank, job);
+    }
+    if (!status) status = sf_fitter_snapshot(f, &model);
+    if (!status && !rank) {
+        job->sent = ctx->cluster ? ctx->cluster->sent : 0;
+        status = sf_model_save_as(model, test_path("ranks.ply"), NULL);
+    }
+    sf_model_destroy(&model);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    return status;
+}
+
+static uint8_t *fitted(fit_job *job, int ranks, int threads, size_t *size) {
+    assert_int_equal(ranks_run(ranks, threads, fit, job), SF_OK);
+    return test_read(test_path("ranks.ply"), size);
+}
+
+static fit_job *new_job(const char *project, int64_t steps) {
+    fit_job *job = calloc(1, sizeof *job);
+    assert_non_null(job);
+    job->options = sf_fit_options_default();
+    job->options.steps = steps;
+    job->options.seed = 1;
+    job->project = project;
+    return job;
+}
+
+#define PROJECT "sim:studio?width=96&height=72&frames=9"
+
+/* The first steps are those of one rank, but for the order of sums: loss, picture, gradients. */
+static void test_first_steps(void **state) {
+    (void)state;
+    static const int ranks[] = {2, 3, 4};
+    fit_job *one = new_job(PROJECT, 3);
+    one->options.densify_every = 1000;
+    one->options.exposure = 1;
+    one->options.background = SF_BACKGROUND_AUTO;
+    size_t size, other_size;
+    free(fitted(one, 1, 2, &size));
+    for (int i = 0; i < 3; i++) {
+        fit_job *job = new_job(PROJECT, 3);
+        job->options = one->options;
+        free(fitted(job, ranks[i], 1, &other_size));
+        assert_int_equal(size, other_size);
+        size_t all = 0;
+        double screen = 0;
+        for (int r = 0; r < ranks[i]; r++) {
+            all += job->counts[r], screen += job->screens[r];
+            assert_between(job->counts[r], one->counts[0] / (size_t)ranks[i] - 256,
+                           one->counts[0] / (size_t)ranks[i] + 256);
+            assert_memory_equal(job->rgb[r], job->rgb[0],
+                                sizeof job->rgb[0]); /* every rank has the picture */
+        }
+        assert_int_equal(all, one->counts[0]);
+        assert_int_equal(job->progress.gaussians, all);
+        assert_true(fabs(job->losses[0] - one->losses[0]) < 1e-6 * one->losses[0]);
+        for (int k = 1; k < 3; k++)
+            assert_true(fabs(job->losses[k] - one->losses[k]) < 1e-4 * one->losses[k]);
+        assert_true(one->screens[0] > 0 && fabs(screen - one->screens[0]) < 1e-5 * one->screens[0]);
+        /* Adam divides by the gradient's size: where that is rounding, a value may go either way, which few
+         * pixels show */
+        int off = 0;
+        for (int p = 0; p < 3 * PIXELS; p++) off += fabsf(job->rgb[0][p] - one->rgb[0][p]) > 1e-3f;
+        assert_true(off < 3 * PIXELS / 100);
+        assert_true(job->sent > 0);
+        free(job);
+    }
+    free(one);
+}
+
+/* A whole run with growth, validation and selection: as good as one rank's, and the same bytes each time,
+ * with any number of threads. */
+static void test_whole_fit(void **state) {
+    (void)state;
+    size_t size, other_size;
+    fit_job *one = new_job(PROJECT, 400);
+    one->options.max_gaussians = 6000;
+    free(fitted(one, 1, 2, &size));
+    fit_job *two = new_job(PROJECT, 400), *again = new_job(PROJECT, 400);
+    two->options = again->options = one->options;
+    uint8_t *bytes = fitted(two, 2, 1, &size), *same = fitted(again, 2, 2, &other_size);
+    print_message("one rank %.2f dB, %zu Gaussians; two %.2f dB, %zu\n", one->psnr, one->counts[0], two->psnr,
+                  two->progress.gaussians);
+    assert_int_equal(size, other_size);
+    assert_memory_equal(bytes, same, size);
+    assert_true(two->psnr > one->psnr - 0.5);
+    assert_true(two->progress.gaussians > one->counts[0] * 9 / 10);
+    assert_true(two->progress.gaussians <= 6000);
+    free(bytes);
+    free(same);
+    free(one);
+    free(two);
+    free(again);
+}
+
+static sf_status refused(sf_context *ctx, int rank, void *user) {
+    fit_job *job = user;
+    sf_scene *scene;
+    sf_fitter *f = NULL;
+    sf_status status = sf_scene_load(ctx, job->project, NULL, &scene);
+    if (status) return status;
+    status = sf_fitter_create(ctx, scene, NULL, &job->options, &f);
+    (void)rank;
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    return status == SF_ERR_UNSUPPORTED && strstr(sf_last_error(ctx), "rank") ? SF_OK : SF_ERR_ARGUMENT;
+}
+
+static void test_refusals(void **state) {
+    (void)state;
+    fit_job *job = new_job(PROJECT, 10);
+    job->options.refine_poses = 1;
+    assert_int_equal(ranks_run(2, 1, refused, job), SF_OK);
+    job->options.refine_poses = 0;
+    job->options.densify = SF_DENSIFY_RELOCATE;
+    assert_int_equal(ranks_run(2, 1, refused, job), SF_OK);
+    free(job);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_largest), cmocka_unit_test(test_sums_and_rows),
+                                       cmocka_unit_test(test_first_steps), cmocka_unit_test(test_whole_fit),
+                                       cmocka_unit_test(test_refusals)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
