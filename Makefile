@@ -18,6 +18,7 @@
 # make mutants       wrong edits of kernels, each of which a program of make check must notice
 # make crash         fits killed at 200 moments; a disk that is full at each call, or one in EVERY=7; memory that ends; minutes
 # make fuzz          hostile input for every parser, FUZZ_SECONDS (20) each: needs clang and libFuzzer
+# make test-mpi      fits on several ranks by mpirun; MPI="openmpi mpich" names the MPIs
 # make soak          30 minutes of capture at 30 frames a second; SECONDS=20 for less
 # make endurance     10,000 cycles of all that is made and destroyed, then an hour's fit: memory does not grow;
 #                    CYCLES=100 SECONDS=60 for less
@@ -51,7 +52,7 @@
 # TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
 # COVERAGE=1         a build that counts lines, for make coverage
-# MPI=openmpi        a program whose fits run on several machines, build/native-openmpi/splatfit; or MPI=mpich
+# MPI=openmpi        also build/*/splatfit-openmpi, whose fits run on several machines; or mpich, or both
 # DEBUG=1            a build for a debugger, -O0 -g3: build/native-debug/splatfit
 # STATIC=1           a program that needs no shared library, tested by test-static
 
@@ -81,7 +82,7 @@ endif
 comma  := ,
 CONFIG := $(TOOLCHAIN)$(if $(filter-out %gcc,$(CC)),-$(notdir $(firstword $(CC))))
 CONFIG := $(CONFIG)$(if $(SAN),-$(subst $(comma),-,$(SAN)))$(if $(filter 1,$(STATIC)),-static)
-CONFIG := $(CONFIG)$(if $(filter 1,$(COVERAGE)),-coverage)$(if $(filter 1,$(DEBUG)),-debug)$(if $(MPI),-$(MPI))
+CONFIG := $(CONFIG)$(if $(filter 1,$(COVERAGE)),-coverage)$(if $(filter 1,$(DEBUG)),-debug)
 O      := build/$(CONFIG)
 
 .DEFAULT_GOAL := all
@@ -91,6 +92,7 @@ include toolchains/rules/flags.mk
 include toolchains/rules/compile.mk
 include arch/levels.mk
 include src/sources.mk
+include src/cluster/mpi.mk
 include tests/programs.mk
 include tests/tests.mk
 include toolchains/rules/install.mk
@@ -101,7 +103,7 @@ all: lib $(PROGRAM)
 lib: $(LIB) $(if $(SAN)$(filter 1,$(COVERAGE)),,$(SO))
 
 # build/splatfit is the last native program made for use, and so are the libraries beside it.
-ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC) $(COVERAGE) $(DEBUG))$(MPI),native)
+ifeq ($(TOOLCHAIN)$(SAN)$(filter 1,$(STATIC) $(COVERAGE) $(DEBUG)),native)
 LATEST := build/splatfit build/libsplatfit.a build/libsplatfit.so.$(SOVERSION)
 .PHONY: $(LATEST)
 all: $(LATEST)

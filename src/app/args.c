@@ -50,12 +50,19 @@ int args_colored(FILE *to) {
     return isatty(fileno(to)) && !(no && *no) && terminal && strcmp(terminal, "dumb") != 0;
 }
 
+/* "rank 1 on HOST: ", of a rank of several that is not the first. */
+static char speaker[128];
+
+void args_speak_as(int rank, const char *host) {
+    snprintf(speaker, sizeof speaker, "rank %d on %s: ", rank, host);
+}
+
 int args_error(const command *cmd, const char *format, ...) {
     int colored = args_colored(stderr);
     va_list values;
     va_start(values, format);
-    fprintf(stderr, "%ssplatfit%s%s:%s ", colored ? "\033[1;31m" : "", cmd ? " " : "", cmd ? cmd->name : "",
-            colored ? "\033[0m" : "");
+    fprintf(stderr, "%ssplatfit%s%s:%s %s", colored ? "\033[1;31m" : "", cmd ? " " : "", cmd ? cmd->name : "",
+            colored ? "\033[0m" : "", speaker);
     vfprintf(stderr, format, values);
     fprintf(stderr, "\n");
     va_end(values);

@@ -54,6 +54,9 @@ int args_numbers(const args *a, const char *name, int count, double *values);
 /* Whether what is written there may be coloured: a terminal that can, and no NO_COLOR. */
 int args_colored(FILE *to);
 
+/* From now on errors name the rank and its host. */
+void args_speak_as(int rank, const char *host);
+
 /* Prints one line on standard error, "splatfit NAME: ..." (cmd NULL: "splatfit: ..."); adds the newline.
  * Returns EXIT_FAILED. */
 int args_error(const command *cmd, const char *format, ...) __attribute__((format(printf, 2, 3)));

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "ranks.h"
 #include "training_log.h"
 
 static const arg_option own_options[] = {
@@ -207,6 +208,7 @@ static int is_file(const char *path) {
 static int write_cameras(const fit_run *r) {
     const char *asked = app_output(r->a, "cameras");
     int world = args_value(r->a, "world") != NULL;
+    if (!app_is_first_rank(r->ctx)) return 0;
     if (asked) return sf_fitter_save_cameras(r->fitter, asked, world) ? app_fail(r->a, r->ctx) : 0;
     if (args_value(r->a, "cameras")) return 0;
     if (!is_file(r->output)) return 0;
@@ -240,7 +242,7 @@ static int on_evaluated(void *user, size_t done, size_t all) {
     snprintf(text, sizeof text, "evaluating: %zu of %zu %s views", done, all, e->of);
     if (line->kind != PROGRESS_JSON && progress_due(line, app_seconds() - e->start, 0))
         progress_text(line, text);
-    return app_stopped_by();
+    return app_has_ranks(e->r->ctx) ? 0 : app_stopped_by(); /* not all ranks need notice it at once */
 }
 
 /* Views of the model that is done; a signal ends it. 0 or an exit code. */
@@ -293,12 +295,13 @@ static void print_result(fit_run *r, const evaluation *e) {
         fprintf(r->out, "background %.4f,%.4f,%.4f: give it to eval and render as --background\n",
                 (double)p.background[0], (double)p.background[1], (double)p.background[2]);
     print_end(r, &p);
+    app_print_ranks(r->ctx, r->out, (long long)p.step);
 }
 
 static int save_model(const fit_run *r) {
     sf_model *model = NULL;
     sf_status status = sf_fitter_snapshot(r->fitter, &model);
-    if (!status) status = app_save_model(r->a, model, r->output);
+    if (!status && app_is_first_rank(r->ctx)) status = app_save_model(r->a, model, r->output);
     sf_model_destroy(&model);
     return status ? app_fail(r->a, r->ctx) : 0;
 }
@@ -316,7 +319,11 @@ static int finish(fit_run *r) {
     if (!error) print_result(r, &e);
     if (!error) error = write_comparison(r);
     const char *log = app_output(r->a, "log");
-    if (!error && log) error = app_write_json(r->a, r->ctx, log, log_json(r, &e));
+    json_t *written = !error && log ? log_json(r, &e) : NULL;
+    if (written && !app_is_first_rank(r->ctx))
+        json_decref(written);
+    else if (!error && log)
+        error = app_write_json(r->a, r->ctx, log, written);
     json_decref(e.list);
     if (!error && r->stopped) error = 128 + r->stopped;
     return error;
@@ -355,7 +362,10 @@ static int load_scene(fit_run *r) {
     const char *path = r->a->positional[0];
     char *found = NULL;
     int known = !sf_sfm_find_photos(path) && !sf_film_is(path), error = 0;
-    if (!known)
+    if (!known && app_has_ranks(r->ctx))
+        error = app_say(r->a, path,
+                        "cameras are not found by more than one rank yet: run splatfit cameras first");
+    else if (!known)
         error = app_find_cameras(r->a, r->ctx, path, r->out, &found);
     else if (args_value(r->a, "lens"))
         error = app_say(r->a, path, "--lens is for photos or a video without cameras, which this is not");
@@ -364,14 +374,21 @@ static int load_scene(fit_run *r) {
     return error;
 }
 
+/* Those that one rank alone can do so far. */
+static const char *const one_rank_options[] = {"eval-at",    "snapshots", "compare",
+                                               "checkpoint", "resume",    NULL};
+
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");
     sf_model *from = NULL;
     static const char *const outputs[] = {"log", "compare", "cameras", "checkpoint"};
     int error = app_context(r->a, &r->ctx);
+    if (!error) error = app_join(r->a, r->ctx, one_rank_options);
+    if (!error) r->out = app_rank_out(r->ctx, r->out);
     if (!error) error = read_options(r);
     if (!error) error = progress_start(&r->line, r->a, r->out);
-    if (!error) error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
+    if (!error && app_is_first_rank(r->ctx))
+        error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
     if (!error && from_path) error = app_load_model(r->a, r->ctx, from_path, &from);
     if (!error && from && !sf_model_count(from))
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");
@@ -435,7 +452,7 @@ static int run(const args *a) {
         progress_break(&r.line);
         training_log_stop(&r.training, &p);
         if (status == SF_ERR_CANCELLED)
-            r.stopped = app_stopped_by();
+            r.stopped = (int)app_most_of_ranks(r.ctx, app_stopped_by());
         else if (status || r.training.status)
             error = app_fail(a, r.ctx);
         write_checkpoint(&r, &p);
@@ -444,6 +461,7 @@ static int run(const args *a) {
         if (!error) error = r.checkpoint_error;
     }
     running = NULL;
+    error = app_part(r.ctx, error);
     json_decref(r.train.list);
     training_log_free(&r.training);
     json_decref(r.replay);

@@ -41,8 +41,6 @@ describe() {
     libzstd) echo 'libzstd-dev: .spz of version 4' ;;
     libwebp) echo 'libwebp-dev: .sog' ;;
     libexif) echo 'libexif-dev: the focal length that photos tell' ;;
-    ompi-c) echo 'libopenmpi-dev: fits on several machines' ;;
-    mpich) echo 'libmpich-dev: fits on several machines' ;;
     civetweb) echo 'libcivetweb-dev: the page in the browser' ;;
     esac
 }

@@ -7,9 +7,6 @@ DEPS_NOW      = $(DEPS_BUILD) $(if $(INSTALL_DEPS),$(DEPS_TEST)) $(if $(filter 1
 
 # Modules of pkg-config that are left out where they are missing; config.sh says what each is for. Of the others Debian has no static ones.
 OPTIONAL := libexif $(if $(filter 1,$(STATIC)),,apriltag libcamera libwebp libzip libzstd)
-# MPI=openmpi or MPI=mpich: fits on several machines (src/cluster). Without MPI= the program has nothing of it.
-MPI_MODULE := $(if $(MPI),$(or $(patsubst openmpi,ompi-c,$(filter openmpi mpich,$(MPI))),$(error MPI=$(MPI): openmpi or mpich)))
-OPTIONAL += $(MPI_MODULE)
 WANTED_NOW := $(if $(DEPS_OPTIONAL),$(if $(filter 1,$(STATIC)),static,$(DEPS_OPTIONAL)))
 
 # config.sh writes config.mk, which is read below: FOUND (of OPTIONAL), CIVETWEB, LIBS_CFLAGS, LIBS_FOUND, TEST_LIBS,

@@ -92,6 +92,10 @@ need_cross() { # TRIPLE CPU
 }
 
 need_ci() {
+    need libopenmpi-dev pkg-config --exists ompi-c
+    need openmpi-bin program mpirun.openmpi
+    need libmpich-dev pkg-config --exists mpich
+    need mpich program mpirun.mpich
     need binutils program nm
     need g++ program g++
     need clang program clang

@@ -30,8 +30,7 @@ MODULES      := libturbojpeg spng jansson zlib $(FOUND)
 BASE_CFLAGS  += $(if $(filter apriltag,$(FOUND)),-DSF_HAVE_APRILTAG) \
                 $(if $(filter libcamera,$(FOUND)),-DSF_HAVE_LIBCAMERA) $(if $(filter libzip,$(FOUND)),-DSF_HAVE_LIBZIP) \
                 $(if $(filter libzstd,$(FOUND)),-DSF_HAVE_ZSTD) $(if $(filter libwebp,$(FOUND)),-DSF_HAVE_LIBWEBP) \
-                $(if $(filter libexif,$(FOUND)),-DSF_HAVE_LIBEXIF) $(if $(CIVETWEB),-DSF_HAVE_CIVETWEB) \
-                $(if $(filter $(MPI_MODULE),$(FOUND)),-DSF_HAVE_MPI)
+                $(if $(filter libexif,$(FOUND)),-DSF_HAVE_LIBEXIF) $(if $(CIVETWEB),-DSF_HAVE_CIVETWEB)
 CXX_LIBS     := $(if $(filter libcamera,$(FOUND)),-lstdc++)
 SPNG         :=
 FETCH        :=

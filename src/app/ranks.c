@@ -1,0 +1,74 @@
+/* ranks.c - see ranks.h. */
+#include "ranks.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+int app_has_ranks(const sf_context *ctx) {
+    sf_cluster_info info;
+    sf_cluster_get_info(ctx, &info);
+    return info.size > 1;
+}
+
+int app_is_first_rank(const sf_context *ctx) {
+    sf_cluster_info info;
+    sf_cluster_get_info(ctx, &info);
+    return info.rank == 0;
+}
+
+int app_join(const args *a, sf_context *ctx, const char *const *refused) {
+    sf_cluster_info info;
+    if (sf_cluster_join(ctx)) return app_fail(a, ctx);
+    sf_cluster_get_info(ctx, &info);
+    if (info.size == 1) return 0;
+    if (info.rank) {
+        args_speak_as(info.rank, info.host);
+        app_hold_log(1);
+    }
+    for (; *refused; refused++) {
+        if (!args_value(a, *refused)) continue;
+        /* every rank finds the same: one says it */
+        if (!info.rank) args_error(a->command, "--%s: does not work with more than one rank yet", *refused);
+        return EXIT_USAGE;
+    }
+    return 0;
+}
+
+double app_most_of_ranks(sf_context *ctx, double value) {
+    sf_cluster_info info;
+    sf_cluster_get_info(ctx, &info);
+    double *all = malloc((size_t)info.size * sizeof *all), most = value;
+    if (!all) sf_cluster_abort(ctx, EXIT_FAILED);
+    if (all) sf_cluster_gather(ctx, &value, 1, all);
+    for (int r = 0; all && r < info.size; r++) most = fmax(most, all[r]);
+    free(all);
+    return most;
+}
+
+FILE *app_rank_out(const sf_context *ctx, FILE *out) {
+    FILE *nowhere = app_is_first_rank(ctx) ? NULL : fopen("/dev/null", "w");
+    return nowhere ? nowhere : out;
+}
+
+void app_print_ranks(sf_context *ctx, FILE *out, long long steps) {
+    sf_cluster_info info;
+    sf_cluster_get_info(ctx, &info);
+    if (info.size == 1) return;
+    const double mine[] = {app_peak_memory(), (double)info.sent, (double)info.rounds};
+    enum { VALUES = sizeof mine / sizeof *mine };
+    double *all = malloc((size_t)info.size * sizeof mine), n = steps ? (double)steps : 1;
+    if (!all) return sf_cluster_abort(ctx, EXIT_FAILED);
+    sf_cluster_gather(ctx, mine, VALUES, all);
+    for (int r = 0; r < info.size; r++)
+        fprintf(out, "rank %d: peak memory %.0f MB, sent %.1f MB, %.0f kB a step in %.1f exchanges\n", r,
+                all[VALUES * r], all[VALUES * r + 1] / 1e6, all[VALUES * r + 1] / n / 1e3,
+                all[VALUES * r + 2] / n);
+    free(all);
+}
+
+int app_part(sf_context *ctx, int error) {
+    if (!ctx) return error;
+    if (error && error != EXIT_USAGE && error < 128) sf_cluster_abort(ctx, error);
+    sf_cluster_leave(ctx);
+    return error;
+}

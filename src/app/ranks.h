@@ -1,0 +1,22 @@
+/* ranks.h - a command that mpirun started on several ranks: which of them says and writes what. */
+#ifndef SF_APP_RANKS_H
+#define SF_APP_RANKS_H
+
+#include "app.h"
+
+/* Joins the ranks. refused: names of options that do not work with several, ended by NULL. From here on
+ * ranks other than 0 say nothing but their own errors, with rank and host. 0 or an exit code. */
+int app_join(const args *a, sf_context *ctx, const char *const *refused);
+/* Whether this is rank 0, which alone writes files; whether there are others. */
+int app_is_first_rank(const sf_context *ctx);
+int app_has_ranks(const sf_context *ctx);
+/* The largest value of all ranks. All must call it. */
+double app_most_of_ranks(sf_context *ctx, double value);
+/* Where people read: nowhere on ranks other than 0. */
+FILE *app_rank_out(const sf_context *ctx, FILE *out);
+/* Memory and bytes sent of each rank. All must call it. */
+void app_print_ranks(sf_context *ctx, FILE *out, long long steps);
+/* Leaves the ranks; where this one failed, ends all. ctx may be NULL. Returns error. */
+int app_part(sf_context *ctx, int error);
+
+#endif

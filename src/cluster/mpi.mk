@@ -1,0 +1,38 @@
+# mpi.mk - MPI="openmpi mpich": for each, the program whose fits run on several machines, beside the one without MPI.
+#
+# They differ in the file that sees MPI, in the one that calls it, and in what `info --build` says.
+
+MPI_KINDS   := openmpi mpich
+MPI_WRONG   := $(filter-out $(MPI_KINDS),$(MPI))
+$(if $(MPI_WRONG),$(error MPI=$(MPI): one or both of $(MPI_KINDS)))
+# The module of pkg-config.
+mpi_module   = $(patsubst openmpi,ompi-c,$(1))
+MPI_SRC     := src/cluster/mpi.c src/cluster/join.c src/app/parts.c
+MPI_PROGRAMS := $(MPI:%=$(O)/splatfit-%)
+
+define mpi_rules
+MPI_VERSION_$(1) := $$(shell $$(PKG_CONFIG) --modversion $$(call mpi_module,$(1)) 2>/dev/null)
+$$(if $$(MPI_VERSION_$(1)),,$$(error MPI=$(1): pkg-config knows no $$(call mpi_module,$(1)): install lib$(1)-dev))
+MPI_CFLAGS_$(1)  := $$(shell $$(PKG_CONFIG) --cflags $$(call mpi_module,$(1))) -DSF_HAVE_MPI
+MPI_LIBS_$(1)    := $$(shell $$(PKG_CONFIG) --libs $$(call mpi_module,$(1)))
+$$(O)/$(1)/%.o: %.c $$(O)/flags
+	$$(say) CC $$<
+	@mkdir -p $$(@D)
+	$$(Q)$$(CC) $$(ALL_CFLAGS) $$(MPI_CFLAGS_$(1)) -DSF_PARTS='"$$(PARTS) $$(call mpi_module,$(1))=$$(MPI_VERSION_$(1))"' \
+	    -MMD -MP -c -o $$@ $$<
+$$(O)/splatfit-$(1): $$(MPI_SRC:%.c=$$(O)/$(1)/%.o) $$(PROGRAM_PARTS) $$(LIB) $$(O)/sources
+	$$(say) LD $$@
+	$$(Q)$$(CC) $$(ALL_LDFLAGS) -o $$@ $$(MPI_SRC:%.c=$$(O)/$(1)/%.o) $$(filter-out $$(O)/src/app/parts.o,$$(PROGRAM_PARTS)) \
+	    $$(LIB) $$(CIVETWEB) $$(LIBS) $$(MPI_LIBS_$(1))
+endef
+$(foreach kind,$(MPI),$(eval $(call mpi_rules,$(kind))))
+
+.PHONY: mpi test-mpi
+mpi: $(MPI_PROGRAMS)
+ifneq ($(MPI),)
+all: mpi
+endif
+# Sanitizers find leaks in MPI's own libraries.
+test-mpi: mpi
+	@set -e; for kind in $(MPI); do \
+	    ASAN_OPTIONS=detect_leaks=0 RUN='$(RUN)' SPLATFIT_PROGRAM=$(O)/splatfit-$$kind tests/run.sh tests/app/mpi.sh; done

@@ -1,0 +1,120 @@
+#!/bin/bash
+# mpi.sh - fits on several ranks that mpirun starts, by the MPI that the program is built with; without one, what it says then.
+#
+# MPIRUN  the launcher (mpirun.openmpi or mpirun.mpich, as the program says that it is built)
+set -u
+# shellcheck source=tests/app/tap.sh
+. "$(dirname "$0")/tap.sh"
+
+# As root, more ranks than processors, and without another network than this machine's.
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+built=$(splatfit info --build)
+kind=
+grep -q '^ompi-c  *[0-9]' <<<"$built" && kind=openmpi
+grep -q '^mpich  *[0-9]' <<<"$built" && kind=mpich
+mpirun=${MPIRUN:-mpirun.$kind}
+
+scene='sim:studio?width=96&height=72&frames=9'
+fit=(fit "$scene" --seed 1 --max-gaussians 3000 --threads 1 --progress none --cameras none)
+must() { # WHAT FILE: it is in the file
+    grep -q -e "$1" "$2" || { echo "not there: $1"; cat -v "$2"; return 1; }
+}
+
+without() {
+    OMPI_COMM_WORLD_SIZE=2 splatfit "${fit[@]}" --steps 5 -o "$scratch/no.ply" >"$scratch/no" 2>&1 && return 1
+    must 'built without MPI' "$scratch/no" && [ ! -e "$scratch/no.ply" ]
+}
+if [ -z "$kind" ]; then
+    check "a program without MPI refuses to be one of several" without
+    skip "fits on several ranks" "the program is built without MPI (make MPI=openmpi or MPI=mpich)"
+    finish
+    exit
+fi
+if ! command -v "$mpirun" >/dev/null; then
+    skip "fits on several ranks" "$mpirun is not there"
+    finish
+    exit
+fi
+
+ranks() { # N ARGUMENT...
+    local n=$1 more=()
+    shift
+    [ $kind = mpich ] || more=(--oversubscribe --mca btl_base_warn_component_unused 0)
+    # shellcheck disable=SC2086 # RUN is a command and its arguments.
+    timeout 120 "$mpirun" -n "$n" "${more[@]}" ${RUN:-} "$program" "$@"
+}
+
+one() {
+    splatfit "${fit[@]}" --steps 150 -o "$scratch/alone.ply" && ranks 1 "${fit[@]}" --steps 150 -o "$scratch/one.ply" &&
+        cmp "$scratch/alone.ply" "$scratch/one.ply"
+}
+check "one rank writes the bytes of a run without mpirun" one
+
+several() { # N
+    ranks "$1" "${fit[@]}" --steps 150 --log "$scratch/$1.json" -o "$scratch/$1.ply" >"$scratch/$1.out" &&
+        ranks "$1" "${fit[@]}" --steps 150 -o "$scratch/$1-again.ply" >/dev/null &&
+        cmp "$scratch/$1.ply" "$scratch/$1-again.ply" && [ "$(grep -c '^wrote' "$scratch/$1.out")" = 1 ] &&
+        [ "$(grep -c '^rank [0-9]*: peak memory' "$scratch/$1.out")" = "$1" ]
+}
+check "two ranks write the same bytes each time, and one of them speaks" several 2
+check "four ranks, too" several 4
+
+# The PSNR of the held-out views, in hundredths of a dB.
+psnr() { splatfit eval "$1" "$scene" --json "$scratch/eval.json" >/dev/null 2>&1 && sed -n 's/^ *"psnr": \([0-9]*\)\.\([0-9][0-9]\).*/\1\2/p' "$scratch/eval.json" | tail -n 1; }
+quality() {
+    local alone of n
+    alone=$(psnr "$scratch/alone.ply")
+    for n in 2 4; do
+        of=$(psnr "$scratch/$n.ply")
+        echo "$n ranks: $of, one: $alone"
+        [ -n "$of" ] && [ $((of + 30)) -ge "$alone" ] || return 1
+    done
+}
+check "several ranks fit as well as one" quality
+
+# Fails at once, with one line of rank 0 and no model.
+refused() { # WHAT ARGUMENT...
+    local what=$1
+    shift
+    ranks 2 "${fit[@]}" "$@" -o "$scratch/refused.ply" >"$scratch/refused" 2>&1 && return 1
+    [ "$(grep -c -e "$what" "$scratch/refused")" = 1 ] && [ ! -e "$scratch/refused.ply" ]
+}
+check "what several ranks cannot do is said once" refused '--eval-at: does not work with more than one rank' --eval-at 1 --steps 5
+
+# The processes of the ranks that write a file of this name.
+ranks_of() { # NAME
+    pgrep -f -- "-o $scratch/$1" | while read -r pid; do [ "$(readlink "/proc/$pid/exe")" = "$program" ] && echo "$pid"; done
+}
+# Starts two ranks that do not end, and waits until they are there: run, pids.
+start() { # NAME
+    ranks 2 "${fit[@]}" --steps 1000000 -o "$scratch/$1.ply" >"$scratch/$1" 2>&1 &
+    run=$!
+    for _ in $(seq 100); do
+        sleep 0.1
+        pids=$(ranks_of "$1.ply")
+        [ "$(wc -w <<<"$pids")" = 2 ] && grep -q '^memory' "$scratch/$1" && break
+    done
+    sleep 0.5
+}
+
+killed() {
+    start killed
+    kill -KILL "$(tail -n 1 <<<"$pids")" || return 1
+    wait "$run" && return 1
+    for _ in $(seq 50); do
+        [ -z "$(ranks_of killed.ply)" ] && break
+        sleep 0.1
+    done
+    [ ! -e "$scratch/killed.ply" ] && [ -z "$(ranks_of killed.ply)" ] && must "$(uname -n)\|KILLED BY SIGNAL\|signal 9" "$scratch/killed"
+}
+[ -n "${RUN:-}" ] || check "a rank that is killed ends the run" killed
+
+# A signal to any of the ranks stops all at the same step.
+stopped() {
+    start stopped
+    kill -TERM "$(tail -n 1 <<<"$pids")" || return 1
+    wait "$run" && return 1
+    must 'stopped: signal 15' "$scratch/stopped" && splatfit info "$scratch/stopped.ply" >/dev/null
+}
+[ -n "${RUN:-}" ] || check "a signal writes the model of all ranks" stopped
+finish
