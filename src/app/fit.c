@@ -375,8 +375,7 @@ static int load_scene(fit_run *r) {
 }
 
 /* Those that one rank alone can do so far. */
-static const char *const one_rank_options[] = {"eval-at",    "snapshots", "compare",
-                                               "checkpoint", "resume",    NULL};
+static const char *const one_rank_options[] = {"eval-at", "snapshots", "compare", NULL};
 
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");

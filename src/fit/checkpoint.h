@@ -66,6 +66,10 @@ enum { MERGE_WORDS = sizeof(sf_merge) / sizeof(uint32_t) };
 enum { INTEGERS = 0 STATE_INTEGERS(COUNT_ONE), REALS = 0 STATE_REALS(COUNT_ONE) };
 #undef COUNT_ONE
 
+/* Only in what several ranks wrote: [ranks][SF_BANDS] Gaussians of the model with each band, then of the
+ * restore point, all 0 where there is none. */
+#define SF_CHECKPOINT_RANKS "ranks"
+
 /* Kind and version of the file. */
 extern const sf_sections_kind sf_checkpoint_kind;
 

@@ -6,8 +6,11 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "../cluster/cluster.h"
 #include "fit.h"
 #include "memory.h"
+#include "ranks.h"
+#include "ranks_divide.h"
 #include "reorder.h"
 #include "schedule.h"
 #include "time_trace.h"
@@ -194,7 +197,7 @@ static sf_status take_model(sf_sections_in *in, sf_fitter *f) {
     f->model->unit = (int)model[2];
     memcpy(f->model->origin, f->scene->origin, sizeof f->model->origin);
     status = take_params(in, "model", f->model);
-    if (!status) status = sf_fitter_start_room(f, sf_planned_count(f, 1));
+    if (!status) status = sf_fitter_start_room(f, sf_is_shared(f) ? 0 : sf_planned_count(f, 1));
     if (!status) status = take_moments(in, &f->moments, f->model);
     size_t count = banded[0];
     if (!status)
@@ -291,6 +294,38 @@ sf_status sf_checkpoint_options(sf_context *ctx, const char *path, sf_fit_option
     return status;
 }
 
+/* Sums over the ranks are the model's numbers. */
+static int sum_up(const uint64_t *ranks, size_t count, const sf_model *m) {
+    for (size_t band = 0; band < SF_BANDS; band++) {
+        uint64_t sum = 0;
+        for (size_t k = band; k < count; k += SF_BANDS) {
+            if (ranks[k] > SF_CHECKPOINT_MOST || (band && ranks[k] > ranks[k - 1])) return 0;
+            sum += ranks[k];
+        }
+        if (sum != (m ? m->banded[band] : 0)) return 0;
+    }
+    return 1;
+}
+
+/* Of a fit on several ranks each keeps its part: its own, where as many wrote the checkpoint. */
+static sf_status take_ranks(sf_sections_in *in, sf_fitter *f) {
+    uint64_t *ranks = NULL, have;
+    size_t count = 0, size = sf_is_shared(f) ? (size_t)sf_cluster_of(f->ctx)->size : 1;
+    if (!sf_sections_count(in, SF_CHECKPOINT_RANKS, sizeof *ranks, &have)) {
+        sf_status status =
+            sf_sections_take_new(in, SF_CHECKPOINT_RANKS, &ranks, &count, INT32_MAX, sizeof *ranks);
+        if (status) return status;
+    }
+    size_t half = count / 2;
+    int sound = count % (2 * SF_BANDS) == 0 &&
+                (!count || (sum_up(ranks, half, f->model) && sum_up(ranks + half, half, f->restore.model)));
+    int same = count == 2 * SF_BANDS * size;
+    sf_status status = sound ? sf_ranks_divide_restored(f, same ? ranks : NULL, same ? ranks + half : NULL)
+                             : sf_checkpoint_bad(in, SF_CHECKPOINT_RANKS, "is not of the model");
+    sf_free(f->ctx, ranks);
+    return status;
+}
+
 static sf_status restore(sf_sections_in *in, sf_scene *scene, const sf_fit_options *asked, sf_fitter **f) {
     sf_fit_options options;
     sf_status status = take_options(in, &options);
@@ -299,6 +334,7 @@ static sf_status restore(sf_sections_in *in, sf_scene *scene, const sf_fit_optio
     if (!status) status = sf_checkpoint_take_scene(in, *f);
     if (!status) status = check_origin(in);
     if (!status) status = take_state(in, *f);
+    if (!status) status = take_ranks(in, *f);
     return status ? status : sf_sections_all_taken(in);
 }
 

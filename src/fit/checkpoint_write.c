@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/clock.h"
+#include "../cluster/cluster.h"
 #include "ranks.h"
 
 static void put_params(sf_sections_out *out, const char *prefix, const sf_model *model) {
@@ -85,11 +86,9 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     if (f->restore.model) put_params(out, "best", f->restore.model);
 }
 
-sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
+/* ranks: what each of several ranks has of the model and of the restore point (NULL: one wrote it). */
+static sf_status save(const sf_fitter *f, const char *path, const uint64_t *ranks, size_t count) {
     sf_sections_out out;
-    if (sf_is_shared(f))
-        return sf_fail(f->ctx, SF_ERR_UNSUPPORTED, "%s: checkpoints do not work with more than one rank yet",
-                       path);
     sf_status status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
     if (status) return status;
     put_text(&out, "program", sf_version());
@@ -102,5 +101,27 @@ sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
         return status;
     }
     put_state(&out, f);
+    if (ranks) sf_sections_put(&out, SF_CHECKPOINT_RANKS, ranks, count, sizeof *ranks);
     return sf_sections_commit(&out);
+}
+
+/* Rank 0 writes what all have. */
+static sf_status save_shared(const sf_fitter *f, const char *path) {
+    const sf_cluster *c = sf_cluster_of(f->ctx);
+    size_t of_model = SF_BANDS * (size_t)c->size;
+    uint64_t *ranks = sf_calloc(f->ctx, 2 * of_model, sizeof *ranks);
+    sf_fitter *whole = sf_calloc(f->ctx, 1, sizeof *whole);
+    sf_status status = ranks && whole ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        status = sf_ranks_gather_all(f, ranks, ranks + of_model, whole);
+        if (!status && !c->rank) status = save(whole, path, ranks, 2 * of_model);
+        sf_ranks_free_gathered(whole);
+    }
+    sf_free(f->ctx, whole);
+    sf_free(f->ctx, ranks);
+    return status;
+}
+
+sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
+    return sf_is_shared(f) ? save_shared(f, path) : save(f, path, NULL, 0);
 }

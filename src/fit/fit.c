@@ -16,6 +16,7 @@
 #include "moving_average.h"
 #include "options.h"
 #include "ranks.h"
+#include "ranks_divide.h"
 #include "recovery.h"
 #include "refine.h"
 #include "remove.h"

@@ -48,7 +48,7 @@ void sf_fitter_get_progress(const sf_fitter *f, sf_fit_progress *p) {
 /* Puts the Gaussians of all ranks in the place of this rank's. */
 static sf_status gather(const sf_fitter *f, sf_model **model) {
     sf_model *part = *model;
-    sf_status status = sf_ranks_gather(f, part, model);
+    sf_status status = sf_ranks_gather(f, part, NULL, model);
     if (status) *model = NULL;
     sf_model_destroy(&part);
     return status;

@@ -15,16 +15,6 @@ static inline int sf_is_shared(const sf_fitter *fitter) { return fitter->ctx->cl
  * so. */
 sf_status sf_ranks_check(sf_fitter *fitter);
 
-/* Keeps this rank's part of the model's entries: *count of them. Parts are taken in turn along the curve, so
- * that each has about the same of every view. */
-void sf_ranks_part(const sf_fitter *fitter, sf_remap_entry *entries, size_t *count);
-/* Keeps this rank's part of a model that every rank has whole, sorted along a space-filling curve. Arrays
- * that follow the model must not exist yet. SF_ERR_MEMORY. */
-sf_status sf_ranks_divide(sf_fitter *fitter);
-
-/* Room for Gaussians on each rank, where all have `count`. */
-size_t sf_room_of_rank(const sf_fitter *fitter, size_t count);
-
 /* Seconds of the fit, as rank 0 said at the beginning of the step. */
 double sf_fit_seconds(const sf_fitter *fitter);
 /* At the beginning of a step: time, and whether a rank was cancelled. */
@@ -42,7 +32,16 @@ size_t sf_share_of_largest(const sf_fitter *fitter, const double *values, size_t
 /* The random numbers of what is done to this rank's Gaussians alone: the fit's with one rank. */
 sf_rng *sf_rng_of_rank(sf_fitter *fitter);
 
-/* On rank 0 the Gaussians of all ranks, on the others none: *whole is the caller's. SF_ERR_MEMORY. */
-sf_status sf_ranks_gather(const sf_fitter *fitter, const sf_model *part, sf_model **whole);
+/* ranks_gather.c */
+
+/* On rank 0 the Gaussians of all ranks, on the others none: *whole is the caller's. banded: NULL or [ranks]
+ * [SF_BANDS], what each has. SF_ERR_MEMORY. */
+sf_status sf_ranks_gather(const sf_fitter *fitter, const sf_model *part, uint64_t *banded, sf_model **whole);
+
+/* The same of all that follows the Gaussians: *whole is a copy of the fitter with the arrays of all ranks,
+ * which sf_ranks_free_gathered frees. banded, banded_best: [ranks][SF_BANDS]. */
+sf_status sf_ranks_gather_all(const sf_fitter *fitter, uint64_t *banded, uint64_t *banded_best,
+                              sf_fitter *whole);
+void sf_ranks_free_gathered(sf_fitter *whole);
 
 #endif

@@ -58,6 +58,15 @@ static void trim(sf_fitter *f) {
     }
 }
 
+sf_status sf_fitter_set_room(sf_fitter *f, size_t count) {
+    const sf_model *m = f->model;
+    size_t whole = count > m->count ? count : m->count;
+    sf_status status = SF_OK;
+    for (int band = 0; band <= m->sh_degree && !status; band++)
+        status = set_room(f, band, room_of_band(f, m->banded, band, whole));
+    return status;
+}
+
 sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     sf_model *m = f->model;
     size_t whole = count > m->count ? count : m->count;
@@ -108,17 +117,16 @@ static void get_means(const sf_model *m, float *xyz) {
         for (int k = 0; k < 3; k++) xyz[3 * i + (size_t)k] = means[sf_at(i, 3, k)];
 }
 
-sf_status sf_list_along_curve(const sf_fitter *f, sf_remap_entry *entries) {
-    const sf_model *m = f->model;
+sf_status sf_list_along_curve(const sf_model *m, sf_remap_entry *entries) {
     size_t n = m->count;
     uint32_t *order = NULL;
-    float *xyz = sf_alloc(f->ctx, 3 * n + 1, sizeof *xyz);
+    float *xyz = sf_alloc(m->ctx, 3 * n + 1, sizeof *xyz);
     if (xyz) get_means(m, xyz);
-    sf_status status = xyz ? sf_curve_order(f->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
-    sf_free(f->ctx, xyz);
+    sf_status status = xyz ? sf_curve_order(m->ctx, xyz, n, NULL, &order) : SF_ERR_MEMORY;
+    sf_free(m->ctx, xyz);
     for (size_t i = 0; i < n && !status; i++)
         entries[i] = (sf_remap_entry){order[i], (uint8_t)sf_degree_of(m, order[i])};
-    sf_free(f->ctx, order);
+    sf_free(m->ctx, order);
     return status;
 }
 
@@ -126,7 +134,7 @@ sf_status sf_fitter_sort(sf_fitter *f) {
     size_t n = f->model->count;
     if (n < LEAST_SORTED) return SF_OK;
     sf_remap_entry *entries = sf_alloc(f->ctx, n, sizeof *entries);
-    sf_status status = entries ? sf_list_along_curve(f, entries) : SF_ERR_MEMORY;
+    sf_status status = entries ? sf_list_along_curve(f->model, entries) : SF_ERR_MEMORY;
     if (!status) status = sf_reorder(f, entries, n, NULL);
     sf_free(f->ctx, entries);
     return status;

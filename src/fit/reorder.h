@@ -6,6 +6,8 @@
 
 /* Makes the arrays that follow the initial model, with room for `count` Gaussians. SF_ERR_MEMORY. */
 sf_status sf_fitter_start_room(sf_fitter *fitter, size_t count);
+/* Gives all arrays room for `count` Gaussians, or as many as there are. SF_ERR_MEMORY. */
+sf_status sf_fitter_set_room(sf_fitter *fitter, size_t count);
 /* Makes room for banded[b] Gaussians with band b in the model and in all arrays that follow it.
  * SF_ERR_MEMORY: their contents are unchanged. */
 sf_status sf_fitter_room(sf_fitter *fitter, const size_t banded[SF_BANDS]);
@@ -18,7 +20,7 @@ sf_status sf_reorder(sf_fitter *fitter, const sf_remap_entry *entries, size_t n,
  */
 sf_status sf_reorder_unsorted(sf_fitter *fitter, const sf_remap_entry *entries, size_t n, uint32_t *moved_to);
 /* Lists all Gaussians along a space-filling curve. SF_ERR_MEMORY. */
-sf_status sf_list_along_curve(const sf_fitter *fitter, sf_remap_entry *entries);
+sf_status sf_list_along_curve(const sf_model *model, sf_remap_entry *entries);
 /* Sorts the Gaussians of each degree along a space-filling curve: then invisible Gaussians fill whole blocks,
  * which a step skips, and those of one tile are close in memory. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_fitter_sort(sf_fitter *fitter);

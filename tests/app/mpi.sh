@@ -86,19 +86,21 @@ ranks_of() { # NAME
     pgrep -f -- "-o $scratch/$1" | while read -r pid; do [ "$(readlink "/proc/$pid/exe")" = "$program" ] && echo "$pid"; done
 }
 # Starts two ranks that do not end, and waits until they are there: run, pids.
-start() { # NAME
-    ranks 2 "${fit[@]}" --steps 1000000 -o "$scratch/$1.ply" >"$scratch/$1" 2>&1 &
+start() { # NAME ARGUMENT...
+    local name=$1
+    shift
+    ranks 2 "${fit[@]}" "$@" --steps 1000000 -o "$scratch/$name.ply" >"$scratch/$name" 2>&1 &
     run=$!
     for _ in $(seq 100); do
         sleep 0.1
-        pids=$(ranks_of "$1.ply")
-        [ "$(wc -w <<<"$pids")" = 2 ] && grep -q '^memory' "$scratch/$1" && break
+        pids=$(ranks_of "$name.ply")
+        [ "$(wc -w <<<"$pids")" = 2 ] && grep -q '^memory' "$scratch/$name" && break
     done
     sleep 0.5
 }
 
 killed() {
-    start killed
+    start killed --checkpoint "$scratch/killed.checkpoint" --checkpoint-every 0
     kill -KILL "$(tail -n 1 <<<"$pids")" || return 1
     wait "$run" && return 1
     for _ in $(seq 50); do
@@ -108,6 +110,17 @@ killed() {
     [ ! -e "$scratch/killed.ply" ] && [ -z "$(ranks_of killed.ply)" ] && must "$(uname -n)\|KILLED BY SIGNAL\|signal 9" "$scratch/killed"
 }
 [ -n "${RUN:-}" ] || check "a rank that is killed ends the run" killed
+
+# What the killed run last wrote, gone on from by other numbers of ranks.
+resumed() {
+    local n
+    for n in 1 4; do
+        ranks $n fit "$scene" --resume "$scratch/killed.checkpoint" --steps 200 --threads 1 --progress none --cameras none \
+            -o "$scratch/resumed-$n.ply" || return 1
+        splatfit info "$scratch/resumed-$n.ply" >/dev/null || return 1
+    done
+}
+[ -n "${RUN:-}" ] || check "its last checkpoint is whole, and another number of ranks goes on" resumed
 
 # A signal to any of the ranks stops all at the same step.
 stopped() {

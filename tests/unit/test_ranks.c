@@ -98,6 +98,8 @@ typedef struct fit_job {
     size_t counts[MOST];
     uint64_t sent;
     sf_fit_progress progress;
+    int save_at;          /* after this step a checkpoint is written; 0: none */
+    const char *load;     /* NULL, or the checkpoint to go on from */
     double screens[MOST]; /* sums of the screen gradients of the first step */
 } fit_job;
 
@@ -122,12 +124,14 @@ static sf_status fit(sf_context *ctx, int rank, void *user) {
     sf_model *model = NULL;
     sf_status status = sf_scene_load(ctx, job->project, NULL, &scene);
     if (status) return status;
-    status = sf_fitter_create(ctx, scene, NULL, &job->options, &f);
+    status = job->load ? sf_fitter_load(ctx, scene, job->load, NULL, &f)
+                       : sf_fitter_create(ctx, scene, NULL, &job->options, &f);
     for (int k = 0; !status; k++) {
         status = sf_fitter_step(f);
         for (size_t i = 0; !k && !status && i < f->model->count; i++)
             job->screens[rank] += (double)f->workspace.screen[i];
         if (!status && !rank && k < 512) job->losses[k] = f->losses[(f->step - 1) % SF_LOSS_WINDOW];
+        if (!status && k + 1 == job->save_at) status = sf_fitter_save(f, test_path("ranks.checkpoint"));
     }
     if (status == SF_ERR_END) status = SF_OK;
     if (!status) {
@@ -209,10 +213,10 @@ static void test_first_steps(void **state) {
 static void test_whole_fit(void **state) {
     (void)state;
     size_t size, other_size;
-    fit_job *one = new_job(PROJECT, 400);
-    one->options.max_gaussians = 6000;
+    fit_job *one = new_job(PROJECT, 200);
+    one->options.max_gaussians = 3000;
     free(fitted(one, 1, 2, &size));
-    fit_job *two = new_job(PROJECT, 400), *again = new_job(PROJECT, 400);
+    fit_job *two = new_job(PROJECT, 200), *again = new_job(PROJECT, 200);
     two->options = again->options = one->options;
     uint8_t *bytes = fitted(two, 2, 1, &size), *same = fitted(again, 2, 2, &other_size);
     print_message("one rank %.2f dB, %zu Gaussians; two %.2f dB, %zu\n", one->psnr, one->counts[0], two->psnr,
@@ -221,12 +225,47 @@ static void test_whole_fit(void **state) {
     assert_memory_equal(bytes, same, size);
     assert_true(two->psnr > one->psnr - 0.5);
     assert_true(two->progress.gaussians > one->counts[0] * 9 / 10);
-    assert_true(two->progress.gaussians <= 6000);
+    assert_true(two->progress.gaussians <= 3000);
     free(bytes);
     free(same);
     free(one);
     free(two);
     free(again);
+}
+
+/* As many ranks go on to the same bytes; other numbers of ranks go on, too, and one rank writes what ranks
+ * take up. */
+static void test_checkpoint(void **state) {
+    (void)state;
+    static const int others[] = {1, 3};
+    size_t size, other_size;
+    fit_job *two = new_job(PROJECT, 120);
+    two->options.max_gaussians = 3000;
+    two->save_at = 70;
+    uint8_t *bytes = fitted(two, 2, 1, &size);
+    fit_job *on = new_job(PROJECT, 120);
+    on->load = test_path("ranks.checkpoint");
+    uint8_t *same = fitted(on, 2, 1, &other_size);
+    assert_int_equal(size, other_size);
+    assert_memory_equal(bytes, same, size);
+    for (int i = 0; i < 2; i++) {
+        free(fitted(on, others[i], 1, &other_size));
+        assert_int_equal(on->progress.step, 120);
+        assert_int_equal(on->progress.gaussians, two->progress.gaussians);
+        assert_true(on->psnr > two->psnr - 0.3);
+    }
+    fit_job *one = new_job(PROJECT, 120);
+    one->options = two->options;
+    one->save_at = 70;
+    free(fitted(one, 1, 1, &other_size));
+    free(fitted(on, 2, 1, &other_size));
+    assert_true(on->psnr > one->psnr - 0.3);
+    assert_true(on->counts[0] + on->counts[1] == on->progress.gaussians && on->counts[0] > 1000);
+    free(bytes);
+    free(same);
+    free(one);
+    free(two);
+    free(on);
 }
 
 static sf_status refused(sf_context *ctx, int rank, void *user) {
@@ -254,8 +293,9 @@ static void test_refusals(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_largest), cmocka_unit_test(test_sums_and_rows),
-                                       cmocka_unit_test(test_first_steps), cmocka_unit_test(test_whole_fit),
-                                       cmocka_unit_test(test_refusals)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_largest),     cmocka_unit_test(test_sums_and_rows),
+        cmocka_unit_test(test_first_steps), cmocka_unit_test(test_whole_fit),
+        cmocka_unit_test(test_checkpoint),  cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

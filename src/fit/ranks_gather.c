@@ -1,0 +1,182 @@
+/* ranks_gather.c - brings the Gaussians of all ranks together on rank 0.
+ *
+ * A Gaussian travels as a row of 4-byte words: what its columns have of it. In the whole model those of a
+ * degree stand in the order of the ranks, so that each rank finds its own again.
+ */
+#include <string.h>
+
+#include "../cluster/cluster.h"
+#include "ranks.h"
+
+/* An array that follows the Gaussians. */
+typedef struct column {
+    uint32_t *words;
+    int components;  /* of a blocked array; 0: a plain one */
+    int band, plain; /* words of a Gaussian in a plain one */
+} column;
+
+enum { MOST_COLUMNS = SF_FIELD_COUNT * (1 + SF_MOMENT_PARTS) + 3 };
+
+typedef struct columns {
+    column list[MOST_COLUMNS];
+    size_t count;
+} columns;
+
+static void add(columns *c, void *words, int components, int band, int plain) {
+    c->list[c->count++] = (column){words, components, band, plain};
+}
+
+static columns columns_of_model(const sf_model *m) {
+    columns c = {.count = 0};
+    for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, m->sh_degree); field++)
+        add(&c, m->params.field[field], sf_field_components(field), sf_field_band(field), 0);
+    return c;
+}
+
+static columns columns_of_fitter(const sf_fitter *f) {
+    const sf_model *m = f->model;
+    columns c = columns_of_model(m);
+    for (int part = 0; part < SF_MOMENT_PARTS; part++)
+        for (int field = 0; field < SF_FIELD_COUNT && sf_field_stored(field, m->sh_degree); field++) {
+            int n = sf_moment_components(&f->moments, part, field);
+            if (n) add(&c, f->moments.part[part][field], n, sf_field_band(field), 0);
+        }
+    add(&c, f->densify.gradient_sum, 0, 0, sizeof *f->densify.gradient_sum / sizeof(uint32_t));
+    add(&c, f->densify.visible_count, 0, 0, sizeof *f->densify.visible_count / sizeof(uint32_t));
+    add(&c, f->units.inverse, 0, 0, sizeof *f->units.inverse / sizeof(uint32_t));
+    return c;
+}
+
+static size_t words_of(const columns *c, int degree) {
+    size_t words = 0;
+    for (size_t k = 0; k < c->count; k++)
+        if (c->list[k].band <= degree) words += (size_t)(c->list[k].components + c->list[k].plain);
+    return words;
+}
+
+/* Copies what the columns have of Gaussian i to a row, or back; returns the row's end. */
+static uint32_t *copy_row(const columns *c, int degree, size_t i, uint32_t *row, int back) {
+    for (size_t k = 0; k < c->count; k++) {
+        const column *from = &c->list[k];
+        int n = from->components ? from->components : from->plain;
+        for (int w = 0; w < n && from->band <= degree; w++, row++) {
+            size_t at = from->components ? sf_at(i, n, w) : (size_t)n * i + (size_t)w;
+            if (back)
+                from->words[at] = *row;
+            else
+                *row = from->words[at];
+        }
+    }
+    return row;
+}
+
+static size_t of_degree(const uint64_t *banded, int degree) {
+    return (size_t)(banded[degree] - (degree < SF_MAX_SH_DEGREE ? banded[degree + 1] : 0));
+}
+
+/* The rows of all ranks, one after another. */
+static void take_rows(const sf_cluster *c, const uint64_t *banded, uint32_t *rows, const sf_model *whole,
+                      const columns *to) {
+    for (size_t r = 0; r < (size_t)c->size; r++)
+        for (int degree = SF_MAX_SH_DEGREE; degree >= 0; degree--) {
+            size_t at = degree < SF_MAX_SH_DEGREE ? whole->banded[degree + 1] : 0;
+            for (size_t before = 0; before < r; before++) at += of_degree(banded + SF_BANDS * before, degree);
+            size_t n = of_degree(banded + SF_BANDS * r, degree);
+            for (size_t i = 0; i < n; i++) rows = copy_row(to, degree, at + i, rows, 1);
+        }
+}
+
+/* Sends what this rank has to rank 0, which puts it into the columns of the whole. */
+static sf_status send_rows(const sf_fitter *f, const sf_model *part, const columns *from,
+                           const uint64_t *banded, const sf_model *whole, const columns *to) {
+    sf_cluster *c = sf_cluster_of(f->ctx);
+    size_t n = (size_t)c->size, all = 0, mine = 0;
+    size_t *send = sf_calloc(f->ctx, 2 * n, sizeof *send), *receive = send + n;
+    if (!send) return SF_ERR_MEMORY;
+    for (size_t r = 0; r < n; r++) {
+        size_t words = 0;
+        for (int d = 0; d < SF_BANDS; d++) words += of_degree(banded + SF_BANDS * r, d) * words_of(from, d);
+        if (!c->rank) receive[r] = words, all += words;
+        if (r == (size_t)c->rank) send[0] = mine = words;
+    }
+    uint32_t *outgoing = sf_alloc(f->ctx, mine + 1, sizeof *outgoing), *row = outgoing;
+    uint32_t *incoming = sf_alloc(f->ctx, all + 1, sizeof *incoming);
+    sf_status status = outgoing && incoming ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        for (size_t i = 0; i < part->count; i++) row = copy_row(from, sf_degree_of(part, i), i, row, 0);
+        sf_cluster_exchange(c, sizeof *row, outgoing, send, incoming, receive);
+        if (!c->rank) take_rows(c, banded, incoming, whole, to);
+    }
+    sf_free(f->ctx, outgoing);
+    sf_free(f->ctx, incoming);
+    sf_free(f->ctx, send);
+    return status;
+}
+
+/* A model with room for the Gaussians of all ranks on rank 0, for none on the others. */
+static sf_status make_whole(const sf_fitter *f, const sf_model *part, uint64_t *banded, sf_model **whole) {
+    sf_cluster *c = sf_cluster_of(f->ctx);
+    uint64_t own[SF_BANDS];
+    size_t all[SF_BANDS] = {0};
+    for (int band = 0; band < SF_BANDS; band++) own[band] = part->banded[band];
+    sf_cluster_gather_bytes(c, own, sizeof own, banded);
+    for (size_t k = 0; !c->rank && k < SF_BANDS * (size_t)c->size; k++)
+        all[k % SF_BANDS] += (size_t)banded[k];
+    sf_status status = sf_model_create_banded(f->ctx, all, all[0], part->sh_degree, whole);
+    if (status) return status;
+    (*whole)->antialiased = part->antialiased;
+    (*whole)->unit = part->unit;
+    memcpy((*whole)->origin, part->origin, sizeof part->origin);
+    return SF_OK;
+}
+
+sf_status sf_ranks_gather(const sf_fitter *f, const sf_model *part, uint64_t *banded, sf_model **whole) {
+    uint64_t *own =
+        banded ? NULL : sf_alloc(f->ctx, SF_BANDS * (size_t)sf_cluster_of(f->ctx)->size, sizeof *own);
+    *whole = NULL;
+    if (!banded && !own) return SF_ERR_MEMORY;
+    sf_status status = make_whole(f, part, banded ? banded : own, whole);
+    if (!status) {
+        columns from = columns_of_model(part), to = columns_of_model(*whole);
+        status = send_rows(f, part, &from, banded ? banded : own, *whole, &to);
+    }
+    if (status) sf_model_destroy(whole);
+    sf_free(f->ctx, own);
+    return status;
+}
+
+sf_status sf_ranks_gather_all(const sf_fitter *f, uint64_t *banded, uint64_t *banded_best, sf_fitter *whole) {
+    sf_context *ctx = f->ctx;
+    memcpy(whole, f, sizeof *whole);
+    whole->model = whole->restore.model = NULL;
+    whole->moments = sf_optimizer_moments((int)f->options.moments, f->options.ema_steps);
+    whole->densify.gradient_sum = NULL, whole->densify.visible_count = NULL;
+    whole->units.inverse = NULL;
+    whole->skipped_values = sf_total(f, f->skipped_values);
+    sf_status status = make_whole(f, f->model, banded, &whole->model);
+    if (status) return status;
+    size_t room = whole->model->capacity[0] + 1;
+    status =
+        sf_optimizer_create(whole->model, (int)f->options.moments, f->options.ema_steps, &whole->moments);
+    whole->densify.gradient_sum = sf_calloc(ctx, room, sizeof *whole->densify.gradient_sum);
+    whole->densify.visible_count = sf_calloc(ctx, room, sizeof *whole->densify.visible_count);
+    whole->units.inverse = sf_calloc(ctx, room, sizeof *whole->units.inverse);
+    if (!whole->densify.gradient_sum || !whole->densify.visible_count || !whole->units.inverse)
+        status = SF_ERR_MEMORY;
+    if (!status) {
+        columns from = columns_of_fitter(f), to = columns_of_fitter(whole);
+        status = send_rows(f, f->model, &from, banded, whole->model, &to);
+    }
+    if (!status && f->restore.model)
+        status = sf_ranks_gather(f, f->restore.model, banded_best, &whole->restore.model);
+    return status;
+}
+
+void sf_ranks_free_gathered(sf_fitter *whole) {
+    sf_model_destroy(&whole->model);
+    sf_model_destroy(&whole->restore.model);
+    sf_optimizer_destroy(whole->ctx, &whole->moments);
+    sf_free(whole->ctx, whole->densify.gradient_sum);
+    sf_free(whole->ctx, whole->densify.visible_count);
+    sf_free(whole->ctx, whole->units.inverse);
+}
