@@ -74,42 +74,46 @@ static size_t of_degree(const uint64_t *banded, int degree) {
     return (size_t)(banded[degree] - (degree < SF_MAX_SH_DEGREE ? banded[degree + 1] : 0));
 }
 
-/* The rows of all ranks, one after another. */
-static void take_rows(const sf_cluster *c, const uint64_t *banded, uint32_t *rows, const sf_model *whole,
+/* The rows of one rank. */
+static void take_rows(const uint64_t *banded, size_t rank, uint32_t *rows, const sf_model *whole,
                       const columns *to) {
-    for (size_t r = 0; r < (size_t)c->size; r++)
-        for (int degree = SF_MAX_SH_DEGREE; degree >= 0; degree--) {
-            size_t at = degree < SF_MAX_SH_DEGREE ? whole->banded[degree + 1] : 0;
-            for (size_t before = 0; before < r; before++) at += of_degree(banded + SF_BANDS * before, degree);
-            size_t n = of_degree(banded + SF_BANDS * r, degree);
-            for (size_t i = 0; i < n; i++) rows = copy_row(to, degree, at + i, rows, 1);
-        }
+    for (int degree = SF_MAX_SH_DEGREE; degree >= 0; degree--) {
+        size_t at = degree < SF_MAX_SH_DEGREE ? whole->banded[degree + 1] : 0;
+        for (size_t before = 0; before < rank; before++) at += of_degree(banded + SF_BANDS * before, degree);
+        size_t n = of_degree(banded + SF_BANDS * rank, degree);
+        for (size_t i = 0; i < n; i++) rows = copy_row(to, degree, at + i, rows, 1);
+    }
 }
 
-/* Sends what this rank has to rank 0, which puts it into the columns of the whole. */
-static sf_status send_rows(const sf_fitter *f, const sf_model *part, const columns *from,
+/* Sends what rank r has to rank 0, which puts it into the columns of the whole. */
+static sf_status send_rank(const sf_fitter *f, size_t r, const sf_model *part, const columns *from,
                            const uint64_t *banded, const sf_model *whole, const columns *to) {
     sf_cluster *c = sf_cluster_of(f->ctx);
-    size_t n = (size_t)c->size, all = 0, mine = 0;
+    size_t n = (size_t)c->size, me = (size_t)c->rank, words = 0;
+    for (int d = 0; d < SF_BANDS; d++) words += of_degree(banded + SF_BANDS * r, d) * words_of(from, d);
     size_t *send = sf_calloc(f->ctx, 2 * n, sizeof *send), *receive = send + n;
-    if (!send) return SF_ERR_MEMORY;
-    for (size_t r = 0; r < n; r++) {
-        size_t words = 0;
-        for (int d = 0; d < SF_BANDS; d++) words += of_degree(banded + SF_BANDS * r, d) * words_of(from, d);
-        if (!c->rank) receive[r] = words, all += words;
-        if (r == (size_t)c->rank) send[0] = mine = words;
-    }
-    uint32_t *outgoing = sf_alloc(f->ctx, mine + 1, sizeof *outgoing), *row = outgoing;
-    uint32_t *incoming = sf_alloc(f->ctx, all + 1, sizeof *incoming);
-    sf_status status = outgoing && incoming ? SF_OK : SF_ERR_MEMORY;
+    uint32_t *outgoing = sf_alloc(f->ctx, me == r ? words + 1 : 1, sizeof *outgoing), *row = outgoing;
+    uint32_t *incoming = sf_alloc(f->ctx, me ? 1 : words + 1, sizeof *incoming);
+    sf_status status = send && outgoing && incoming ? SF_OK : SF_ERR_MEMORY;
     if (!status) {
-        for (size_t i = 0; i < part->count; i++) row = copy_row(from, sf_degree_of(part, i), i, row, 0);
+        send[0] = me == r ? words : 0, receive[r] = me ? 0 : words;
+        for (size_t i = 0; me == r && i < part->count; i++)
+            row = copy_row(from, sf_degree_of(part, i), i, row, 0);
         sf_cluster_exchange(c, sizeof *row, outgoing, send, incoming, receive);
-        if (!c->rank) take_rows(c, banded, incoming, whole, to);
+        if (!me) take_rows(banded, r, incoming, whole, to);
     }
     sf_free(f->ctx, outgoing);
     sf_free(f->ctx, incoming);
     sf_free(f->ctx, send);
+    return status;
+}
+
+/* One rank after another, so that rank 0 needs little more memory than for the whole. */
+static sf_status send_rows(const sf_fitter *f, const sf_model *part, const columns *from,
+                           const uint64_t *banded, const sf_model *whole, const columns *to) {
+    sf_status status = SF_OK;
+    for (size_t r = 0; r < (size_t)sf_cluster_of(f->ctx)->size && !status; r++)
+        status = send_rank(f, r, part, from, banded, whole, to);
     return status;
 }
 
