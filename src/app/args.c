@@ -53,6 +53,8 @@ int args_colored(FILE *to) {
 /* "rank 1 on HOST: ", of a rank of several that is not the first. */
 static char speaker[128];
 
+const char *args_speaker(void) { return speaker; }
+
 void args_speak_as(int rank, const char *host) {
     snprintf(speaker, sizeof speaker, "rank %d on %s: ", rank, host);
 }

@@ -56,6 +56,8 @@ int args_colored(FILE *to);
 
 /* From now on errors name the rank and its host. */
 void args_speak_as(int rank, const char *host);
+/* "rank 1 on HOST: ", or "". */
+const char *args_speaker(void);
 
 /* Prints one line on standard error, "splatfit NAME: ..." (cmd NULL: "splatfit: ..."); adds the newline.
  * Returns EXIT_FAILED. */

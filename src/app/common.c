@@ -24,10 +24,10 @@ void app_hold_log(int hold) { log_is_held = hold; }
 static void print_log(void *user, sf_log_level level, const char *message) {
     (void)user;
     if (log_is_held) return;
-    if (level < SF_LOG_INFO) return;
+    if (level < (*args_speaker() ? SF_LOG_WARNING : SF_LOG_INFO)) return;
     int colored = level == SF_LOG_WARNING && args_colored(stderr);
-    fprintf(stderr, "%s%s%s%s\n", colored ? "\033[1;33m" : "", level == SF_LOG_WARNING ? "warning: " : "",
-            colored ? "\033[0m" : "", message);
+    fprintf(stderr, "%s%s%s%s%s\n", args_speaker(), colored ? "\033[1;33m" : "",
+            level == SF_LOG_WARNING ? "warning: " : "", colored ? "\033[0m" : "", message);
 }
 
 int app_context(const args *a, sf_context **ctx) {

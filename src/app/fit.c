@@ -393,6 +393,8 @@ static int prepare(fit_run *r) {
         error = app_say(r->a, from_path, "holds no Gaussian to go on from");
     if (!error) error = app_freeze(r->a, r->ctx, from, &r->options);
     if (!error) error = load_scene(r);
+    /* what its own pictures lack is said; the fit's warnings are those of rank 0 */
+    if (!error && !app_is_first_rank(r->ctx)) app_hold_log(1);
     if (!error && r->replay) error = replay_check(r->a, r->ctx, r->replay, r->scene);
     if (!error) error = make_fitter(r, from);
     if (!error && r->replay && lowered(r))

@@ -21,10 +21,7 @@ int app_join(const args *a, sf_context *ctx, const char *const *refused) {
     if (sf_cluster_join(ctx)) return app_fail(a, ctx);
     sf_cluster_get_info(ctx, &info);
     if (info.size == 1) return 0;
-    if (info.rank) {
-        args_speak_as(info.rank, info.host);
-        app_hold_log(1);
-    }
+    if (info.rank) args_speak_as(info.rank, info.host);
     for (; *refused; refused++) {
         if (!args_value(a, *refused)) continue;
         /* every rank finds the same: one says it */

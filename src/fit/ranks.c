@@ -1,10 +1,44 @@
 /* ranks.c - see ranks.h. */
 #include "ranks.h"
 
+#include <string.h>
+
 #include "../base/clock.h"
 #include "../cluster/cluster.h"
 
 static sf_cluster *cluster_of(const sf_fitter *f) { return sf_cluster_of(f->ctx); }
+
+/* What a rank says of its scene. */
+typedef struct scene_words {
+    uint64_t views, fingerprint;
+    char host[64];
+} scene_words;
+
+/* Every rank must read the same pictures and cameras, or they would fit different things. */
+static sf_status compare_scenes(sf_fitter *f) {
+    sf_cluster *c = cluster_of(f);
+    sf_scene_info info;
+    sf_cluster_info place;
+    scene_words mine = {0}, *all = sf_alloc(f->ctx, (size_t)c->size, sizeof *all);
+    if (!all) return SF_ERR_MEMORY;
+    sf_scene_get_info(f->scene, &info);
+    sf_cluster_get_info(f->ctx, &place);
+    mine.views = info.train_views;
+    (void)sf_scene_fingerprint(f->scene, &mine.fingerprint); /* unread pictures: 0, unlike the others' */
+    memcpy(mine.host, place.host, sizeof mine.host);
+    sf_cluster_gather_bytes(c, &mine, sizeof mine, all);
+    sf_status status = SF_OK;
+    for (int rank = 1; rank < c->size && !status; rank++)
+        if (all[rank].views != all->views || all[rank].fingerprint != all->fingerprint)
+            status =
+                sf_fail(f->ctx, SF_ERR_ARGUMENT,
+                        "scene: rank %d on %s has other pictures or cameras than rank 0 on %s: %llu and %llu "
+                        "training views",
+                        rank, all[rank].host, all->host, (unsigned long long)all[rank].views,
+                        (unsigned long long)all->views);
+    sf_free(f->ctx, all);
+    return status;
+}
 
 sf_status sf_ranks_check(sf_fitter *f) {
     sf_fit_options *o = &f->options;
@@ -19,7 +53,7 @@ sf_status sf_ranks_check(sf_fitter *f) {
         o->merge = 0;
         sf_log(f->ctx, SF_LOG_INFO, "merge: off, as it does not work with more than one rank yet");
     }
-    return SF_OK;
+    return compare_scenes(f);
 }
 
 double sf_fit_seconds(const sf_fitter *f) {
