@@ -48,7 +48,7 @@ all_but() { # NAME...
 # Whole fits take minutes where they are emulated, and what reads formats is the same on both but for its integers: of these
 # tests, each machine leaves out what the other runs, and both what has nothing of a machine: all allocations, all moments of a
 # fit, the program's words, charts, figures of time, how good fits get.
-both='allocations bench blur bundle cancel chart cli commands densify exposure features_allocations film fit_cache follow init live photos reconstruct recovery refine schedule sfm sim_board sweep units validation'
+both='allocations bench blur bundle cancel chart cli commands densify exposure features_allocations film fit_cache follow init live photos ranks reconstruct recovery refine schedule sfm sim_board sweep units validation'
 only_64="calibrate capture fit insert landmarks moving_average outputs stability studio $both"
 only_32="archive checkpoint colmap context degrees inputs $both"
 threaded='pool context scene render fit cancel pipe capture preview live'
