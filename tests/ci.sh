@@ -110,27 +110,27 @@ group_debug() {
     step commands "${make[@]}" compile_commands.json
 }
 group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
-# These, crash, mpi and scenes use build/native, which the step gcc builds.
+# These, crash and scenes use build/native, which the step gcc builds.
 group_native() {
     step lint "${make[@]}" lint
     step levels "${make[@]}" check
     step cpus env TIMEOUT=900 "${make[@]}" check-cpus
     step install "${make[@]}" test-install
-    step deb-native "${make[@]}" test-deb
+    # Only the files that see MPI are compiled for each.
+    step mpi "${make[@]}" MPI="openmpi mpich" test-mpi
+    step deb-native "${make[@]}" MPI="openmpi mpich" test-deb
     step outside "${make[@]}" test-outside
     step soak "${make[@]}" soak SECONDS=20
     step bench "${make[@]}" bench-quick
     step charts "${make[@]}" charts-quick
     step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 }
-# Only the two files that see MPI are compiled for each.
-group_mpi() { step mpi "${make[@]}" MPI="openmpi mpich" test-mpi; }
 group_crash() { step crash "${make[@]}" crash KILLS=50 EVERY=15; }
 group_scenes() { step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes; }
 
 # Most steps keep little more than one CPU busy, so two workers take the groups in turn, the longest first. A group's output is
 # printed at its end. No two groups build in the same folder, except build/native, which is complete before its groups begin.
-groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static debug crash mpi)
+groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static debug crash)
 next() {
     flock $logs/taken.lock sh -c "echo >>$logs/taken; wc -l <$logs/taken"
 }
@@ -139,7 +139,7 @@ work() {
     while n=$(next) && [ "$n" -le ${#groups[@]} ]; do
         group=${groups[n - 1]}
         case $group in
-        native | scenes | crash | mpi) until [ -e $logs/built ]; do sleep 1; done ;;
+        native | scenes | crash) until [ -e $logs/built ]; do sleep 1; done ;;
         esac
         "group_$group" >"$logs/group-$group.out" 2>&1
         echo "$group" >>$logs/ended

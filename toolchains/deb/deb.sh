@@ -1,5 +1,6 @@
 #!/bin/bash
-# deb.sh ARCH ROOT OUT - packages for Debian of what make builds for ARCH, into OUT: splatfit, libsplatfitN, libsplatfit-dev.
+# deb.sh ARCH ROOT OUT - packages for Debian of what make builds for ARCH, into OUT: splatfit, libsplatfitN, libsplatfit-dev, and
+# splatfit-mpi where MPI names one or two.
 #
 # ROOT is where the libraries are that it is linked with: the toolchain's root, or empty for this system. MAKE installs;
 # NM names the tools; VERSION, SOVERSION and TRIPLE as in the Makefile. MAINTAINER goes into the packages.
@@ -23,6 +24,7 @@ package_of() { # SONAME
     libc.so.* | libm.so.* | ld-linux*) name=libc6 ;;
     libgcc_s.so.1) name=libgcc-s1 ;;
     libz.so.1) name=zlib1g ;;
+    libmpi.so.* | libopen-rte.so.* | libopen-pal.so.*) name=libopenmpi3 ;;
     libcamera-base.so.*) name=libcamera${1#libcamera-base.so.} ;;
     *) name=$(sed -E 's/\.so\.([0-9.]+)$/\1/; s/([0-9])([0-9.]+)$/\1\2/' <<<"$1") ;;
     esac
@@ -105,6 +107,20 @@ printf 'splatfit (%s) unstable; urgency=medium\n\n  * This version.\n\n -- %s  %
 
 what="splatfit fits models of 3D Gaussians to photos with known cameras, and renders them, on ordinary and embedded processors."
 library=libsplatfit$SOVERSION
+rm -f "$out/splatfit-mpi_${VERSION}_$arch.deb"
+if [ -n "${MPI:-}" ]; then
+    begin_package splatfit-mpi
+    needed=
+    for kind in $MPI; do
+        "$strip" --strip-unneeded -R .comment -R .note "$stage/all/usr/bin/splatfit-$kind"
+        move splatfit-mpi "usr/bin/splatfit-$kind"
+        needed+="$(depends_of "$stage/splatfit-mpi/usr/bin/splatfit-$kind"), "
+    done
+    needed=$(sort -u <<<"${needed//, /$'\n'}" | sed '/^$/d' | paste -sd, | sed 's/,/, /g')
+    recommends=${MPI/openmpi/openmpi-bin}
+    end_package splatfit-mpi graphics "splatfit (= $VERSION), $needed" "fits 3D Gaussian scenes to pictures on several machines" \
+        "$what These are programs whose fits run on several machines, over MPI." "Recommends: ${recommends// /, }"
+fi
 begin_package splatfit
 move splatfit usr/bin/splatfit usr/share/man usr/share/bash-completion
 end_package splatfit graphics "$(depends_of "$stage/splatfit/usr/bin/splatfit")" "fits 3D Gaussian scenes to pictures on CPUs" \

@@ -14,7 +14,9 @@ fail() {
     exit 1
 }
 packages=("$folder"/*_"${VERSION}_$arch".deb)
-[ ${#packages[@]} = 3 ] || fail "there are ${#packages[@]} packages, not 3"
+wanted=3
+[ -z "${MPI:-}" ] || wanted=4
+[ ${#packages[@]} = $wanted ] || fail "there are ${#packages[@]} packages, not $wanted"
 for package in "${packages[@]}"; do
     [ "$(dpkg-deb -f "$package" Architecture)" = "$arch" ] || fail "$package: is of another architecture"
 done
@@ -43,13 +45,17 @@ splatfit() { ${RUN_IN:+$RUN_IN "$work/root"} "$work/root/usr/bin/splatfit" "$@" 
 splatfit fit 'sim:studio?width=64&height=48&frames=9' --steps 3 --max-gaussians 400 --quiet -o "$work/model.ply" ||
     fail "splatfit fit: fails"
 [ "$(head -c 3 "$work/model.ply")" = ply ] || fail "splatfit fit: writes no model"
+for kind in ${MPI:-}; do
+    ${RUN_IN:+$RUN_IN "$work/root"} "$work/root/usr/bin/splatfit-$kind" info --build >"$work/build" || fail "splatfit-$kind info --build: fails"
+    grep -qE '^(ompi-c|mpich) +[0-9]' "$work/build" || fail "splatfit-$kind: $(cat "$work/build")"
+done
 man=$work/root/usr/share/man/man1/splatfit-fit.1.gz
 zcat "$man" | grep -q '^.SH OPTIONS' || fail "$man: is no page of the manual"
 grep -q 'libspng *BSD-2-Clause' "$work/root/usr/share/doc/splatfit/copyright" || fail "copyright: does not name libspng"
 bash -n "$work/root/usr/share/bash-completion/completions/splatfit" || fail "the completion is no bash"
 
 if [ -z "$root" ]; then
-    dpkg_there --purge splatfit libsplatfit-dev "libsplatfit$SOVERSION" >"$work/said" 2>&1 || fail "dpkg --purge: $(cat "$work/said")"
+    dpkg_there --purge splatfit ${MPI:+splatfit-mpi} libsplatfit-dev "libsplatfit$SOVERSION" >"$work/said" 2>&1 || fail "dpkg --purge: $(cat "$work/said")"
     left=$(find "$work/root/usr" -type f 2>/dev/null || true)
     [ -z "$left" ] || fail "dpkg --purge: leaves $left"
 fi
@@ -59,4 +65,4 @@ if command -v lintian >/dev/null; then
         "${packages[@]}" >"$work/said" 2>&1 || fail "lintian: $(cat "$work/said")"
     grep -v '^N:' "$work/said" || true
 fi
-echo "test.sh: $arch: three packages install and run$([ -n "$root" ] || echo ', and go')"
+echo "test.sh: $arch: ${#packages[@]} packages install and run$([ -n "$root" ] || echo ', and go')"

@@ -20,7 +20,7 @@ COMPLETIONS := $(PREFIX)/share/bash-completion/completions
 install: all man
 	$(Q)install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/include/splatfit"
 	$(Q)install -d "$(DESTDIR)$(LIBDIR)/pkgconfig"
-	$(Q)install -m 755 $(PROGRAM) "$(DESTDIR)$(PREFIX)/bin"
+	$(Q)install -m 755 $(PROGRAM) $(MPI_PROGRAMS) "$(DESTDIR)$(PREFIX)/bin"
 	$(Q)install -m 644 $(HEADERS) "$(DESTDIR)$(PREFIX)/include/splatfit"
 	$(Q)install -m 644 $(LIB) $(SO) "$(DESTDIR)$(LIBDIR)"
 	$(if $(SO),$(Q)ln -sfn $(notdir $(SO)) "$(DESTDIR)$(LIBDIR)/libsplatfit.so")
@@ -30,6 +30,6 @@ install: all man
 	$(Q)install -m 644 src/app/man/completion.bash "$(DESTDIR)$(COMPLETIONS)/splatfit"
 
 uninstall:
-	$(Q)rm -f "$(DESTDIR)$(PREFIX)/bin/splatfit" "$(DESTDIR)$(COMPLETIONS)/splatfit" "$(DESTDIR)$(LIBDIR)"/libsplatfit.* \
+	$(Q)rm -f "$(DESTDIR)$(PREFIX)/bin/splatfit" $(MPI:%="$(DESTDIR)$(PREFIX)/bin/splatfit-%") "$(DESTDIR)$(COMPLETIONS)/splatfit" "$(DESTDIR)$(LIBDIR)"/libsplatfit.* \
 	    "$(DESTDIR)$(LIBDIR)/pkgconfig/splatfit.pc" $(patsubst $(O)/man/%,"$(DESTDIR)$(PREFIX)/share/man/man1/%",$(MAN))
 	$(Q)rm -rf "$(DESTDIR)$(PREFIX)/include/splatfit"
