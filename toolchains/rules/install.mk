@@ -30,6 +30,7 @@ install: all man
 	$(Q)install -m 644 src/app/man/completion.bash "$(DESTDIR)$(COMPLETIONS)/splatfit"
 
 uninstall:
-	$(Q)rm -f "$(DESTDIR)$(PREFIX)/bin/splatfit" $(MPI:%="$(DESTDIR)$(PREFIX)/bin/splatfit-%") "$(DESTDIR)$(COMPLETIONS)/splatfit" "$(DESTDIR)$(LIBDIR)"/libsplatfit.* \
+	$(Q)rm -f "$(DESTDIR)$(PREFIX)/bin/splatfit" $(MPI:%="$(DESTDIR)$(PREFIX)/bin/splatfit-%") \
+	    "$(DESTDIR)$(COMPLETIONS)/splatfit" "$(DESTDIR)$(LIBDIR)"/libsplatfit.* \
 	    "$(DESTDIR)$(LIBDIR)/pkgconfig/splatfit.pc" $(patsubst $(O)/man/%,"$(DESTDIR)$(PREFIX)/share/man/man1/%",$(MAN))
 	$(Q)rm -rf "$(DESTDIR)$(PREFIX)/include/splatfit"
