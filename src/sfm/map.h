@@ -21,8 +21,8 @@ typedef struct sf_map_camera {
     int is_doubtful;    /* the prior is what files say: pictures may overrule it, which makes it 0 */
     double focal_voted; /* px: what pairs of pictures say of fx where the prior is doubtful (0: nothing) */
     double focal_told;  /* px: what files say of fx (0: nothing) */
-    double unit;  /* px: one of the picture in which features were found, as in photos that are reduced for
-                   * that; errors are in such (0: 1) */
+    double
+        unit; /* px: the unit of errors, a pixel of the reduced photo in which features were found (0: 1) */
     int is_vague; /* pairs say the same of a much longer focal length as of the one voted */
 } sf_map_camera;
 
@@ -119,8 +119,8 @@ sf_status sf_map_adjust(sf_map *map, int rounds, double enough);
 /* The same by each n-th track's point, and by more of pictures that would have too few; the others stay. */
 sf_status sf_map_adjust_sample(sf_map *map, size_t each, int rounds, double enough);
 
-/* As sf_map_adjust, by a part of the points; then moves all points to where the poses are that this finds.
- * For maps that are not finished: a third of the time with 100,000 observations. */
+/* As sf_map_adjust, but poses and lenses by a part of the points; then all points are adjusted, while the
+ * poses stay. Quicker, for maps that are not finished. */
 sf_status sf_map_adjust_roughly(sf_map *map, int rounds, double enough);
 
 /* Adjusts the poses of a picture and of those `most` that share most points with it, and these points. */

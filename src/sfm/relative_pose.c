@@ -46,7 +46,8 @@ static void make_tangent(const sf_rigid *T, tangent *g) {
     }
 }
 
-/* Two matches at a time: a fifth of a reconstruction's time was spent here, and compilers do not pair them.
+/* Two matches at a time: an eighth of the time of a reconstruction was spent here, and compilers do not pair
+ * them.
  */
 typedef double pair __attribute__((vector_size(16)));
 
