@@ -44,6 +44,8 @@ typedef struct sf_sfm_options {
     int features;   /* of a photo at most, 100..1000000 */
     int all_pairs;  /* of so many photos at most each is matched with each, 0..1000000; of more, with
                        those that are most like it and with its neighbours by name */
+    int sequence;   /* photos by name are in the order in which they were taken: each is matched with so many
+                       next ones alone, 1..1000000; 0: they are in any order */
     int64_t memory; /* bytes for the whole process: refuse photos that take more; 0: 4/5 of what is free */
     double error;   /* px of the photo as it was reduced: the greatest distance of an inlier from where its
                        point is seen, above 0 */

@@ -19,6 +19,8 @@ static const arg_option own_options[] = {
      "(1600)"},
     {"all-pairs", 0, "N",
      "of so many photos at most each is matched with each; of more, with those most like it (200)"},
+    {"sequence", 0, "N",
+     "photos by name are in the order in which they were taken: each is matched with the N next ones alone"},
     {"memory", 0, "BYTES", "most memory of the whole process (900M, 2G); default: 4/5 of what is free"},
     {"focal", 0, "PX", "the focal length of the photos, about; default: told by EXIF, or found"},
     {"lens", 0, "FILE",
@@ -217,6 +219,7 @@ static int read_options(const job *j, sf_sfm_options *options) {
     int error = args_int(j->a, "side", 64, 28000, &options->side);
     if (!error) error = args_int(j->a, "features", 100, 1000000, &options->features);
     if (!error) error = args_int(j->a, "all-pairs", 0, 1000000, &options->all_pairs);
+    if (!error) error = args_int(j->a, "sequence", 1, 1000000, &options->sequence);
     if (!error) error = args_numbers(j->a, "focal", 1, &options->focal);
     if (!error) error = read_inputs(j, options);
     options->progress = tell;

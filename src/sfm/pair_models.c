@@ -24,12 +24,28 @@ static int solve_essential(const void *user, const uint32_t *sample, double *mod
     return sf_essential_from_5(p->a, p->b, sample, models);
 }
 
-/* All four poses of a matrix have the same distances. */
+/* Leaves weights to `most` pairs, evenly chosen among those that have one. */
+static void thin(double *weights, size_t count, size_t most) {
+    size_t all = 0, left = 0;
+    for (size_t i = 0; i < count; i++) all += weights[i] != 0;
+    for (size_t i = 0; all > most && i < count; i++) {
+        if (weights[i] == 0) continue;
+        left += most;
+        if (left < all)
+            weights[i] = 0;
+        else
+            left -= all;
+    }
+}
+
+/* All four poses of a matrix have the same distances. More pairs than MOST hardly move a pose that is refined
+ * with all of them when the search has ended. */
 static int refit_essential(const void *user, double *weights, double *model) {
-    enum { STEPS = 4 };
+    enum { STEPS = 4, MOST = 256 };
     const sf_pairs *p = user;
     sf_rigid poses[4];
     if (!sf_essential_poses(model, poses)) return 0;
+    thin(weights, p->count, MOST);
     sf_relative_pose_refine(p->a, p->b, weights, p->count, STEPS, &poses[0]);
     sf_essential_of_pose(&poses[0], model);
     return 1;

@@ -127,24 +127,27 @@ void sf_pairs_mark(const uint16_t *scores, size_t count, size_t partners, size_t
 
 /* ---- the list ---- */
 
-static sf_status list(sf_context *ctx, const uint8_t *chosen, size_t count, sf_photo_pair **pairs,
-                      size_t *pair_count) {
+/* chosen NULL: each photo with `next` photos that come after it. */
+static sf_status list(sf_context *ctx, const uint8_t *chosen, size_t next, size_t count,
+                      sf_photo_pair **pairs, size_t *pair_count) {
     size_t n = 0;
     for (size_t i = 0; i < count; i++)
-        for (size_t j = i + 1; j < count; j++) n += !chosen || chosen[i * count + j];
+        for (size_t j = i + 1; j < count; j++) n += chosen ? chosen[i * count + j] : j - i <= next;
     *pairs = sf_alloc(ctx, n + 1, sizeof **pairs);
     if (!*pairs) return SF_ERR_MEMORY;
     *pair_count = n, n = 0;
     for (size_t i = 0; i < count; i++)
         for (size_t j = i + 1; j < count; j++)
-            if (!chosen || chosen[i * count + j]) (*pairs)[n++] = (sf_photo_pair){(uint32_t)i, (uint32_t)j};
+            if (chosen ? chosen[i * count + j] : j - i <= next)
+                (*pairs)[n++] = (sf_photo_pair){(uint32_t)i, (uint32_t)j};
     return SF_OK;
 }
 
 sf_status sf_pairs_choose(sf_context *ctx, const sf_features *photos, size_t count,
                           const sf_pair_options *options, sf_photo_pair **pairs, size_t *pair_count) {
     *pairs = NULL, *pair_count = 0;
-    if (count <= options->all) return list(ctx, NULL, count, pairs, pair_count);
+    if (options->sequence || count <= options->all)
+        return list(ctx, NULL, options->sequence ? options->sequence : count, count, pairs, pair_count);
     comparison c = {.ctx = ctx, .photos = photos, .options = options, .count = count};
     c.scores = sf_calloc(ctx, count * count, sizeof *c.scores);
     uint8_t *chosen = sf_alloc(ctx, count * count, 1);
@@ -154,7 +157,7 @@ sf_status sf_pairs_choose(sf_context *ctx, const sf_features *photos, size_t cou
         for (size_t i = 0; i < count; i++)
             for (size_t j = 0; j < i; j++) c.scores[i * count + j] = c.scores[j * count + i];
         sf_pairs_mark(c.scores, count, options->partners, options->neighbours, order, chosen);
-        status = list(ctx, chosen, count, pairs, pair_count);
+        status = list(ctx, chosen, 0, count, pairs, pair_count);
     }
     sf_free(ctx, c.scores);
     sf_free(ctx, chosen);

@@ -8,6 +8,7 @@
 typedef int (*sf_pairs_done)(void *user, size_t photos);
 
 typedef struct sf_pair_options {
+    size_t sequence;    /* each photo with so many next ones of the list, and no others; 0: not so */
     size_t all;         /* of so many photos at most, every pair */
     size_t few;         /* of more: the features of each photo, of the largest scales, that are compared; */
     size_t partners;    /* the other photos that share most of them with a photo, */

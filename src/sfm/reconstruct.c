@@ -36,6 +36,8 @@ static sf_status check_options(sf_context *ctx, const sf_sfm_options *o) {
         return sf_fail(ctx, SF_ERR_ARGUMENT, "features: %d is not in 100..1000000", o->features);
     if (o->all_pairs < 0 || o->all_pairs > 1000000)
         return sf_fail(ctx, SF_ERR_ARGUMENT, "all_pairs: %d is not in 0..1000000", o->all_pairs);
+    if (o->sequence < 0 || o->sequence > 1000000)
+        return sf_fail(ctx, SF_ERR_ARGUMENT, "sequence: %d is not in 0..1000000", o->sequence);
     if (o->memory < 0) return sf_fail(ctx, SF_ERR_ARGUMENT, "memory: %lld is below 0", (long long)o->memory);
     if (!(o->error > 0 && o->error < 1e4))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "error: %g px is not above 0", o->error);
@@ -93,6 +95,7 @@ static sf_status choose_pairs(run *work) {
     sf_pair_options options = sf_pair_options_default();
     size_t n = work->r->list.count;
     options.all = (size_t)work->options->all_pairs;
+    options.sequence = (size_t)work->options->sequence;
     options.done = photos_compared, options.user = work;
     work->features = sf_alloc(work->ctx, n + 1, sizeof *work->features);
     if (!work->features) return SF_ERR_MEMORY;

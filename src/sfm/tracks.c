@@ -36,9 +36,11 @@ static int are_apart(joiner *j, uint32_t a, uint32_t b) {
     return 1;
 }
 
-static void join(joiner *j, uint32_t a, uint32_t b) {
+/* 0: they cannot be one point, for a picture would see it twice. */
+static int join(joiner *j, uint32_t a, uint32_t b) {
     a = root_of(j, a), b = root_of(j, b);
-    if (a == b || !are_apart(j, a, b)) return;
+    if (a == b) return 1;
+    if (!are_apart(j, a, b)) return 0;
     if (j->size[a] < j->size[b]) {
         uint32_t other = a;
         a = b, b = other;
@@ -47,6 +49,14 @@ static void join(joiner *j, uint32_t a, uint32_t b) {
     j->parent[b] = a;
     j->size[a] += j->size[b];
     j->next[a] = j->next[b], j->next[b] = link;
+    return 1;
+}
+
+static void join_pair(joiner *j, const sf_matched_pair *pair, sf_tracks *t) {
+    uint32_t first = (uint32_t)j->base[pair->first], second = (uint32_t)j->base[pair->second];
+    for (size_t k = 0; k < pair->count; k++)
+        t->contradictions += !join(j, first + pair->matches[2 * k], second + pair->matches[2 * k + 1]);
+    t->matches += pair->count;
 }
 
 static int compare_pairs(const void *a, const void *b) {
@@ -122,10 +132,7 @@ sf_status sf_tracks_make(sf_context *ctx, const sf_matched_pair *pairs, size_t p
     sf_status status = order && make_joiner(ctx, keypoint_counts, pictures, &j) ? SF_OK : SF_ERR_MEMORY;
     for (size_t i = 0; !status && i < pair_count; i++) order[i] = &pairs[i];
     if (!status) qsort(order, pair_count, sizeof *order, compare_pairs);
-    for (size_t i = 0; !status && i < pair_count; i++)
-        for (size_t k = 0; k < order[i]->count; k++)
-            join(&j, (uint32_t)j.base[order[i]->first] + order[i]->matches[2 * k],
-                 (uint32_t)j.base[order[i]->second] + order[i]->matches[2 * k + 1]);
+    for (size_t i = 0; !status && i < pair_count; i++) join_pair(&j, order[i], tracks);
     if (!status) status = collect(ctx, &j, pictures, tracks);
     free_joiner(ctx, &j);
     sf_free(ctx, order);

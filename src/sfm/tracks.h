@@ -25,12 +25,14 @@ typedef struct sf_track_observation {
  * picture. */
 typedef struct sf_tracks {
     size_t count;
-    size_t *first; /* [count + 1] */
+    size_t matches, contradictions; /* that were given; left out, as sf_tracks_make says */
+    size_t *first;                  /* [count + 1] */
     sf_track_observation *observations;
 } sf_tracks;
 
 /* Joins matches to tracks; keypoint_counts [pictures]. Pairs with more matches come first; a match that would
- * put two keypoints of one picture into a track is left out. SF_ERR_MEMORY leaves *tracks empty. */
+ * put two keypoints of one picture into a track is left out: it contradicts them. SF_ERR_MEMORY leaves
+ * *tracks empty. */
 sf_status sf_tracks_make(sf_context *ctx, const sf_matched_pair *pairs, size_t pair_count,
                          const size_t *keypoint_counts, size_t pictures, sf_tracks *tracks);
 void sf_tracks_free(sf_context *ctx, sf_tracks *tracks);

@@ -82,6 +82,16 @@ static void all_pairs_of_a_few(void **state) {
     assert_ok(ctx, sf_pairs_choose(ctx, none, 0, &options, &pairs, &count));
     assert_int_equal(count, 0);
     sf_free(ctx, pairs);
+    options.sequence = 2;
+    assert_ok(ctx, sf_pairs_choose(ctx, none, 4, &options, &pairs, &count));
+    assert_int_equal(count, 5);
+    assert_false(holds(pairs, count, 0, 3));
+    sf_free(ctx, pairs);
+    options.sequence = 9; /* more than there are */
+    assert_ok(ctx, sf_pairs_choose(ctx, none, 4, &options, &pairs, &count));
+    assert_int_equal(count, 6);
+    sf_free(ctx, pairs);
+    options.sequence = 0;
     options.all = 0, options.neighbours = 2; /* without features, neighbours alone */
     assert_ok(ctx, sf_pairs_choose(ctx, none, 4, &options, &pairs, &count));
     assert_int_equal(count, 5);

@@ -219,6 +219,9 @@ static void test_refusals(void **state) {
     options.all_pairs = -1;
     assert_refused(ctx, folder, &options, SF_ERR_ARGUMENT, "all_pairs: -1 is not in 0..1000000");
     options = sf_sfm_options_default();
+    options.sequence = -1;
+    assert_refused(ctx, folder, &options, SF_ERR_ARGUMENT, "sequence: -1 is not in 0..1000000");
+    options = sf_sfm_options_default();
     options.error = 0;
     assert_refused(ctx, folder, &options, SF_ERR_ARGUMENT, "error: 0 px");
     options = sf_sfm_options_default();

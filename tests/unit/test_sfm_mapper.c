@@ -22,6 +22,8 @@ static void tracks_are_joined(void **state) {
     sf_tracks t;
     assert_ok(ctx, sf_tracks_make(ctx, pairs, 3, counts, 3, &t));
     assert_int_equal(t.count, 3);
+    assert_int_equal(t.matches, 7);
+    assert_int_equal(t.contradictions, 1);
     static const sf_track_observation expected[] = {{0, 0}, {1, 0}, {2, 2}, {0, 1},
                                                     {1, 1}, {2, 1}, {1, 2}, {2, 0}};
     assert_int_equal(t.first[3], 8);
@@ -30,6 +32,47 @@ static void tracks_are_joined(void **state) {
     assert_ok(ctx, sf_tracks_make(ctx, NULL, 0, counts, 3, &t));
     assert_int_equal(t.count, 0);
     sf_tracks_free(ctx, &t);
+    sf_context_destroy(&ctx);
+}
+
+typedef struct repetition_log {
+    int warnings;
+    char text[600];
+} repetition_log;
+
+static void count_repetition(void *user, sf_log_level level, const char *message) {
+    repetition_log *log = user;
+    if (level != SF_LOG_WARNING || !strstr(message, "contradict")) return;
+    log->warnings++;
+    snprintf(log->text, sizeof log->text, "%s", message);
+}
+
+/* Every third match of pairs of next neighbours goes to the point beside the right one, as from one window to
+ * the next. */
+static void what_repeats_is_told(void **state) {
+    (void)state;
+    repetition_log log = {0};
+    const sf_context_options context_options = {.log = count_repetition, .log_user = &log};
+    const sfm_scene_options o = {24, 2000, 1, 0.5, 0.1, 4, 1, SFM_GENERAL, 0};
+    sf_map_options options = sf_map_options_default();
+    sf_context *ctx;
+    sfm_scene s;
+    assert_int_equal(sf_context_create(&ctx, &context_options), SF_OK);
+    sfm_scene_make(ctx, &o, &s);
+    sfm_scene_verify(&s);
+    for (int repeats = 0; repeats < 2; repeats++) {
+        sf_map *map;
+        const sf_map_input input = sfm_scene_input(&s);
+        assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+        assert_int_equal(log.warnings, repeats);
+        sf_map_destroy(&map);
+        for (size_t i = 0; i < s.pair_count; i += 2)
+            for (size_t k = 0; k + 3 < s.pairs[i].count; k += 3)
+                s.pairs[i].matches[2 * k + 1] = s.pairs[i].matches[2 * k + 3];
+    }
+    assert_non_null(strstr(log.text, " % of the matches contradict others"));
+    assert_non_null(strstr(log.text, "--sequence 1"));
+    sfm_scene_free(&s);
     sf_context_destroy(&ctx);
 }
 
@@ -309,6 +352,7 @@ static void maps_without_memory(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tracks_are_joined),
+        cmocka_unit_test(what_repeats_is_told),
         cmocka_unit_test(a_ring_is_mapped),
         cmocka_unit_test(cameras_may_be_mixed),
         cmocka_unit_test(lenses_may_be_mixed),
