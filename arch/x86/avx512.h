@@ -194,7 +194,7 @@ typedef __mmask8 vdm1;
 VEC vd1 vd1_set(double x) { return _mm512_set1_pd(x); }
 VEC vd1 vd1_load(const double *p) { return _mm512_load_pd(p); }
 VEC void vd1_store(double *p, vd1 a) { _mm512_store_pd(p, a); }
-VEC vd1 vd1_widen(const float *p) { return _mm512_cvtps_pd(_mm256_load_ps(p)); }
+VEC vd1 vd1_widen(const float *p) { return _mm512_cvtps_pd(_mm256_loadu_ps(p)); }
 VEC void vd1_narrow(float *p, vd1 a) { _mm256_store_ps(p, _mm512_cvtpd_ps(a)); }
 VEC vd1 vd1_add(vd1 a, vd1 b) { return _mm512_add_pd(a, b); }
 VEC vd1 vd1_sub(vd1 a, vd1 b) { return _mm512_sub_pd(a, b); }

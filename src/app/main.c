@@ -2,6 +2,9 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "app.h"
 
@@ -10,6 +13,8 @@ static const command *const commands[] = {
     &command_cameras, &command_capture, &command_board, &command_calibrate, &command_bench,
     &command_chart,   &command_convert, &command_prune, &command_live,      &command_view};
 enum { COMMANDS = sizeof commands / sizeof *commands };
+
+enum { LARGE_BLOCK = 1 << 20 /* bytes */ };
 
 static const struct {
     int code;
@@ -92,7 +97,16 @@ static int help(int argc, char **argv) {
     return EXIT_FINE;
 }
 
+/* Large blocks lie in mappings of their own, so that what is freed goes back to the system. glibc would soon
+ * put them on the heap, where one that is in use keeps all before it. */
+static void map_large_blocks(void) {
+#ifdef __GLIBC__
+    mallopt(M_MMAP_THRESHOLD, LARGE_BLOCK);
+#endif
+}
+
 int main(int argc, char **argv) {
+    map_large_blocks();
     signal(SIGPIPE,
            SIG_IGN); /* a reader that goes away, a limit on file sizes: a failed write, with its message */
     signal(SIGXFSZ, SIG_IGN);

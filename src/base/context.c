@@ -20,13 +20,17 @@ void sf_allocator_give(const sf_allocator *allocator, void *block) {
 }
 
 /* The caller's block is kept in the pointer before the aligned one. */
-void *sf_alloc(sf_context *ctx, size_t count, size_t size) {
+static void *take(sf_context *ctx, size_t count, size_t size, int clear) {
     const size_t extra = ALIGNMENT + sizeof(void *);
     if (size && count > (SIZE_MAX - extra) / size) {
         sf_fail(ctx, SF_ERR_MEMORY, "out of memory: %zu items of %zu bytes", count, size);
         return NULL;
     }
-    unsigned char *block = sf_allocator_take(&ctx->allocator, count * size + extra);
+    /* calloc knows which pages are new, and leaves these untouched: they take no memory until they are used
+     */
+    int untouched = clear && !ctx->allocator.alloc;
+    unsigned char *block = untouched ? calloc(1, count * size + extra)
+                                     : sf_allocator_take(&ctx->allocator, count * size + extra);
     if (!block) {
         sf_fail(ctx, SF_ERR_MEMORY, "out of memory: %zu bytes", count * size);
         return NULL;
@@ -34,14 +38,12 @@ void *sf_alloc(sf_context *ctx, size_t count, size_t size) {
     uintptr_t aligned = ((uintptr_t)block + extra) & ~(uintptr_t)(ALIGNMENT - 1);
     void **user = (void **)aligned;
     user[-1] = block;
+    if (clear && !untouched) memset(user, 0, count * size);
     return user;
 }
 
-void *sf_calloc(sf_context *ctx, size_t count, size_t size) {
-    void *block = sf_alloc(ctx, count, size);
-    if (block) memset(block, 0, count * size);
-    return block;
-}
+void *sf_alloc(sf_context *ctx, size_t count, size_t size) { return take(ctx, count, size, 0); }
+void *sf_calloc(sf_context *ctx, size_t count, size_t size) { return take(ctx, count, size, 1); }
 
 void sf_free(sf_context *ctx, void *block) {
     if (block) sf_allocator_give(&ctx->allocator, ((void **)block)[-1]);
@@ -63,12 +65,11 @@ sf_status sf_grow(sf_context *ctx, void *block_pointer, size_t *capacity, size_t
 }
 
 sf_status sf_resize(sf_context *ctx, void *block_pointer, size_t used, size_t count, size_t size) {
-    char *old, *block = sf_alloc(ctx, count, size);
+    char *old, *block = sf_calloc(ctx, count, size);
     if (!block) return SF_ERR_MEMORY;
     memcpy(&old, block_pointer, sizeof old);
     if (used > count) used = count;
     if (used) memcpy(block, old, used * size);
-    memset(block + used * size, 0, (count - used) * size);
     sf_free(ctx, old);
     memcpy(block_pointer, &block, sizeof block);
     return SF_OK;

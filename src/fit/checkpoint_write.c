@@ -46,7 +46,8 @@ static void put_text(sf_sections_out *out, const char *name, const char *text) {
     sf_sections_put(out, name, text, strlen(text), 1);
 }
 
-static void put_state(sf_sections_out *out, const sf_fitter *f) {
+/* restored: the restore point, or NULL. */
+static void put_state(sf_sections_out *out, const sf_fitter *f, const sf_model *restored) {
     const sf_model *m = f->model;
 #define VALUE(name) (int64_t) f->name,
     const int64_t integers[] = {STATE_INTEGERS(VALUE)};
@@ -58,7 +59,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     int64_t banded[SF_BANDS], best[SF_BANDS];
     for (int band = 0; band < SF_BANDS; band++) {
         banded[band] = (int64_t)m->banded[band];
-        best[band] = f->restore.model ? (int64_t)f->restore.model->banded[band] : -1;
+        best[band] = restored ? (int64_t)restored->banded[band] : -1;
     }
     const double seconds = sf_clock() - f->start;
     sf_sections_put(out, "integers", integers, INTEGERS, sizeof *integers);
@@ -83,24 +84,33 @@ static void put_state(sf_sections_out *out, const sf_fitter *f) {
     sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
     sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
     sf_sections_put(out, "best.background", f->restore.background, 3, sizeof *f->restore.background);
-    if (f->restore.model) put_params(out, "best", f->restore.model);
+    if (restored) put_params(out, "best", restored);
 }
 
 /* ranks: what each of several ranks has of the model and of the restore point (NULL: one wrote it). */
 static sf_status save(const sf_fitter *f, const char *path, const uint64_t *ranks, size_t count) {
     sf_sections_out out;
-    sf_status status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
-    if (status) return status;
+    sf_model *expanded = NULL;
+    sf_status status = sf_half_model_is_empty(&f->restore.half)
+                           ? SF_OK
+                           : sf_half_model_copy(&f->restore.half, f->ctx, &expanded);
+    if (!status) status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
+    if (status) {
+        sf_model_destroy(&expanded);
+        return status;
+    }
     put_text(&out, "program", sf_version());
     put_text(&out, "isa", sf_context_isa(f->ctx));
     status = put_options(&out, f);
     if (!status) status = sf_checkpoint_put_scene(&out, f);
     if (!status) status = sf_checkpoint_put_learned(&out, f);
     if (status) {
+        sf_model_destroy(&expanded);
         sf_writer_abandon(&out.writer);
         return status;
     }
-    put_state(&out, f);
+    put_state(&out, f, expanded ? expanded : f->restore.model);
+    sf_model_destroy(&expanded);
     if (ranks) sf_sections_put(&out, SF_CHECKPOINT_RANKS, ranks, count, sizeof *ranks);
     return sf_sections_commit(&out);
 }

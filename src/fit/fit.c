@@ -21,6 +21,7 @@
 #include "refine.h"
 #include "remove.h"
 #include "reorder.h"
+#include "restore_point.h"
 #include "sampler.h"
 #include "schedule.h"
 #include "select.h"
@@ -270,7 +271,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_fitter *f = *fitter_pointer;
     if (!f) return;
     sf_model_destroy(&f->model);
-    sf_model_destroy(&f->restore.model);
+    sf_drop_restore_point(f);
     sf_average_free(f);
     sf_optimizer_destroy(f->ctx, &f->moments);
     sf_free(f->ctx, f->densify.gradient_sum);

@@ -8,6 +8,7 @@
 #include "../base/rng.h"
 #include "../render/workspace.h"
 #include "../scene/gaussians.h"
+#include "../scene/half_model.h"
 #include "../scene/scene.h"
 #include "exposure.h"
 #include "optimizer_state.h"
@@ -68,7 +69,8 @@ typedef struct sf_validation {
 /* restore_point.c: an earlier model to go back to: the one of the best validation PSNR, or, where validation
  * does not choose, the last one whose losses had not diverged. */
 typedef struct sf_restore_point {
-    sf_model *model; /* NULL: none */
+    sf_model *model;    /* of a fit on several ranks, and as a checkpoint has it; NULL: none */
+    sf_half_model half; /* else; empty: none */
     double background[3];
 } sf_restore_point;
 

@@ -34,8 +34,8 @@ enum { SELECTING = 128 + sizeof(sf_merge) / 4 };
 /* Factors of what the allocator holds: low for arrays that are made once, higher for those that grow or are
  * made again. */
 #define ARRAY_SLACK 1.05
-#define LIST_SLACK  1.5
-#define PLANE_SLACK 1.25
+#define LIST_SLACK  1.1
+#define PLANE_SLACK 1.1
 
 /* The estimate is high, and a process that continues from a checkpoint has a little more resident memory than
  * the one that chose the cap. So what must fit may exceed the budget by this factor. */
@@ -83,7 +83,8 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
     double layers = TILE_LAYERS * pixels / SF_TILE_PIXELS;
     int planes = PLANES + LOSS_PLANES + (f->options.exposure ? SF_CHANNELS : 0);
     double pictures = pixels * planes * sizeof(float) + scratch;
-    double models = 2 * values; /* the model and the restore point */
+    double halves = (double)sf_field_components(SF_FIELD_mean) * sizeof(uint16_t); /* means are whole */
+    double models = values + values / 2 + halves; /* the model and the restore point */
     sf_optimizer_state moments = sf_optimizer_moments((int)f->options.moments, f->options.ema_steps);
     models += SF_MOMENT_VALUE * sf_moment_values(&moments, sh_degree);
     if (moments.mean_kept > 0) models += (double)values_of(0) * sizeof(float); /* the moving average */

@@ -5,6 +5,7 @@
 #include "moving_average.h"
 #include "options.h"
 #include "refine.h"
+#include "restore_point.h"
 #include "select_merge.h"
 
 sf_status sf_online_check(sf_context *ctx, const sf_fit_options *options) {
@@ -44,5 +45,7 @@ sf_status sf_online_draw(sf_fitter *f, const sf_camera *camera, const sf_workspa
 void sf_online_move_means(sf_fitter *f, void (*move)(sf_model *model, void *user), void *user) {
     sf_merges_undo_all(f);
     move(f->model, user);
+    if (sf_expand_restore_point(f))
+        sf_drop_restore_point(f); /* no memory: none is better than one elsewhere */
     if (f->restore.model) move(f->restore.model, user);
 }

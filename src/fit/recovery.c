@@ -97,15 +97,16 @@ sf_status sf_recovery_step(sf_fitter *f, int chosen) {
     if (median > limit(f, 1)) return sf_recover(f, median);
     if (median > 0 && !(f->recovery.min_loss > 0 && f->recovery.min_loss <= median))
         f->recovery.min_loss = median;
-    if (chosen || (f->restore.model && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART)) return SF_OK;
-    (void)sf_save_restore_point(f); /* without memory the older restore point stays, if there is one */
+    if (chosen || (sf_has_restore_point(f) && f->step % KEEP_EVERY) || median > limit(f, SOUND_PART))
+        return SF_OK;
+    (void)sf_save_restore_point(f); /* without memory there is none until the next one */
     return SF_OK;
 }
 
 sf_status sf_recover(sf_fitter *f, double loss) {
     f->recovery.since = f->step;
     double before = f->recovery.min_loss > 0 ? f->recovery.min_loss : f->recovery.initial_loss;
-    if (!f->restore.model || !(before > 0) || f->recovery.count == MOST_RETURNS) return SF_OK;
+    if (!sf_has_restore_point(f) || !(before > 0) || f->recovery.count == MOST_RETURNS) return SF_OK;
     sf_status status = sf_go_to_restore_point(f);
     if (status) return status;
     f->recovery.lr_scale *= RATE_CUT;

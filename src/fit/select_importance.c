@@ -14,8 +14,9 @@
 #include "sample_views.h"
 
 enum {
-    GATHER = 1024,                  /* Gaussians a task */
-    ATTRIBUTED = SF_IMPORTANCE_SUMS /* index in a slot's sums of its sf_attributed_error */
+    GATHER = 1024, /* Gaussians a task */
+    ATTRIBUTED =
+        0 /* index in a slot's sums of its sf_attributed_error: where w d_rgb was, which is not used */
 };
 
 /* A variance of the render below this does not determine a gain. The same part of the squared errors is

@@ -194,10 +194,10 @@ static sf_status validate(sf_fitter *f, double fraction) {
 static sf_status merge_back(sf_fitter *f) {
     double most = sf_cools_down_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
-    if (f->restore.model && f->validation.psnr < f->validation.best_psnr - most)
+    if (sf_has_restore_point(f) && f->validation.psnr < f->validation.best_psnr - most)
         status = sf_go_to_restore_point(f);
     if (status) return status;
-    sf_model_destroy(&f->restore.model);
+    sf_drop_restore_point(f);
     f->validation.merged = 1;
     return SF_OK;
 }
@@ -226,7 +226,7 @@ sf_status sf_validation_step(sf_fitter *f, double fraction) {
         if (status) return status;
     }
     if (over && !f->end) f->end = why_over(f);
-    if (f->end && validates && f->restore.model && f->validation.psnr < f->validation.best_psnr)
+    if (f->end && validates && sf_has_restore_point(f) && f->validation.psnr < f->validation.best_psnr)
         status = sf_go_to_restore_point(f);
     if (!f->end && merging && (fraction >= f->cool_down.from || needs_no_more(f, fraction)))
         status = merge_back(f);

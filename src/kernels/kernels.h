@@ -29,7 +29,7 @@ enum {
     SF_LANES = 16, /* Gaussians a block */
     SF_TILE = 16,  /* px a side */
     SF_TILE_PIXELS = SF_TILE * SF_TILE,
-    SF_SUMS = 16, /* floats a slot of gradient sums; the first 9 are used, the others are of no meaning */
+    SF_SUMS = 9,            /* floats a slot of gradient sums */
     SF_IMPORTANCE_SUMS = 8, /* those that blend_importance uses */
     SF_SSIM_RADIUS = 5
 };

@@ -82,7 +82,8 @@ sf_status sf_model_set_room(sf_model *model, int band, size_t room) {
         if (sf_field_band(f) != band) continue;
         sf_status status = sf_blocked_resize(model->ctx, field_components[f], &p->field[f], used, room);
         if (status) return status;
-        set_neutral(p, f, used, whole);
+        if (f == SF_FIELD_quat || f == SF_FIELD_logit_opacity) /* the others are 0 already, and not touched */
+            set_neutral(p, f, used, whole);
     }
     model->capacity[band] = whole;
     return SF_OK;
