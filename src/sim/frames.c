@@ -26,7 +26,9 @@ static double early(const sf_sim_frames *f, uint64_t number) {
 
 /* The place on the path, in frames, of `place` frames after the first, where the camera does not jump. */
 static double on_path(const sf_sim *sim, double place) {
-    double frames = (double)sim->frames, seconds = place * sf_sim_period(sim);
+    double frames = (double)sim->frames, period = sf_sim_period(sim), seconds = place * period;
+    if (sim->spin.from >= 0 && seconds > sim->spin.from)
+        place -= (fmin(seconds, sim->spin.to) - sim->spin.from) / period;
     if (sf_span_holds(sim->away, seconds)) place += 0.5 * frames;
     if (sim->jump_s >= 0 && seconds >= sim->jump_s) place += 0.2 * frames;
     place = fmod(place, frames);
@@ -39,6 +41,21 @@ sf_sim_moment sf_sim_moment_of(const sf_sim_frames *f, uint64_t number) {
     m.seconds = (double)number * period - m.early;
     m.place = on_path(&f->sim, (double)number - m.early / period);
     return m;
+}
+
+/* The camera there; on the spot it turns to both sides. */
+static void camera_at(const sf_sim_frames *f, double place, double seconds, sf_camera *camera) {
+    const double most = 0.5, once_s = 6; /* rad */
+    sf_sim_studio_camera(&f->sim, place, camera);
+    if (!sf_span_holds(f->sim.spin, seconds)) return;
+    double angle = most * sin(2 * pi * (seconds - f->sim.spin.from) / once_s), s = sin(angle), c = cos(angle);
+    sf_camera from = *camera;
+    for (int k = 0; k < 3; k++) {
+        camera->R_cw[k] = c * from.R_cw[k] + s * from.R_cw[6 + k];
+        camera->R_cw[6 + k] = c * from.R_cw[6 + k] - s * from.R_cw[k];
+    }
+    camera->t_cw[0] = c * from.t_cw[0] + s * from.t_cw[2];
+    camera->t_cw[2] = c * from.t_cw[2] - s * from.t_cw[0];
 }
 
 /* 2. How it is exposed */
@@ -102,10 +119,20 @@ void sf_sim_lock_exposure(sf_sim_frames *f, int locked) {
 
 /* 3. What goes on before the lens */
 
-/* A striped ball that swings through the picture and covers a tenth of it. */
+/* A wall without a pattern, a little brighter on one side. */
+static void draw_wall(const sf_sim_frames *f) {
+    size_t width = (size_t)f->sim.width, pixels = width * (size_t)f->sim.height;
+    for (size_t i = 0; i < pixels; i++) {
+        float light = 0.4f + 0.04f * (float)(i % width) / (float)width;
+        for (size_t c = 0; c < 3; c++) f->linear[3 * i + c] = light;
+        if (f->depth) f->depth[i] = 1;
+    }
+}
+
+/* A striped ball that swings through the picture and covers a part of it. */
 static void draw_mover(const sf_sim_frames *f, double seconds) {
     int width = f->sim.width, height = f->sim.height;
-    double radius = sqrt(0.1 * width * height / pi), reach = fmax(width / 2.0 - radius, 0);
+    double radius = sqrt(f->sim.mover_part * width * height / pi), reach = fmax(width / 2.0 - radius, 0);
     double x = width / 2.0 + reach * sin(2 * pi * seconds / 5), y = height * (0.5 + 0.1 * cos(seconds));
     for (int j = 0; j < height; j++)
         for (int i = 0; i < width; i++) {
@@ -126,8 +153,8 @@ static sf_motion motion_at(const sf_sim_frames *f, const sf_sim_moment *m, doubl
     const double shake = 0.06; /* radians */
     double half = time / 2 / sf_sim_period(&f->sim);
     sf_camera from, to;
-    sf_sim_studio_camera(&f->sim, m->place - half, &from);
-    sf_sim_studio_camera(&f->sim, m->place + half, &to);
+    camera_at(f, m->place - half, m->seconds - time / 2, &from);
+    camera_at(f, m->place + half, m->seconds + time / 2, &to);
     sf_motion motion = sf_motion_between(&from, &to);
     if (sf_span_holds(f->sim.smear, m->seconds)) {
         double angle = 2 * pi * chance(f, m->number, 2);
@@ -146,7 +173,10 @@ static const float *light_of(sf_sim_frames *f, const sf_camera *camera, const sf
         memset(f->linear, 0, 3 * (size_t)f->sim.width * (size_t)f->sim.height * sizeof *f->linear);
         return f->linear;
     }
-    draw(f, camera, f->linear, f->depth);
+    if (sf_span_holds(f->sim.wall, m->seconds))
+        draw_wall(f);
+    else
+        draw(f, camera, f->linear, f->depth);
     if (sf_span_holds(f->sim.mover, m->seconds)) draw_mover(f, m->seconds);
     if (!f->sim.blur && !smear) return f->linear;
     sf_motion motion = motion_at(f, m, time);
@@ -159,7 +189,7 @@ void sf_sim_take(sf_sim_frames *f, const sf_sim_moment *m, uint8_t *data, sf_fra
     double exposure_s = time * FULL_TIME_MS * 1e-3;
     sf_camera camera;
     f->last_bright = bright;
-    sf_sim_studio_camera(&f->sim, m->place, &camera);
+    camera_at(f, m->place, m->seconds, &camera);
     sf_sim_to_world(&f->sim, &camera, &frame->camera);
     sf_exposure e = {.curve = &f->curve,
                      .linear = light_of(f, &camera, m, exposure_s),

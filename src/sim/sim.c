@@ -75,6 +75,7 @@ static void clean(sf_sim *sim) {
     sim->sensor = sim->blur = sim->auto_exposure = 0;
     sim->noise = sim->jitter_s = 0;
     sim->black = sim->smear = sim->unplug = sim->mover = sim->away = never;
+    sim->wall = sim->spin = never;
     sim->jump_s = -1;
 }
 
@@ -99,13 +100,16 @@ enum {
     AWAY,
     JUMP,
     MOVER,
+    MOVER_PART,
+    WALL,
+    SPIN,
     OPTIONS
 };
 
 /* What options are texts. */
 typedef struct texts {
     char exposure[8], black[SPAN_TEXT], smear[SPAN_TEXT], unplug[SPAN_TEXT], mover[SPAN_TEXT],
-        away[SPAN_TEXT];
+        away[SPAN_TEXT], wall[SPAN_TEXT], spin[SPAN_TEXT];
 } texts;
 
 static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
@@ -122,6 +126,7 @@ static void take_numbers(const sf_query_option options[OPTIONS], sf_sim *sim) {
     sim->blur = options[BLUR].value != 0;
     sim->jitter_s = options[JITTER].value * 1e-3;
     sim->jump_s = options[JUMP].value;
+    sim->mover_part = options[MOVER_PART].value;
     sim->sensor = sim->walks || sim->blur || sim->auto_exposure || sim->noise > 0;
 }
 
@@ -131,6 +136,8 @@ static sf_status take_texts(sf_context *ctx, const char *name, const texts *text
     if (status == SF_OK) status = read_span(ctx, name, "smear", text->smear, &sim->smear);
     if (status == SF_OK) status = read_span(ctx, name, "unplug", text->unplug, &sim->unplug);
     if (status == SF_OK) status = read_span(ctx, name, "away", text->away, &sim->away);
+    if (status == SF_OK) status = read_span(ctx, name, "wall", text->wall, &sim->wall);
+    if (status == SF_OK) status = read_span(ctx, name, "spin", text->spin, &sim->spin);
     return status == SF_OK ? read_mover(ctx, name, text->mover, &sim->mover) : status;
 }
 
@@ -160,6 +167,9 @@ static sf_status read_name(sf_context *ctx, const char *name, scene which, sf_si
         [AWAY] = {.name = "away", .text = text.away, .text_size = sizeof text.away},
         [JUMP] = {.name = "jump", .value = -1, .most = 1e6},
         [MOVER] = {.name = "mover", .text = text.mover, .text_size = sizeof text.mover},
+        [MOVER_PART] = {.name = "mover_part", .value = 0.1, .least = 0.01, .most = 0.7},
+        [WALL] = {.name = "wall", .text = text.wall, .text_size = sizeof text.wall},
+        [SPIN] = {.name = "spin", .text = text.spin, .text_size = sizeof text.spin},
     };
     sf_status status = sf_query_parse(ctx, name, options, OPTIONS);
     if (status == SF_OK) status = take_texts(ctx, name, &text, sim);

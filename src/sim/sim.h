@@ -36,8 +36,9 @@ typedef struct sf_sim {
     int sensor;      /* frames tell their exposure */
     int blur, auto_exposure;
     double noise, jitter_s;
-    sf_sim_span black, smear, unplug, mover, away;
-    double jump_s; /* -1: never */
+    sf_sim_span black, smear, unplug, mover, away, wall, spin;
+    double mover_part; /* of the picture that the mover covers */
+    double jump_s;     /* -1: never */
 } sf_sim;
 
 /* Reads the name of a simulated source; README.md lists the options. SF_ERR_ARGUMENT: unknown scene or

@@ -3,6 +3,7 @@
 #include "sim_board_fixture.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "sim/sim.h"
@@ -156,6 +157,29 @@ static void test_mover(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A wall fills the picture; on the spot the camera turns and stays, then goes on from there. */
+static void test_wall_and_spin(void **state) {
+    (void)state;
+    enum { FRAMES = 12 };
+    sf_context *ctx = test_context();
+    note usual[FRAMES], odd[FRAMES];
+    const char *fixed = SMALL "&frames=60&noise=0&blur=0&exposure=fixed&jitter=0";
+    char name[160];
+    take_notes(ctx, fixed, FRAMES, usual);
+    snprintf(name, sizeof name, "%s&wall=3:6", fixed);
+    take_notes(ctx, name, FRAMES, odd);
+    for (int i = 0; i < FRAMES; i++) assert_int_equal(odd[i].hash == usual[i].hash, i < 3 || i >= 6);
+    assert_int_equal(odd[3].hash, odd[5].hash);
+    snprintf(name, sizeof name, "%s&spin=3:6", fixed);
+    take_notes(ctx, name, FRAMES, odd);
+    for (int i = 0; i < FRAMES; i++) {
+        const note *same = &usual[i <= 3 ? i : i < 6 ? 3 : i - 3];
+        for (int k = 0; k < 3; k++) assert_true(fabs(odd[i].eye[k] - same->eye[k]) < 1e-6);
+        assert_int_equal(odd[i].hash == same->hash, i <= 3 || i >= 6);
+    }
+    sf_context_destroy(&ctx);
+}
+
 /* Frames stop while it is unplugged, and go on after; those in between are lost. */
 static void test_unplugged(void **state) {
     (void)state;
@@ -238,6 +262,9 @@ static void test_names(void **state) {
                {BOARD "?exposure=manual", "exposure: \"manual\" is neither auto nor fixed"},
                {BOARD "?jump=-3", "jump: -3"},
                {BOARD "?mover=2", "mover: \"2\" is not A:B"},
+               {BOARD "?mover_part=0.8", "mover_part: 0.8"},
+               {BOARD "?wall=4", "wall: \"4\" is not A:B"},
+               {BOARD "?spin=4:3", "spin: \"4:3\""},
                {BOARD "?noise=11", "noise: 11"},
                {"sim:studio-boards", "known: sim:studio, sim:studio-board, sim:corridor"}};
     sf_context *ctx = test_context();
@@ -292,15 +319,11 @@ static void test_exposure_is_locked(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_repeats),
-        cmocka_unit_test(test_exposure),
-        cmocka_unit_test(test_jitter),
-        cmocka_unit_test(test_faults),
-        cmocka_unit_test(test_mover),
-        cmocka_unit_test(test_unplugged),
-        cmocka_unit_test(test_project),
-        cmocka_unit_test(test_names),
-        cmocka_unit_test(test_exposure_is_locked),
+        cmocka_unit_test(test_repeats),   cmocka_unit_test(test_exposure),
+        cmocka_unit_test(test_jitter),    cmocka_unit_test(test_faults),
+        cmocka_unit_test(test_mover),     cmocka_unit_test(test_wall_and_spin),
+        cmocka_unit_test(test_unplugged), cmocka_unit_test(test_project),
+        cmocka_unit_test(test_names),     cmocka_unit_test(test_exposure_is_locked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
