@@ -229,7 +229,8 @@ sf_status sf_live_ask_for_points(sf_live *live) {
     if (!status && wanting) {
         sf_sweep_options options = {.wanted = POINTS,
                                     .nearest = sf_online_near_plane(live->fitter),
-                                    .extent = sf_online_extent(live->fitter)};
+                                    .extent = sf_online_extent(live->fitter),
+                                    .first_alone = 1};
         sf_spawner_search(live->spawning.spawner, views, n, &options);
         if (live->options.steps_per_frame > 0) sf_spawner_wait(live->spawning.spawner); /* to be repeated */
     }

@@ -37,6 +37,7 @@ typedef struct sweep_job {
     sf_context *ctx;
     sf_seen *seen;
     size_t n;
+    int first_alone;
     size_t scratch_floats; /* a thread */
     float *scratch;        /* [threads][scratch_floats] */
     atomic_int filled;     /* an sf_status */
@@ -49,11 +50,18 @@ static void fill_task(void *job_pointer, size_t task, int thread) {
     if (status) atomic_store(&job->filled, (int)status);
 }
 
+/* Whether the depths of a view are wanted. */
+static int is_wanted(const sweep_job *job, size_t view) {
+    int wanted = !job->first_alone || !view;
+    for (size_t k = 0; k < job->seen[0].neighbours; k++) wanted |= job->seen[0].neighbour[k] == view;
+    return wanted;
+}
+
 static void match_task(void *job_pointer, size_t task, int thread) {
     const sweep_job *job = job_pointer;
     sf_seen *seen = &job->seen[task];
     size_t pixels = (size_t)seen->grey.camera.width * (size_t)seen->grey.camera.height;
-    if (!seen->neighbours || !(seen->range.first < seen->range.last)) {
+    if (!seen->neighbours || !(seen->range.first < seen->range.last) || !is_wanted(job, task)) {
         memset(seen->inverse_depth, 0, pixels * sizeof *seen->inverse_depth);
         memset(seen->score, 0, pixels * sizeof *seen->score);
         return;
@@ -223,7 +231,7 @@ sf_status sf_sweep_points(sf_context *ctx, const sf_view *const *views, size_t n
     if (!(options->nearest > 0 && options->extent > 0 && options->wanted))
         return sf_fail(ctx, SF_ERR_ARGUMENT, "sweep: wanted %zu, nearest %g or extent %g is not above 0",
                        options->wanted, options->nearest, options->extent);
-    sweep_job job = {.ctx = ctx};
+    sweep_job job = {.ctx = ctx, .first_alone = options->first_alone};
     sf_status status = choose_count(ctx, views, n, options->extent, &job.n);
     if (status) return status;
     job.seen = sf_calloc(ctx, job.n, sizeof *job.seen);

@@ -7,9 +7,11 @@
 #include "scene.h"
 
 typedef struct sf_sweep_options {
-    size_t wanted;  /* most points to return, > 0 */
-    double nearest; /* camera z from which on surfaces are looked for, world units, > 0 */
-    double extent;  /* of the scene, world units: how far cameras look whose axes do not meet */
+    size_t wanted;   /* most points to return, > 0 */
+    double nearest;  /* camera z from which on surfaces are looked for, world units, > 0 */
+    double extent;   /* of the scene, world units: how far cameras look whose axes do not meet */
+    int first_alone; /* points of the first view are wanted: of the others, depths are found in those alone
+                        that confirm them */
 } sf_sweep_options;
 
 /* Finds points on the surfaces that at least two of the n views show. A point is confirmed if all but one of

@@ -265,7 +265,8 @@ static void test_too_few_views(void **state) {
 
 static void test_bad_options(void **state) {
     (void)state;
-    static const sf_sweep_options bad[] = {{0, 1, 1}, {9, 0, 1}, {9, 1, 0}, {9, NAN, 1}, {9, 1, -1}};
+    static const sf_sweep_options bad[] = {
+        {0, 1, 1, 0}, {9, 0, 1, 0}, {9, 1, 0, 0}, {9, NAN, 1, 0}, {9, 1, -1, 0}};
     sf_context *ctx = test_context();
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         sf_cloud cloud;
@@ -314,6 +315,7 @@ static void test_masked_pixels_are_not_matched(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Also of the first view's alone, of which there are more than among all. */
 static void test_wanted_is_the_most(void **state) {
     (void)state;
     skip_if_quick();
@@ -321,6 +323,15 @@ static void test_wanted_is_the_most(void **state) {
     sf_context *ctx = test_context();
     held h;
     hold_simulated(ctx, SMALL_ROOM, &h);
+    sf_sweep_options options = sweep_of(h.scene, WANTED);
+    sf_cloud first, all = sweep(&h, WANTED);
+    int more = 0;
+    options.first_alone = 1;
+    assert_ok(ctx, sf_sweep_points(ctx, (const sf_view *const *)h.views, h.n, &options, &first));
+    for (size_t i = 0; i < first.n; i++) more += first.view[i] == 0;
+    for (size_t i = 0; i < all.n; i++) more -= all.view[i] == 0;
+    assert_true(first.n > 50 && first.n < all.n && more >= 0);
+    sf_cloud_destroy(ctx, &first), sf_cloud_destroy(ctx, &all);
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++) {
         sf_cloud cloud = sweep(&h, wanted[i]);
         assert_true(2 * cloud.n > wanted[i]); /* and not much less */
