@@ -100,7 +100,7 @@ static void doubt_vote(maker *m) {
     double likely = focal_guess(m);
     if (fabs(log(c->lens.fx / likely)) > VOTE_MOST) c->lens.fx = c->lens.fy = likely;
     c->focal_prior = likely;
-    c->is_doubtful = 0;
+    c->is_doubtful = c->is_vague = 0;
 }
 
 static sf_first_map_verdict judge_pairs(const maker *m) {
