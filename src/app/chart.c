@@ -23,8 +23,8 @@ static int run(const args *a) {
     if (!error) error = app_make_folder(a, folder);
     if (!error && chart_write_page(&input, folder)) error = app_fail(a, ctx);
     if (!error && !args_value(a, "quiet"))
-        printf("wrote %s/index.html: %zu runs, %zu ablations\n", folder, input.run_count,
-               input.ablation_count);
+        printf("wrote %s/index.html: %zu runs, %zu ablations, %zu walks\n", folder, input.run_count,
+               input.ablation_count, input.walk_count);
     chart_free(&input);
     sf_context_destroy(&ctx);
     return error;
@@ -35,9 +35,11 @@ static const arg_option *const tables[] = {own_options, common_options, NULL};
 const command command_chart = {
     .name = "chart",
     .synopsis = "RUN.json... --out DIR [OPTIONS]",
-    .summary = "Draws quality against time from what fit --log wrote. A list of {move, seconds, steps, psnr} "
-               "becomes a "
-               "chart of what each move saves.",
+    .summary =
+        "Draws quality against time from what fit --log wrote, and from what live --log wrote of simulated "
+        "cameras how far keyframes are off along their walks. A list of {move, seconds, steps, psnr} "
+        "becomes a "
+        "chart of what each move saves.",
     .tables = tables,
     .least = 1,
     .most = ARGS_POSITIONAL,

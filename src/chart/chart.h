@@ -80,6 +80,14 @@ typedef struct chart_choices {
     size_t count;
 } chart_choices;
 
+/* A live fit of a simulated camera: how far its keyframes are off the truth at the end. */
+typedef struct chart_walk {
+    char name[CHART_TEXT]; /* of its file, without folder and ending */
+    svg_point *points;     /* x: s of the source's clock, ascending; y: world units */
+    double degrees;        /* median */
+    size_t count;          /* 1 at least */
+} chart_walk;
+
 typedef struct chart_input {
     sf_context *ctx;
     chart_run *runs;
@@ -88,11 +96,13 @@ typedef struct chart_input {
     size_t ablation_count, ablation_room;
     chart_choices *choices;
     size_t choices_count, choices_room;
+    chart_walk *walks;
+    size_t walk_count, walk_room;
 } chart_input;
 
-/* read.c: adds a file: the log of a fit or of a pruning, an ablation (a list of objects with "move"), or
- * choices of size (with "complexity"). SF_ERR_IO, SF_ERR_FORMAT: with
- * file and field; the input is as it was. */
+/* read.c: adds a file: the log of a fit, of a live fit with truth or of a pruning, an ablation (a list of
+ * objects with "move"), or choices of size (with "complexity"). SF_ERR_IO, SF_ERR_FORMAT: with file and
+ * field; the input is as it was. */
 sf_status chart_read(chart_input *input, const char *path);
 void chart_free(chart_input *input);
 
@@ -185,6 +195,9 @@ void chart_draw_choices(const chart_choices *choices, sf_writer *out);
  * are. */
 size_t chart_degree_rows(const chart_input *input, const chart_run *first);
 void chart_draw_degrees(const chart_input *input, const chart_run *first, sf_writer *out);
+
+/* draw_walk.c: the same, of all walks. */
+sf_status chart_draw_walks(const chart_input *input, sf_writer *out);
 
 /* page.c: index.html and each of its charts as a separate .svg, in a folder that exists. */
 sf_status chart_write_page(const chart_input *input, const char *folder);

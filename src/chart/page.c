@@ -17,12 +17,13 @@ typedef enum chart_kind {
     GAP,
     DEGREES,
     MOVES,
-    CHOICES
+    CHOICES,
+    WALKS
 } chart_kind;
 
 static const char *const kind_names[] = {"psnr",      "ssim",       "times",      "size-psnr",
                                          "size-ssim", "bytes-psnr", "bytes-ssim", "gap",
-                                         "degrees",   "moves",      "complexity"};
+                                         "degrees",   "moves",      "complexity", "drift"};
 
 typedef struct page {
     const chart_input *input;
@@ -36,6 +37,7 @@ typedef struct subject {
     const chart_sizes *sizes;
     const chart_ablation *ablation;
     const chart_choices *choices;
+    const chart_input *walks;
 } subject;
 
 static sf_status draw(chart_kind kind, const subject *of, sf_writer *out) {
@@ -63,6 +65,8 @@ static sf_status draw(chart_kind kind, const subject *of, sf_writer *out) {
     case CHOICES:
         chart_draw_choices(of->choices, out);
         break;
+    case WALKS:
+        return chart_draw_walks(of->walks, out);
     }
     return SF_OK;
 }
@@ -263,6 +267,9 @@ static sf_status write_body(page *p) {
     for (size_t i = 0; i < p->input->choices_count && !status; i++)
         status =
             add_chart(p, CHOICES, p->input->choices[i].name, &(subject){.choices = &p->input->choices[i]});
+    if (p->input->walk_count) sf_writer_printf(&p->out, "<h2>Walks</h2>\n");
+    if (p->input->walk_count && !status)
+        status = add_chart(p, WALKS, "keyframes", &(subject){.walks = p->input});
     chart_page_end(&p->out);
     return status;
 }

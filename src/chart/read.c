@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../base/statistics.h"
+
 enum { LOG_BYTES = 1 << 26, PNG_BYTES = 1 << 26 };
 
 /* Where in a file a field is: messages are "<path>: <where><name>: ...". */
@@ -353,6 +355,49 @@ static sf_status add_choices(chart_input *input, const char *path, const json_t 
     return status;
 }
 
+static sf_status read_keyframe(const place *p, chart_walk *walk, double *degrees) {
+    svg_point *at = &walk->points[walk->count];
+    sf_status status = number(p, "time", 0, 1e9, &at->x);
+    if (!status) status = number(p, "distance", 0, 1e12, &at->y);
+    if (!status) status = number(p, "degrees", 0, 180, degrees);
+    if (!status && walk->count && at->x < at[-1].x)
+        status = wrong(p, "time", "is before that of the keyframe before");
+    walk->count += !status;
+    return status;
+}
+
+/* What a live fit wrote of a simulated camera. */
+static sf_status add_walk(chart_input *input, const char *path, const json_t *errors) {
+    chart_walk walk = {.count = 0};
+    size_t all = json_array_size(errors);
+    double *degrees = sf_alloc(input->ctx, all, sizeof *degrees);
+    name_of_file(path, walk.name);
+    walk.points = sf_calloc(input->ctx, all, sizeof *walk.points);
+    sf_status status = walk.points && degrees ? SF_OK : SF_ERR_MEMORY;
+    for (size_t i = 0; i < all && !status; i++) {
+        char where[64];
+        snprintf(where, sizeof where, "result.keyframe_errors[%zu].", i);
+        place at = {input->ctx, path, json_array_get(errors, i), where};
+        status = read_keyframe(&at, &walk, &degrees[i]);
+    }
+    if (!status)
+        status = sf_grow(input->ctx, &input->walks, &input->walk_room, input->walk_count,
+                         input->walk_count + 1, sizeof walk);
+    if (!status) walk.degrees = sf_median(degrees, all);
+    if (status)
+        sf_free(input->ctx, walk.points);
+    else
+        input->walks[input->walk_count++] = walk;
+    sf_free(input->ctx, degrees);
+    return status;
+}
+
+/* A log is one of a walk if keyframes are compared with the truth. */
+static sf_status add_log(chart_input *input, const char *path, const json_t *json) {
+    const json_t *errors = json_object_get(json_object_get(json, "result"), "keyframe_errors");
+    return json_array_size(errors) ? add_walk(input, path, errors) : add_run(input, path, json);
+}
+
 /* A list is one of choices if its first object has a complexity. */
 static sf_status add_list(chart_input *input, const char *path, const json_t *json) {
     int choices = json_object_get(json_array_get(json, 0), "complexity") != NULL;
@@ -363,7 +408,7 @@ sf_status chart_read(chart_input *input, const char *path) {
     json_t *json = NULL;
     sf_status status = parse(input->ctx, path, &json);
     if (status) return status;
-    status = json_is_array(json) ? add_list(input, path, json) : add_run(input, path, json);
+    status = json_is_array(json) ? add_list(input, path, json) : add_log(input, path, json);
     json_decref(json);
     return status;
 }
@@ -372,6 +417,8 @@ void chart_free(chart_input *input) {
     for (size_t i = 0; i < input->run_count; i++) free_run(input->ctx, &input->runs[i]);
     for (size_t i = 0; i < input->ablation_count; i++) sf_free(input->ctx, input->ablations[i].moves);
     for (size_t i = 0; i < input->choices_count; i++) sf_free(input->ctx, input->choices[i].list);
+    for (size_t i = 0; i < input->walk_count; i++) sf_free(input->ctx, input->walks[i].points);
+    sf_free(input->ctx, input->walks);
     sf_free(input->ctx, input->choices);
     sf_free(input->ctx, input->runs);
     sf_free(input->ctx, input->ablations);

@@ -23,6 +23,37 @@ static sf_status draw_degrees(const void *input_pointer, sf_writer *out) {
     return SF_OK;
 }
 
+static sf_status draw_walks(const void *input, sf_writer *out) { return chart_draw_walks(input, out); }
+
+/* Logs of live fits with truth: one chart of all. */
+static void test_walks(void **state) {
+    (void)state;
+    chart_input input = {.ctx = test_context()};
+    chart_write_text("before.json", "{\"curve\": [], \"result\": {\"keyframe_errors\": ["
+                                    "{\"time\": 0, \"degrees\": 0.1, \"distance\": 0.01},"
+                                    "{\"time\": 1.5, \"degrees\": 0.2, \"distance\": 0.2},"
+                                    "{\"time\": 2.5, \"degrees\": 0.3, \"distance\": 0.5}]}}");
+    chart_write_text("after.json", "{\"result\": {\"keyframe_errors\": ["
+                                   "{\"time\": 1, \"degrees\": 0.2, \"distance\": 0.03}]}}");
+    assert_ok(input.ctx, chart_read(&input, test_path("before.json")));
+    assert_ok(input.ctx, chart_read(&input, test_path("after.json")));
+    assert_int_equal(input.walk_count, 2);
+    char *picture = chart_drawn(input.ctx, draw_walks, &input);
+    assert_int_equal(chart_count_of(picture, "class=\"mark\""), 4);
+    assert_int_equal(chart_count_of(picture, "class=\"curve\""), 2);
+    test_assert_contains(picture, "before: 3 keyframes, median 0.2 and 0.20 degrees, at most 0.5", __FILE__,
+                         __LINE__);
+    free(picture);
+    chart_write_text("bad.json", "{\"result\": {\"keyframe_errors\": ["
+                                 "{\"time\": 2, \"degrees\": 0.1, \"distance\": 0.01},"
+                                 "{\"time\": 1, \"degrees\": 0.3, \"distance\": 0.5}]}}");
+    assert_status(input.ctx, chart_read(&input, test_path("bad.json")), SF_ERR_FORMAT);
+    assert_error_names(input.ctx, "result.keyframe_errors[1].time: is before");
+    assert_int_equal(input.walk_count, 2);
+    chart_free(&input);
+    sf_context_destroy(&input.ctx);
+}
+
 static void test_choices_and_degrees(void **state) {
     (void)state;
     chart_input input = {.ctx = test_context()};
@@ -308,9 +339,13 @@ static void test_the_program_refuses(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_choices_and_degrees),     cmocka_unit_test(test_prune_to_the_page),
-        cmocka_unit_test(test_broken_logs_are_refused), cmocka_unit_test(test_text_that_is_no_log_is_refused),
-        cmocka_unit_test(test_from_a_fit_to_the_page),  cmocka_unit_test(test_the_program_refuses),
+        cmocka_unit_test(test_walks),
+        cmocka_unit_test(test_choices_and_degrees),
+        cmocka_unit_test(test_prune_to_the_page),
+        cmocka_unit_test(test_broken_logs_are_refused),
+        cmocka_unit_test(test_text_that_is_no_log_is_refused),
+        cmocka_unit_test(test_from_a_fit_to_the_page),
+        cmocka_unit_test(test_the_program_refuses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
