@@ -135,6 +135,8 @@ typedef struct sf_model_file_options {
     sf_spz_frame spz_frame; /* .spz, read and written */
     int world; /* written: 1: means relative to the world's 0 in place of the model's origin; they are floats,
                   and the log says how far apart floats are there */
+    int part, parts; /* read: of so many parts this one alone, 0 .. parts-1, for a fit on as many ranks
+                        (cluster.h); parts 0 or 1, and files of glTF: the whole model */
 } sf_model_file_options;
 
 /* SF_MODEL_AUTO, all bands, bits by what each Gaussian covers, the model's own frame and origin. */

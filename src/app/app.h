@@ -34,6 +34,7 @@ int app_model_options(const args *a, sf_model_file_options *options);
 /* A model, read as these two tables say. 0 or an exit code. */
 sf_status app_save_model(const args *a, const sf_model *model, const char *path);
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model);
+int app_load_part(const args *a, sf_context *ctx, const char *path, int part, int parts, sf_model **model);
 
 /* A context as --threads, --isa and --quiet say. 0 or an exit code. */
 int app_context(const args *a, sf_context **ctx);
@@ -98,9 +99,9 @@ int app_names_model(const char *path);
 /* The folder of a path, with its slash; "" if it has none. free() it. */
 char *app_folder(const char *path);
 
-/* freeze.c: with --freeze, makes options of which no step changes anything of `from`, which may be NULL. 0 or
- * an exit code. */
-int app_freeze(const args *a, sf_context *ctx, sf_model *from, sf_fit_options *options);
+/* freeze.c: with --freeze, makes options of which no step changes anything of `from`, which may be NULL, or
+ * one rank's part of a model of `count` Gaussians. 0 or an exit code. */
+int app_freeze(const args *a, sf_context *ctx, sf_model *from, size_t count, sf_fit_options *options);
 
 /* Where a fit writes the cameras of the model at `path`: splat.cameras.json beside splat.ply, whatever format
  * the model has. free() it; NULL: out of memory. */

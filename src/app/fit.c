@@ -380,6 +380,7 @@ static const char *const one_rank_options[] = {"eval-at", "snapshots", "compare"
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");
     sf_model *from = NULL;
+    size_t count = 0;
     static const char *const outputs[] = {"log", "compare", "cameras", "checkpoint"};
     int error = app_context(r->a, &r->ctx);
     if (!error) error = app_join(r->a, r->ctx, one_rank_options);
@@ -388,10 +389,8 @@ static int prepare(fit_run *r) {
     if (!error) error = progress_start(&r->line, r->a, r->out);
     if (!error && app_is_first_rank(r->ctx))
         error = app_check_outputs(r->a, r->ctx, r->output, outputs, sizeof outputs / sizeof *outputs);
-    if (!error && from_path) error = app_load_model(r->a, r->ctx, from_path, &from);
-    if (!error && from && !sf_model_count(from))
-        error = app_say(r->a, from_path, "holds no Gaussian to go on from");
-    if (!error) error = app_freeze(r->a, r->ctx, from, &r->options);
+    if (!error && from_path) error = app_load_from(r->a, r->ctx, from_path, &from, &count);
+    if (!error) error = app_freeze(r->a, r->ctx, from, count, &r->options);
     if (!error) error = load_scene(r);
     /* what its own pictures lack is said; the fit's warnings are those of rank 0 */
     if (!error && !app_is_first_rank(r->ctx)) app_hold_log(1);

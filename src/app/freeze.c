@@ -30,7 +30,7 @@ static const char *const frozen[][2] = {
     {"sh_degree", "0"},
 };
 
-int app_freeze(const args *a, sf_context *ctx, sf_model *from, sf_fit_options *o) {
+int app_freeze(const args *a, sf_context *ctx, sf_model *from, size_t count, sf_fit_options *o) {
     static const char *const against[] = {"resume", "replay"};
     if (!args_value(a, "freeze")) return 0;
     for (int i = 0; i < 2; i++)
@@ -51,7 +51,6 @@ int app_freeze(const args *a, sf_context *ctx, sf_model *from, sf_fit_options *o
     }
     for (size_t i = 0; i < sizeof frozen / sizeof *frozen; i++)
         if (sf_fit_options_set(ctx, o, frozen[i][0], frozen[i][1])) return app_fail(a, ctx);
-    size_t count = sf_model_count(from);
     if (!args_value(a, "max_gaussians")) o->max_gaussians = (int64_t)(count ? count : 1);
     /* A step costs what the model's own bands cost, not those that its file is padded with. */
     return sf_model_pack(from) ? app_fail(a, ctx) : 0;

@@ -88,9 +88,14 @@ sf_status app_save_model(const args *a, const sf_model *model, const char *path)
 }
 
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model) {
+    return app_load_part(a, ctx, path, 0, 1, model);
+}
+
+int app_load_part(const args *a, sf_context *ctx, const char *path, int part, int parts, sf_model **model) {
     sf_model_file_options options = sf_model_file_options_default();
     const char *antialiased = has_table(a, compensation_options) ? args_value(a, "antialiased") : NULL;
     int error = app_model_options(a, &options);
+    options.part = part, options.parts = parts;
     if (!error && sf_model_load_as(ctx, path, &options, model)) error = app_fail(a, ctx);
     if (!error && antialiased) sf_model_set_antialiased(*model, !strcmp(antialiased, "yes"));
     return error;

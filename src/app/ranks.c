@@ -31,15 +31,37 @@ int app_join(const args *a, sf_context *ctx, const char *const *refused) {
     return 0;
 }
 
-double app_most_of_ranks(sf_context *ctx, double value) {
+/* The sum of the ranks' values, and the largest of them. */
+static double of_ranks(sf_context *ctx, double value, double *most) {
     sf_cluster_info info;
     sf_cluster_get_info(ctx, &info);
-    double *all = malloc((size_t)info.size * sizeof *all), most = value;
+    double *all = malloc((size_t)info.size * sizeof *all), sum = 0;
     if (!all) sf_cluster_abort(ctx, EXIT_FAILED);
     if (all) sf_cluster_gather(ctx, &value, 1, all);
-    for (int r = 0; all && r < info.size; r++) most = fmax(most, all[r]);
+    *most = value;
+    for (int r = 0; all && r < info.size; r++) sum += all[r], *most = fmax(*most, all[r]);
     free(all);
+    return sum;
+}
+
+double app_most_of_ranks(sf_context *ctx, double value) {
+    double most;
+    (void)of_ranks(ctx, value, &most);
     return most;
+}
+
+double app_sum_of_ranks(sf_context *ctx, double value) {
+    double most;
+    return of_ranks(ctx, value, &most);
+}
+
+int app_load_from(const args *a, sf_context *ctx, const char *path, sf_model **from, size_t *count) {
+    sf_cluster_info info;
+    sf_cluster_get_info(ctx, &info);
+    int error = app_load_part(a, ctx, path, info.rank, info.size, from);
+    if (error) return error;
+    *count = (size_t)app_sum_of_ranks(ctx, (double)sf_model_count(*from));
+    return *count ? 0 : app_say(a, path, "holds no Gaussian to go on from");
 }
 
 FILE *app_rank_out(const sf_context *ctx, FILE *out) {

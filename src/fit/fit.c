@@ -61,12 +61,13 @@ static sf_status choose_start(sf_fitter *f, const sf_model *from) {
     const sf_fit_options *o = &f->options;
     if (from) {
         int degree = from->sh_degree > o->sh_degree ? from->sh_degree : (int)o->sh_degree;
-        if (from->count > (size_t)o->max_gaussians)
+        size_t count = sf_count_from(f, from);
+        if (count > (size_t)o->max_gaussians)
             return sf_fail(f->ctx, SF_ERR_ARGUMENT,
                            "max_gaussians: %lld is less than the %zu of the model gone on from",
-                           (long long)o->max_gaussians, from->count);
+                           (long long)o->max_gaussians, count);
         f->warm_start = 1;
-        sf_status status = sf_fitter_plan_memory(f, from->count, degree);
+        sf_status status = sf_fitter_plan_memory(f, count, degree);
         if (status) return status;
         /* without a rate, bands that a Gaussian lacks stay 0 */
         status = o->lr_sh_rest > 0 || degree > from->sh_degree ? sf_model_copy_whole(from, degree, &f->model)
@@ -257,7 +258,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
         f->model->antialiased = options->antialiased || (from && from->antialiased);
         f->first_count = f->model->count;
         f->shared_count = f->first_count;
-        status = sf_ranks_divide(f);
+        status = sf_ranks_divide(f, from);
     }
     if (!status) status = make_plan(f);
     size_t most = status ? 0 : sf_room_of_rank(f, sf_planned_count(f, 1));

@@ -74,6 +74,14 @@ size_t sf_total(const sf_fitter *f, size_t count) {
     return sf_is_shared(f) ? sf_cluster_sum_count(cluster_of(f), count) : count;
 }
 
+int sf_is_part(const sf_fitter *f, const sf_model *from) {
+    return sf_is_shared(f) && from && from->parts == (size_t)cluster_of(f)->size;
+}
+
+size_t sf_count_from(const sf_fitter *f, const sf_model *from) {
+    return sf_is_part(f, from) ? sf_total(f, from->count) : from->count;
+}
+
 double sf_total_of(const sf_fitter *f, double value) {
     if (sf_is_shared(f)) sf_cluster_sum(cluster_of(f), &value, 1);
     return value;

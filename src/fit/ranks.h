@@ -11,6 +11,13 @@
 /* Whether there are other ranks. */
 static inline int sf_is_shared(const sf_fitter *fitter) { return fitter->ctx->cluster != NULL; }
 
+/* Whether a model was read in as many parts as there are ranks, so that each rank has one. from: NULL
+ * allowed.
+ */
+int sf_is_part(const sf_fitter *fitter, const sf_model *from);
+/* Gaussians of a first model, of all ranks. All must call it. */
+size_t sf_count_from(const sf_fitter *fitter, const sf_model *from);
+
 /* Options that do not work with several ranks: SF_ERR_UNSUPPORTED, or they are switched off and the log says
  * so. */
 sf_status sf_ranks_check(sf_fitter *fitter);

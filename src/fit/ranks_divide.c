@@ -8,8 +8,8 @@
 #include "schedule.h"
 #include "select_merge.h"
 
-/* Gaussians that stay together when a model is divided: those of a task of the projection. */
-enum { PIECE = SF_PROJECT_BLOCKS * SF_LANES };
+/* A task of the projection tells whether its Gaussians are out of view. */
+_Static_assert(SF_PIECE == SF_PROJECT_BLOCKS * SF_LANES, "a piece is a task of the projection");
 
 static sf_cluster *cluster_of(const sf_fitter *f) { return sf_cluster_of(f->ctx); }
 
@@ -18,14 +18,14 @@ static void keep_part(const sf_fitter *f, sf_remap_entry *entries, size_t *count
     const sf_cluster *c = cluster_of(f);
     size_t kept = 0;
     for (size_t i = 0; c && i < *count; i++)
-        if (i / PIECE % (size_t)c->size == (size_t)c->rank) entries[kept++] = entries[i];
+        if (i / SF_PIECE % (size_t)c->size == (size_t)c->rank) entries[kept++] = entries[i];
     if (c) *count = kept;
 }
 
 /* A little more than its part: growth is uneven. */
 size_t sf_room_of_rank(const sf_fitter *f, size_t count) {
     if (!sf_is_shared(f)) return count;
-    return count / (size_t)cluster_of(f)->size * 17 / 16 + PIECE;
+    return count / (size_t)cluster_of(f)->size * 17 / 16 + SF_PIECE;
 }
 
 /* Entries of this rank's part of a model: those that it had when the numbers `had` were written, [ranks]
@@ -70,7 +70,12 @@ static sf_status divide_model(const sf_fitter *f, const uint64_t *had, sf_model 
     return status;
 }
 
-sf_status sf_ranks_divide(sf_fitter *f) { return sf_is_shared(f) ? divide_model(f, NULL, f->model) : SF_OK; }
+sf_status sf_ranks_divide(sf_fitter *f, const sf_model *from) {
+    if (!sf_is_shared(f)) return SF_OK;
+    if (!sf_is_part(f, from)) return divide_model(f, NULL, f->model);
+    f->first_count = f->shared_count = sf_total(f, f->model->count);
+    return SF_OK;
+}
 
 sf_status sf_ranks_divide_restored(sf_fitter *f, const uint64_t *had, const uint64_t *had_best) {
     size_t n;

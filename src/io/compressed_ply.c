@@ -167,7 +167,7 @@ static sf_status load(compressed *c, sf_ply *ply, const sf_model_file_options *o
     sf_status status = read_chunks(c, ply);
     if (!status) status = read_words(c, ply);
     if (!status) status = enter_sh(c, ply, options, &degree);
-    if (!status) status = sf_model_builder_begin(in, c->ctx, c->path, c->count, degree);
+    if (!status) status = sf_model_builder_begin(in, c->ctx, c->path, c->count, degree, options);
     return status ? status : put_all(c, ply, degree, in);
 }
 

@@ -102,9 +102,20 @@ static int keep_ends(float *v) {
     return moved;
 }
 
+/* Of `count` Gaussians, those in a part's pieces. */
+static size_t of_part(size_t count, size_t part, size_t parts) {
+    size_t pieces = count / SF_PIECE, last = pieces % parts;
+    size_t full = pieces / parts + (part < last);
+    return full * SF_PIECE + (part == last ? count % SF_PIECE : 0);
+}
+
 sf_status sf_model_builder_begin(sf_model_builder *in, sf_context *ctx, const char *path, size_t count,
-                                 int sh_degree) {
+                                 int sh_degree, const sf_model_file_options *options) {
     *in = (sf_model_builder){.ctx = ctx, .path = path};
+    if (options && options->parts > 1) {
+        in->part = (size_t)options->part, in->parts = (size_t)options->parts;
+        count = of_part(count, in->part, in->parts);
+    }
     in->values = sf_gaussian_values(sh_degree, in->list);
     sf_status status =
         sf_memory_check(ctx, path, "Gaussians", (uint64_t)count * (uint64_t)in->values * sizeof(float));
@@ -117,11 +128,13 @@ sf_status sf_model_builder_put(sf_model_builder *in, sf_gaussian *g) {
     size_t index = in->offered++;
     in->moved += (size_t)keep_ends(g->values);
     if (sf_gaussian_is_faulty(g, in->list, in->values, &found)) {
-        if (in->kept < index) return SF_OK;
+        if (in->usable < index) return SF_OK;
         in->first_skipped = index;
         in->first_fault = found;
         return SF_OK;
     }
+    size_t piece = in->usable++ / SF_PIECE;
+    if (in->parts && piece % in->parts != in->part) return SF_OK;
     sf_gaussians fields = sf_gaussian_fields(g);
     return sf_model_set(in->model, in->kept++, 1, &fields);
 }
@@ -136,7 +149,7 @@ static void report_moved(const sf_model_builder *in) {
 }
 
 sf_status sf_model_builder_end(sf_model_builder *in, int antialiased, sf_model **model) {
-    if (in->offered && !in->kept) {
+    if (in->offered && !in->usable) {
         sf_model_builder_abandon(in);
         return sf_fail(
             in->ctx, SF_ERR_FORMAT,
@@ -144,13 +157,14 @@ sf_status sf_model_builder_end(sf_model_builder *in, int antialiased, sf_model *
             "(first: #%zu, %s)",
             in->path, in->offered, in->first_skipped, in->first_fault.text);
     }
-    if (in->kept < in->offered)
+    if (in->usable < in->offered)
         sf_log(in->ctx, SF_LOG_WARNING,
                "%s: skipped %zu of %zu Gaussians with values not finite or out of range (first: #%zu, %s)",
-               in->path, in->offered - in->kept, in->offered, in->first_skipped, in->first_fault.text);
+               in->path, in->offered - in->usable, in->offered, in->first_skipped, in->first_fault.text);
     report_moved(in);
     *model = in->model;
     sf_model_resize(*model, in->kept);
+    (*model)->parts = in->parts;
     sf_model_set_antialiased(*model, antialiased);
     in->model = NULL;
     return SF_OK;

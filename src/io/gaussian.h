@@ -52,13 +52,15 @@ typedef struct sf_model_builder {
     sf_model *model;
     sf_file_value list[SF_GAUSSIAN_MOST];
     int values;
-    size_t offered, kept, moved, first_skipped;
+    size_t part, parts; /* of the pieces; parts 0: all are kept */
+    size_t offered, usable, kept, moved, first_skipped;
     sf_fault first_fault;
 } sf_model_builder;
 
-/* A model with room for `count` Gaussians of a degree. */
+/* A model with room for `count` Gaussians of a degree, or, as the options say (NULL: all), for the pieces of
+ * one part. */
 sf_status sf_model_builder_begin(sf_model_builder *in, sf_context *ctx, const char *path, size_t count,
-                                 int sh_degree);
+                                 int sh_degree, const sf_model_file_options *options);
 sf_status sf_model_builder_put(sf_model_builder *in, sf_gaussian *g);
 /* After the last one: reports what was left out, and gives the model away. SF_ERR_FORMAT where there were
  * Gaussians and all were left out; the builder is abandoned then. */

@@ -291,7 +291,7 @@ static sf_status read_piece(const sf_gltf *in, const piece *p, int logs, int kep
     if (kept < part.sh_degree) part.sh_degree = kept;
     sf_status status = motion_of(in, p->M, &motion);
     if (status) return status;
-    status = sf_model_builder_begin(&builder, in->ctx, in->path, p->count, part.sh_degree);
+    status = sf_model_builder_begin(&builder, in->ctx, in->path, p->count, part.sh_degree, NULL);
     for (size_t i = 0; i < p->count && !status; i++) {
         decode(&part, i, logs, &g);
         status = sf_model_builder_put(&builder, &g);

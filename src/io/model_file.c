@@ -40,6 +40,8 @@ static sf_status check_options(sf_context *ctx, const sf_model_file_options *o) 
         status = sf_fail(ctx, SF_ERR_ARGUMENT, "sh_bits: %d and %d: both are 0, or none", o->sh_bits[0],
                          o->sh_bits[1]);
     if (!status) status = check_range(ctx, "world", o->world, 0, 1);
+    if (!status) status = check_range(ctx, "parts", o->parts, 0, 1 << 20);
+    if (!status) status = check_range(ctx, "part", o->part, 0, o->parts > 1 ? o->parts - 1 : 0);
     if (!status)
         status = check_range(ctx, "spz_frame", (int)o->spz_frame, SF_SPZ_FRAME_OWN, SF_SPZ_FRAME_RUB);
     return status;

@@ -76,7 +76,7 @@ static sf_status load_open(sf_context *ctx, const char *path, sf_ply *ply,
     if (!status) status = sf_ply_find_degree(ctx, path, ply, &file_degree);
     if (!status) degree = sf_file_degree(ctx, path, file_degree, options);
     if (!status) status = sf_ply_bind_values(ply, "", file_degree, degree);
-    if (!status) status = sf_model_builder_begin(&in, ctx, path, sf_ply_rows(ply), degree);
+    if (!status) status = sf_model_builder_begin(&in, ctx, path, sf_ply_rows(ply), degree, options);
     if (!status) status = load_all(&in, ply);
     return sf_ply_end_builder(ply, &in, status, model);
 }

@@ -10,6 +10,8 @@
 
 #include "../base/file.h"
 #include "../base/memory.h"
+#include "ply_header.h"
+#include "window.h"
 
 typedef enum format { FORMAT_UNKNOWN, FORMAT_ASCII, FORMAT_LITTLE_ENDIAN, FORMAT_BIG_ENDIAN } format;
 
@@ -56,15 +58,16 @@ typedef struct element {
     size_t first, properties; /* in ply.properties */
 } element;
 
-/* A file in memory and where its reading stands. Names point into the header, which is
- * cut into words. */
+/* A file and where its reading stands: text in memory, binary rows as they are read, behind the header in
+ * memory. Names point into the header, which is cut into words. */
 struct sf_ply {
     sf_context *ctx;
     const char *path;
     uint8_t *data;
-    size_t size, at;
-    size_t body; /* where the first element's rows begin */
-    size_t line; /* of the header, from 1 */
+    size_t size, at; /* of the file; in it */
+    sf_window rows;  /* of a binary file */
+    size_t body;     /* where the first element's rows begin */
+    size_t line;     /* of the header, from 1 */
     format format;
     int antialiased;
     double origin[3];
@@ -281,8 +284,9 @@ static sf_status next_number(sf_ply *p, const property *q, double *value) {
 
 static sf_status next_value(sf_ply *p, const property *q, type t, double *value) {
     if (p->format == FORMAT_ASCII) return next_number(p, q, value);
-    if (types[t].size > p->size - p->at) return fail_at_end(p, q);
-    *value = decode(p->data + p->at, t, p->format == FORMAT_BIG_ENDIAN);
+    const uint8_t *bytes = sf_window_at(&p->rows, p->at, types[t].size);
+    if (!bytes) return fail_at_end(p, q);
+    *value = decode(bytes, t, p->format == FORMAT_BIG_ENDIAN);
     p->at += types[t].size;
     return SF_OK;
 }
@@ -374,9 +378,29 @@ void sf_ply_close(sf_ply **ply) {
     sf_ply *p = *ply;
     if (!p) return;
     if (p->number_form) freelocale(p->number_form);
+    sf_window_close(&p->rows);
     sf_free(p->ctx, p->data);
     sf_free(p->ctx, p);
     *ply = NULL;
+}
+
+/* Of a binary file the header, of text all. */
+static sf_status read_in(sf_ply *p) {
+    p->data = sf_alloc(p->ctx, SF_PLY_HEADER_MOST + 1, 1);
+    if (!p->data) return SF_ERR_MEMORY;
+    p->size = sf_ply_binary_header(p->path, p->data);
+    if (p->size) return SF_OK;
+    sf_free(p->ctx, p->data);
+    p->data = NULL;
+    return sf_read_file(p->ctx, p->path, max_file_size, &p->data, &p->size);
+}
+
+static sf_status open_rows(sf_ply *p) {
+    p->body = p->at;
+    if (p->format == FORMAT_ASCII) return SF_OK;
+    sf_status status = sf_window_open(&p->rows, p->ctx, p->path);
+    p->size = (size_t)p->rows.size;
+    return status;
 }
 
 sf_status sf_ply_open(sf_context *ctx, const char *path, sf_ply **ply) {
@@ -387,9 +411,10 @@ sf_status sf_ply_open(sf_context *ctx, const char *path, sf_ply **ply) {
     p->number_form = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
     sf_status status = SF_OK;
     if (!p->number_form) status = sf_fail(ctx, SF_ERR_MEMORY, "%s: no memory for a locale", path);
-    if (!status) status = sf_read_file(ctx, path, max_file_size, &p->data, &p->size);
+    p->rows.ctx = ctx, p->rows.fd = -1;
+    if (!status) status = read_in(p);
     if (!status) status = parse_header(p);
-    p->body = p->at;
+    if (!status) status = open_rows(p);
     if (status) sf_ply_close(ply);
     return status;
 }

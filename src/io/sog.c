@@ -266,8 +266,8 @@ static void decode(const sog *s, size_t i, sf_gaussian *g) {
 static sf_status decode_all(const sog *s, const sf_model_file_options *options, sf_model **model) {
     sf_model_builder in;
     sf_gaussian g;
-    sf_status status =
-        sf_model_builder_begin(&in, s->ctx, s->path, s->count, sf_kept_degree(s->sh_degree, options));
+    sf_status status = sf_model_builder_begin(&in, s->ctx, s->path, s->count,
+                                              sf_kept_degree(s->sh_degree, options), options);
     for (size_t i = 0; i < s->count && !status; i++) {
         decode(s, i, &g);
         status = sf_model_builder_put(&in, &g);

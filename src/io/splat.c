@@ -42,13 +42,12 @@ sf_status sf_splat_load(sf_context *ctx, const char *path, const sf_model_file_o
     uint8_t *data;
     size_t size;
     sf_model_builder in = {0};
-    (void)options;
     sf_status status = sf_read_file(ctx, path, SF_MODEL_FILE_MOST, &data, &size);
     if (!status && size % ROW)
         status =
             sf_fail(ctx, SF_ERR_FORMAT,
                     "%s: size: %zu bytes are not a multiple of %d: truncated, or no .splat", path, size, ROW);
-    if (!status) status = sf_model_builder_begin(&in, ctx, path, size / ROW, 0);
+    if (!status) status = sf_model_builder_begin(&in, ctx, path, size / ROW, 0, options);
     if (!status) status = decode_all(&in, data, size / ROW);
     if (status)
         sf_model_builder_abandon(&in);

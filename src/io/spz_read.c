@@ -313,7 +313,7 @@ static sf_status make_model(const spz_in *s, const sf_model_file_options *option
     unsigned flips;
     int kept = sf_file_degree(s->ctx, s->path, s->header.sh_degree, options);
     sf_status status = find_flips(s, options, &flips);
-    if (!status) status = sf_model_builder_begin(&in, s->ctx, s->path, s->header.count, kept);
+    if (!status) status = sf_model_builder_begin(&in, s->ctx, s->path, s->header.count, kept, options);
     if (!status) status = decode_all(s, kept, flips, &in);
     if (status)
         sf_model_builder_abandon(&in);

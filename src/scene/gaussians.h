@@ -24,15 +24,19 @@
 
 enum { SF_BANDS = SF_MAX_SH_DEGREE + 1 };
 
+/* Gaussians that stay together when a model is divided into parts; pieces are dealt to the parts in turn. */
+enum { SF_PIECE = 16 * SF_LANES };
+
 struct sf_model {
     sf_context *ctx;
     int sh_degree; /* the highest that a Gaussian may have */
     int antialiased;
-    double origin[3];        /* of the means, in the world */
-    int unit;                /* means and scales are in units of 2^unit; 0 but while a fit trains the model */
-    size_t count;            /* Gaussians */
-    size_t banded[SF_BANDS]; /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
-                                above sh_degree */
+    double origin[3]; /* of the means, in the world */
+    int unit;         /* means and scales are in units of 2^unit; 0 but while a fit trains the model */
+    size_t parts;     /* of a model that was read in parts, this is one; 0: whole. Copies do not keep it */
+    size_t count;     /* Gaussians */
+    size_t banded[SF_BANDS];   /* Gaussian i has band b where i < banded[b]: count, then never rising; 0
+                                  above sh_degree */
     size_t capacity[SF_BANDS]; /* Gaussians that the arrays of a band have room for, multiples of SF_LANES;
                                   all other fields go with band 0 */
     sf_params params;          /* lanes banded[b] .. capacity[b]-1 are neutral */
