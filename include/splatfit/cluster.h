@@ -28,9 +28,9 @@ typedef struct sf_cluster_info {
  * library is built without MPI or with another one; SF_ERR_MEMORY.
  *
  * With several ranks, these calls must be made by all ranks in the same order: sf_fitter_create, _step, _run,
- * _render, _snapshot, _save and _load of a fitter. sf_fitter_snapshot gives rank 0 the whole model and the
- * others an empty one; sf_fitter_save writes on rank 0 alone. A call that fails on one rank leaves the others
- * waiting: call sf_cluster_abort. */
+ * _render, _snapshot, _save_model, _save and _load of a fitter. sf_fitter_snapshot gives rank 0 the whole
+ * model and the others an empty one; sf_fitter_save writes on rank 0 alone. A call that fails on one rank
+ * leaves the others waiting: call sf_cluster_abort. */
 SF_API sf_status sf_cluster_join(sf_context *context);
 
 /* Where this process is. */

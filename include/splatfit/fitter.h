@@ -374,6 +374,13 @@ SF_API sf_status sf_fitter_add_points(sf_fitter *fitter, size_t count, const flo
 
 /* A copy of the current model, or of its moving average (ema_steps); the caller destroys it. */
 SF_API sf_status sf_fitter_snapshot(const sf_fitter *fitter, sf_model **model);
+/* The same of the Gaussians that this rank has (cluster.h): all where there are no others. */
+SF_API sf_status sf_fitter_snapshot_part(const sf_fitter *fitter, sf_model **part);
+
+/* Writes what sf_fitter_snapshot would copy, as sf_model_save_as does. Of several ranks rank 0 writes; for a
+ * .ply no rank holds the whole model. */
+SF_API sf_status sf_fitter_save_model(const sf_fitter *fitter, const char *path,
+                                      const sf_model_file_options *options);
 
 /* Renders the model that sf_fitter_snapshot would copy, with the fit's background and near plane; as
  * sf_render. */

@@ -33,6 +33,7 @@ int app_say(const args *a, const char *subject, const char *what);
 int app_model_options(const args *a, sf_model_file_options *options);
 /* A model, read as these two tables say. 0 or an exit code. */
 sf_status app_save_model(const args *a, const sf_model *model, const char *path);
+sf_status app_save_fitted(const args *a, const sf_fitter *fitter, const char *path);
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model);
 int app_load_part(const args *a, sf_context *ctx, const char *path, int part, int parts, sf_model **model);
 
@@ -187,6 +188,8 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
  * it), sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be
  * NULL) is a regular one. */
 void app_log_model(json_t *result, const sf_model *model, const char *path);
+/* The same of a model of which each rank has a part. */
+void app_log_parts(sf_context *ctx, json_t *result, const sf_model *part, const char *path);
 /* Adds "origin" to an object where coordinates are relative to one, not to 0. */
 void app_json_origin(json_t *to, const double origin[3]);
 

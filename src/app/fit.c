@@ -193,7 +193,8 @@ static json_t *log_json(fit_run *r, const evaluation *e) {
         scene.extent, "fingerprint", replay_scene_json(r->scene), "options", app_options_json(&in_force),
         "warm_start", p.warm_start, "plan", replay_plan_json(r->fitter), "result", result);
     sf_model *model = NULL;
-    sf_status status = sf_fitter_snapshot(r->fitter, &model);
+    sf_status status = sf_fitter_snapshot_part(r->fitter, &model);
+    if (status && app_has_ranks(r->ctx)) sf_cluster_abort(r->ctx, EXIT_FAILED); /* the others would wait */
     if (log) training_log_write(&r->training, log, status ? NULL : model, e);
     sf_model_destroy(&model);
     return log;
@@ -299,11 +300,7 @@ static void print_result(fit_run *r, const evaluation *e) {
 }
 
 static int save_model(const fit_run *r) {
-    sf_model *model = NULL;
-    sf_status status = sf_fitter_snapshot(r->fitter, &model);
-    if (!status && app_is_first_rank(r->ctx)) status = app_save_model(r->a, model, r->output);
-    sf_model_destroy(&model);
-    return status ? app_fail(r->a, r->ctx) : 0;
+    return app_save_fitted(r->a, r->fitter, r->output) ? app_fail(r->a, r->ctx) : 0;
 }
 
 /* The model first, whatever comes after. */

@@ -81,10 +81,20 @@ int app_model_options(const args *a, sf_model_file_options *options) {
     return error;
 }
 
-sf_status app_save_model(const args *a, const sf_model *model, const char *path) {
+static sf_model_file_options options_to_save(const args *a) {
     sf_model_file_options options = sf_model_file_options_default();
     options.world = args_value(a, "world") != NULL;
+    return options;
+}
+
+sf_status app_save_model(const args *a, const sf_model *model, const char *path) {
+    sf_model_file_options options = options_to_save(a);
     return sf_model_save_as(model, path, &options);
+}
+
+sf_status app_save_fitted(const args *a, const sf_fitter *fitter, const char *path) {
+    sf_model_file_options options = options_to_save(a);
+    return sf_fitter_save_model(fitter, path, &options);
 }
 
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model) {

@@ -31,28 +31,29 @@ int app_join(const args *a, sf_context *ctx, const char *const *refused) {
     return 0;
 }
 
-/* The sum of the ranks' values, and the largest of them. */
-static double of_ranks(sf_context *ctx, double value, double *most) {
+void app_sum_over_ranks(sf_context *ctx, double *values, int n) {
     sf_cluster_info info;
     sf_cluster_get_info(ctx, &info);
-    double *all = malloc((size_t)info.size * sizeof *all), sum = 0;
-    if (!all) sf_cluster_abort(ctx, EXIT_FAILED);
-    if (all) sf_cluster_gather(ctx, &value, 1, all);
-    *most = value;
-    for (int r = 0; all && r < info.size; r++) sum += all[r], *most = fmax(*most, all[r]);
+    if (info.size == 1) return;
+    double *all = malloc((size_t)(info.size * n) * sizeof *all);
+    if (!all) return sf_cluster_abort(ctx, EXIT_FAILED);
+    sf_cluster_gather(ctx, values, n, all);
+    for (int k = 0; k < n; k++) {
+        values[k] = 0;
+        for (int r = 0; r < info.size; r++) values[k] += all[r * n + k];
+    }
     free(all);
-    return sum;
 }
 
 double app_most_of_ranks(sf_context *ctx, double value) {
-    double most;
-    (void)of_ranks(ctx, value, &most);
+    sf_cluster_info info;
+    sf_cluster_get_info(ctx, &info);
+    double *all = malloc((size_t)info.size * sizeof *all), most = value;
+    if (!all) sf_cluster_abort(ctx, EXIT_FAILED);
+    if (all) sf_cluster_gather(ctx, &value, 1, all);
+    for (int r = 0; all && r < info.size; r++) most = fmax(most, all[r]);
+    free(all);
     return most;
-}
-
-double app_sum_of_ranks(sf_context *ctx, double value) {
-    double most;
-    return of_ranks(ctx, value, &most);
 }
 
 int app_load_from(const args *a, sf_context *ctx, const char *path, sf_model **from, size_t *count) {
@@ -60,7 +61,9 @@ int app_load_from(const args *a, sf_context *ctx, const char *path, sf_model **f
     sf_cluster_get_info(ctx, &info);
     int error = app_load_part(a, ctx, path, info.rank, info.size, from);
     if (error) return error;
-    *count = (size_t)app_sum_of_ranks(ctx, (double)sf_model_count(*from));
+    double all = (double)sf_model_count(*from);
+    app_sum_over_ranks(ctx, &all, 1);
+    *count = (size_t)all;
     return *count ? 0 : app_say(a, path, "holds no Gaussian to go on from");
 }
 

@@ -10,9 +10,9 @@ int app_join(const args *a, sf_context *ctx, const char *const *refused);
 /* Whether this is rank 0, which alone writes files; whether there are others. */
 int app_is_first_rank(const sf_context *ctx);
 int app_has_ranks(const sf_context *ctx);
-/* The largest value of all ranks, and the sum of theirs. All must call it. */
+/* The largest value of all ranks; replaces values by their sums over the ranks. All must call them. */
 double app_most_of_ranks(sf_context *ctx, double value);
-double app_sum_of_ranks(sf_context *ctx, double value);
+void app_sum_over_ranks(sf_context *ctx, double *values, int n);
 /* Reads the model that a fit starts from, of several ranks each its part; *count: Gaussians of all. 0 or an
  * exit code, where there is none, too. */
 int app_load_from(const args *a, sf_context *ctx, const char *path, sf_model **from, size_t *count);

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "../bench/clocks.h"
+#include "ranks.h"
 
 const arg_option training_log_options[] = {
     {"eval-every", 0, "N", "evaluate the held-out views every N steps, for the log's curve"},
@@ -201,21 +202,21 @@ void training_log_stop(training_log *w, const sf_fit_progress *p) {
         add_point(w, p, w->seconds, &(evaluation){0});
 }
 
-/* Share of the Gaussians whose longest axis is more than NEEDLE_ASPECT times the middle one. */
-static sf_status count_needles(const sf_model *model, double *share) {
+/* Gaussians whose longest axis is more than NEEDLE_ASPECT times the middle one. */
+static size_t count_needles(const sf_model *model) {
+    enum { AT_ONCE = 256 };
+    float scales[3 * AT_ONCE];
     size_t count = sf_model_count(model), needles = 0;
-    float *scales = count ? malloc(count * 3 * sizeof *scales) : NULL;
-    *share = 0;
-    sf_status status = count && !scales ? SF_ERR_MEMORY : SF_OK;
-    if (!status) status = sf_model_get(model, 0, count, &(sf_gaussians){.log_scales = scales});
-    for (size_t i = 0; i < count && !status; i++) {
-        double a = (double)scales[3 * i], b = (double)scales[3 * i + 1], c = (double)scales[3 * i + 2];
-        double longest = fmax(a, fmax(b, c)), middle = fmax(fmin(a, b), fmin(fmax(a, b), c));
-        needles += longest - middle > log(NEEDLE_ASPECT);
+    for (size_t from = 0; from < count; from += AT_ONCE) {
+        size_t n = count - from < AT_ONCE ? count - from : AT_ONCE;
+        if (sf_model_get(model, from, n, &(sf_gaussians){.log_scales = scales})) break; /* in range: never */
+        for (size_t i = 0; i < n; i++) {
+            double a = (double)scales[3 * i], b = (double)scales[3 * i + 1], c = (double)scales[3 * i + 2];
+            double longest = fmax(a, fmax(b, c)), middle = fmax(fmin(a, b), fmin(fmax(a, b), c));
+            needles += longest - middle > log(NEEDLE_ASPECT);
+        }
     }
-    if (count) *share = (double)needles / (double)count;
-    free(scales);
-    return status;
+    return needles;
 }
 
 /* The project's own name: of sim:studio without its settings, of a file that of its folder. */
@@ -248,12 +249,13 @@ static void log_scene(const training_log *w, json_t *scene) {
     json_object_set_new(scene, "height", json_integer(view.camera.height));
 }
 
-/* Of the model at the end. */
-static void log_model(const training_log *w, json_t *result, const sf_model *model) {
+/* Of the model at the end, of which each rank has a part. */
+static void log_model(const training_log *w, json_t *result, const sf_model *part) {
     const char *output = args_value(w->a, "output");
-    double needles = 0;
-    app_log_model(result, model, output ? output : FIT_OUTPUT);
-    if (!count_needles(model, &needles)) json_object_set_new(result, "needles", json_real(needles));
+    double all[] = {(double)sf_model_count(part), (double)count_needles(part)};
+    app_log_parts(w->ctx, result, part, output ? output : FIT_OUTPUT);
+    app_sum_over_ranks(w->ctx, all, 2);
+    json_object_set_new(result, "needles", json_real(all[0] > 0 ? all[1] / all[0] : 0));
 }
 
 void training_log_write(training_log *w, json_t *log, const sf_model *model, const evaluation *end) {

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../io/cameras_json.h"
+#include "../io/model_file.h"
 #include "moving_average.h"
 #include "ranks.h"
 #include "refine.h"
@@ -54,13 +55,34 @@ static sf_status gather(const sf_fitter *f, sf_model **model) {
     return status;
 }
 
-sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
-    sf_status status = sf_model_copy(f->model, f->model->count, model);
+sf_status sf_fitter_snapshot_part(const sf_fitter *f, sf_model **part) {
+    sf_status status = sf_model_copy(f->model, f->model->count, part);
     if (status) return status;
-    sf_take_moving_average(f, *model);
-    sf_merges_undo(&f->merges, *model);
-    if (sf_is_shared(f)) status = gather(f, model);
-    if (!status) sf_model_set_unit(*model, 0);
+    sf_take_moving_average(f, *part);
+    sf_merges_undo(&f->merges, *part);
+    sf_model_set_unit(*part, 0);
+    return SF_OK;
+}
+
+sf_status sf_fitter_snapshot(const sf_fitter *f, sf_model **model) {
+    sf_status status = sf_fitter_snapshot_part(f, model);
+    if (!status && sf_is_shared(f)) status = gather(f, model);
+    return status;
+}
+
+sf_status sf_fitter_save_model(const sf_fitter *f, const char *path, const sf_model_file_options *options) {
+    sf_model_file_options o = options ? *options : sf_model_file_options_default();
+    sf_model_format format;
+    sf_model *model = NULL;
+    sf_status status = sf_model_file_check(f->ctx, path, &o, &format);
+    if (!status) status = sf_fitter_snapshot_part(f, &model);
+    if (!status && sf_is_shared(f) && format == SF_MODEL_PLY) {
+        status = sf_ranks_save_ply(f, model, path, &o);
+    } else {
+        if (!status && sf_is_shared(f)) status = gather(f, &model);
+        if (!status && sf_is_first_rank(f)) status = sf_model_save_as(model, path, &o);
+    }
+    sf_model_destroy(&model);
     return status;
 }
 

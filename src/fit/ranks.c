@@ -56,6 +56,8 @@ sf_status sf_ranks_check(sf_fitter *f) {
     return compare_scenes(f);
 }
 
+int sf_is_first_rank(const sf_fitter *f) { return !sf_is_shared(f) || !cluster_of(f)->rank; }
+
 double sf_fit_seconds(const sf_fitter *f) {
     return sf_is_shared(f) ? f->shared_seconds : sf_clock() - f->start;
 }

@@ -8,6 +8,8 @@
 
 #include "fitter.h"
 
+/* Whether this is the rank that writes. */
+int sf_is_first_rank(const sf_fitter *fitter);
 /* Whether there are other ranks. */
 static inline int sf_is_shared(const sf_fitter *fitter) { return fitter->ctx->cluster != NULL; }
 
@@ -44,6 +46,11 @@ sf_rng *sf_rng_of_rank(sf_fitter *fitter);
 /* On rank 0 the Gaussians of all ranks, on the others none: *whole is the caller's. banded: NULL or [ranks]
  * [SF_BANDS], what each has. SF_ERR_MEMORY. */
 sf_status sf_ranks_gather(const sf_fitter *fitter, const sf_model *part, uint64_t *banded, sf_model **whole);
+
+/* Writes the model of all ranks as a .ply on rank 0, a part at a time. part: this rank's Gaussians, whose
+ * coordinates may change. A failure of one rank is one of all. */
+sf_status sf_ranks_save_ply(const sf_fitter *fitter, sf_model *part, const char *path,
+                            const sf_model_file_options *options);
 
 /* The same of all that follows the Gaussians: *whole is a copy of the fitter with the arrays of all ranks,
  * which sf_ranks_free_gathered frees. banded, banded_best: [ranks][SF_BANDS]. */

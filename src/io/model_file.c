@@ -138,6 +138,14 @@ static void warn_without_origin(const sf_model *model, const char *path) {
            path, model->origin[0], model->origin[1], model->origin[2]);
 }
 
+sf_status sf_model_file_check(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                              sf_model_format *format) {
+    sf_status status = check_options(ctx, options);
+    if (!status && !options->format) status = sf_model_check_name(ctx, path);
+    *format = options->format ? options->format : format_to_write(path);
+    return status;
+}
+
 static sf_status save(const sf_model *model, const char *path, sf_model_format format,
                       const sf_model_file_options *o) {
     sf_writer w;
@@ -152,11 +160,10 @@ static sf_status save(const sf_model *model, const char *path, sf_model_format f
 sf_status sf_model_save_as(const sf_model *model, const char *path, const sf_model_file_options *options) {
     sf_model_file_options o = options ? *options : sf_model_file_options_default();
     sf_model *copy = NULL;
-    sf_status status = check_options(model->ctx, &o);
-    if (!status && !o.format) status = sf_model_check_name(model->ctx, path);
+    sf_model_format format;
+    sf_status status = sf_model_file_check(model->ctx, path, &o, &format);
     if (!status) status = sf_model_check(model, path);
     if (status) return status;
-    sf_model_format format = o.format ? o.format : format_to_write(path);
     if (sf_model_has_origin(model) && o.world)
         status = copy_in_world(model, path, &copy);
     else if (sf_model_has_origin(model) && !formats[format].states_origin)

@@ -42,6 +42,11 @@ enum { SF_SPLAT_BYTES = 32, SF_SPLAT_SH_MOST = 48 };
 size_t sf_splat_sh_bytes(int sh_degree);
 sf_status sf_splat_encode(const sf_model *model, uint8_t *data, int sh_degree, uint8_t *sh);
 
+/* Options whose values are in range, or SF_ERR_ARGUMENT; and the format that they and the name say, or
+ * SF_ERR_UNSUPPORTED. */
+sf_status sf_model_file_check(sf_context *ctx, const char *path, const sf_model_file_options *options,
+                              sf_model_format *format);
+
 /* The bands to keep of a model that has `sh_degree`. */
 int sf_kept_degree(int sh_degree, const sf_model_file_options *options);
 

@@ -95,13 +95,15 @@ sf_status sf_ply_load(sf_context *ctx, const char *path, const sf_model_file_opt
 
 /* ---- Out ---- */
 
-static void put_header(sf_writer *w, const sf_model *model, const sf_file_value *list, int values) {
+void sf_ply_put_header(sf_writer *w, const sf_model *model, size_t count, int sh_degree) {
+    sf_file_value list[SF_GAUSSIAN_MOST];
+    int values = sf_gaussian_values(sh_degree, list);
     sf_writer_printf(w, "ply\nformat binary_little_endian 1.0\n");
     if (sf_model_antialiased(model)) sf_writer_printf(w, "comment SplatRenderMode: mip\n");
     const double *o = model->origin;
     if (o[0] != 0 || o[1] != 0 || o[2] != 0)
         sf_writer_printf(w, "comment origin %.17g %.17g %.17g\n", o[0], o[1], o[2]);
-    sf_writer_printf(w, "element vertex %zu\n", sf_model_count(model));
+    sf_writer_printf(w, "element vertex %zu\n", count);
     for (int i = 0; i < values; i++) {
         if (i == MEAN_VALUES)
             sf_writer_printf(w, "property float nx\nproperty float ny\nproperty float nz\n");
@@ -117,27 +119,38 @@ static uint8_t *encode(uint8_t *to, float value) {
     return to;
 }
 
-static void put_row(sf_writer *w, const sf_gaussian *g, const sf_file_value *list, int values) {
-    uint8_t row[4 * (SF_GAUSSIAN_MOST + NORMAL_VALUES)], *at = row;
-    for (int i = 0; i < values; i++) {
-        for (int k = 0; i == MEAN_VALUES && k < NORMAL_VALUES; k++) at = encode(at, 0);
-        at = encode(at, g->values[list[i].at]);
-    }
-    sf_writer_put(w, row, (size_t)(at - row));
+size_t sf_ply_row_bytes(int sh_degree) {
+    return 4 * (size_t)(11 + 3 * sf_coefficients(sh_degree) + NORMAL_VALUES);
 }
 
-sf_status sf_ply_put(sf_writer *w, const sf_model *model, int sh_degree,
-                     const sf_model_file_options *options) {
+sf_status sf_ply_encode(const sf_model *model, size_t first, size_t count, int sh_degree, uint8_t *at) {
     sf_file_value list[SF_GAUSSIAN_MOST];
     int values = sf_gaussian_values(sh_degree, list);
     sf_gaussian g;
     sf_gaussians fields = sf_gaussian_fields(&g);
-    (void)options;
-    put_header(w, model, list, values);
-    for (size_t i = 0; i < sf_model_count(model); i++) {
+    for (size_t i = first; i < first + count; i++) {
         sf_status status = sf_model_get(model, i, 1, &fields);
         if (status) return status;
-        put_row(w, &g, list, values);
+        for (int v = 0; v < values; v++) {
+            for (int k = 0; v == MEAN_VALUES && k < NORMAL_VALUES; k++) at = encode(at, 0);
+            at = encode(at, g.values[list[v].at]);
+        }
+    }
+    return SF_OK;
+}
+
+sf_status sf_ply_put(sf_writer *w, const sf_model *model, int sh_degree,
+                     const sf_model_file_options *options) {
+    enum { ROWS = 64 };
+    uint8_t rows[ROWS * 4 * (SF_GAUSSIAN_MOST + NORMAL_VALUES)];
+    size_t all = sf_model_count(model);
+    (void)options;
+    sf_ply_put_header(w, model, all, sh_degree);
+    for (size_t i = 0; i < all; i += ROWS) {
+        size_t n = all - i < ROWS ? all - i : ROWS;
+        sf_status status = sf_ply_encode(model, i, n, sh_degree, rows);
+        if (status) return status;
+        sf_writer_put(w, rows, n * sf_ply_row_bytes(sh_degree));
     }
     return SF_OK;
 }

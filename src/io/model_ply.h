@@ -17,6 +17,12 @@ sf_status sf_ply_bind_values(sf_ply *ply, const char *prefix, int file_degree, i
  * sf_model_builder_end says. */
 sf_status sf_ply_end_builder(sf_ply *ply, sf_model_builder *in, sf_status status, sf_model **model);
 
+/* Writes the header of a file of `count` Gaussians like the model's. */
+void sf_ply_put_header(sf_writer *w, const sf_model *model, size_t count, int sh_degree);
+/* The rows of Gaussians first .. first+count-1 as a file has them, sf_ply_row_bytes each. */
+size_t sf_ply_row_bytes(int sh_degree);
+sf_status sf_ply_encode(const sf_model *model, size_t first, size_t count, int sh_degree, uint8_t *rows);
+
 /* A compressed .ply, its vertices entered. On failure *model stays as it is. */
 sf_status sf_compressed_ply_load(sf_context *ctx, const char *path, sf_ply *ply,
                                  const sf_model_file_options *options, sf_model **model);
