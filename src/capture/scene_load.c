@@ -152,15 +152,17 @@ static sf_status need_training(sf_context *ctx, const char *name, const sf_split
                    count);
 }
 
-/* Where the memory has too little room for the pictures. */
+/* Where the memory has too little room for the pictures, or is for the Gaussians of one of several ranks. */
 static sf_status make_cache(sf_context *ctx, const char *name, const sf_sim *sim,
                             const sf_load_options *options, sf_pixel_cache **cache) {
     double budget = (double)sf_memory_budget((uint64_t)options->memory);
     double picture = 3.0 * (sim->width / options->downscale) * (sim->height / options->downscale);
     double bytes = (double)sim->frames * picture;
-    if (!sf_pixels_exceed(bytes, budget)) return SF_OK;
-    return sf_pixel_cache_create(ctx, name, (uint64_t)bytes, (size_t)picture,
-                                 sf_pixel_buffers(budget, picture), cache);
+    int exceeds = sf_pixels_exceed(bytes, budget);
+    if (!exceeds && !ctx->cluster) return SF_OK;
+    sf_status status = sf_pixel_cache_create(ctx, name, (uint64_t)bytes, (size_t)picture,
+                                             sf_pixel_buffers(exceeds ? budget : 0, picture), cache);
+    return status == SF_ERR_IO && !exceeds ? SF_OK : status;
 }
 
 static sf_status fill_scene(sf_scene *scene, const char *name, const sf_sim *sim,

@@ -286,6 +286,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_free(f->ctx, f->trace.ticks);
     sf_view_states_free(&f->views, f->ctx);
     sf_exposure_free(&f->exposure, f->ctx);
+    sf_free(f->ctx, f->band_pixels);
     sf_shard_empty(&f->workspace);
     sf_workspace_free(&f->workspace);
     sf_shard_destroy(&f->workspace);

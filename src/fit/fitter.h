@@ -167,6 +167,8 @@ struct sf_fitter {
     sf_exposure exposure;
 
     sf_workspace workspace;
+    uint8_t *band_pixels; /* of several ranks: the rows of the present view that this one compares */
+    size_t band_pixels_capacity;
     sf_rng rng;
     sf_rng rank_rng;       /* ranks.c: of the present densification of this rank's Gaussians */
     size_t shared_count;   /* Gaussians of all ranks, at the beginning of the step */

@@ -75,15 +75,25 @@ static sf_status stay_after_all(const sf_project *p, const picture_bytes *b, dou
     return SF_OK;
 }
 
+/* Each of several ranks needs a part of each picture: memory is for the Gaussians. Where no disk takes the
+ * pictures, memory that holds them does. */
+static sf_status move_for_ranks(const sf_project *p, const picture_bytes *b, sf_picture_plan *plan) {
+    if (!p->ctx->cluster) return SF_OK;
+    sf_status status = sf_pixel_cache_create(p->ctx, p->path, (uint64_t)b->kept, (size_t)b->largest,
+                                             sf_pixel_buffers(0, b->largest), &plan->cache);
+    return status == SF_ERR_IO ? SF_OK : status;
+}
+
 sf_status sf_plan_pictures(const sf_project *p, const sf_load_options *options, sf_picture_plan *plan) {
     *plan = (sf_picture_plan){.at_once = (size_t)sf_pool_threads(p->ctx->pool)};
     double budget = options->no_pixels ? 0 : (double)sf_memory_budget((uint64_t)options->memory);
-    if (!(budget > 0)) return SF_OK;
+    int known = budget > 0;
+    if (options->no_pixels || (!known && !p->ctx->cluster)) return SF_OK;
     double before = (double)sf_memory_resident(), left = budget - before;
     picture_bytes b;
     sf_status status = estimate(p, options, &b);
     if (status) return status;
-    if (stays(p, &b, budget, left, plan)) return SF_OK;
+    if (!known || stays(p, &b, budget, left, plan)) return move_for_ranks(p, &b, plan);
     size_t buffers = sf_pixel_buffers(budget, b.largest);
     double least = fmax(b.read, (double)buffers * b.largest);
     if (least > left)

@@ -11,7 +11,7 @@
 enum { HALO = 2 * SF_SSIM_RADIUS };
 
 /* Floats of a Gaussian's sums that come back: blend_bwd's nine; blend_importance has eight. */
-enum { RETURNED = 9 };
+enum { RETURNED = SF_SHARD_RETURNED / sizeof(float) };
 
 /* What a row of tiles costs beside its entries, in entries: pixels are filled and compared. */
 #define ROW_WORK 8.0
@@ -131,11 +131,47 @@ static size_t touching(const uint32_t *counts, size_t rows, size_t begin, size_t
     return n;
 }
 
-/* What is sent of a Gaussian. */
+/* What is sent of a Gaussian: the rest of its splat follows from it. */
 typedef struct packed {
-    sf_splat splat;
+    float u, v, l00, l01, m, log2_opacity, rgb[3], depth;
     uint16_t first_row, rows; /* within the band */
 } packed;
+
+_Static_assert(sizeof(packed) == SF_SHARD_SENT, "README.md of src/cluster counts the bytes");
+
+static packed packed_of(const sf_splat *s, size_t first_row, size_t end_row) {
+    packed p = {s->u,
+                s->v,
+                s->l00,
+                s->l01,
+                s->m,
+                s->log2_opacity,
+                {0},
+                s->depth,
+                (uint16_t)first_row,
+                (uint16_t)(end_row - first_row)};
+    memcpy(p.rgb, s->rgb, sizeof p.rgb);
+    return p;
+}
+
+/* The covariance of M.1 from its whitening factors: c = (w / m)^2, det = c (w / l00)^2, b / c = -l01 / l00.
+ * Sums of squares alone, which cannot cancel: right to some units in the last place. */
+static sf_splat splat_of(const packed *p) {
+    const float w = (float)SF_WHITEN;
+    sf_splat s = {.u = p->u, .v = p->v, .l00 = p->l00, .l01 = p->l01, .m = p->m, .depth = p->depth};
+    float r2 = fmaxf((float)(((double)p->log2_opacity + SF_LOG2_255) * SF_WHITEN_UNDO), 0);
+    float inv = 1 / p->l00, narrow = w * inv, high = w / p->m, slope = -p->l01 * inv, tilt = slope * high;
+    float a = narrow * narrow + tilt * tilt, r = sqrtf(r2), root_a = sqrtf(a), ratio = p->m * inv;
+    s.log2_opacity = p->log2_opacity;
+    memcpy(s.rgb, p->rgb, sizeof s.rgb);
+    s.slope = slope;
+    s.reach = r2 * narrow * narrow;
+    s.squeeze = ratio * ratio;
+    s.lean = tilt * high * r / root_a;
+    s.half_width = r * root_a;
+    s.half_height = r * high;
+    return s;
+}
 
 /* Calls for each band that Gaussian i touches, in the order of the ranks. */
 #define FOR_BANDS(ws, s, n, i, r, begin, end)                                                                \
@@ -152,7 +188,7 @@ static void pack(const sf_workspace *ws, packed *outgoing) {
         size_t first = ws->first_row[i], last = first + ws->rows[i];
         FOR_BANDS(ws, s, n, i, r, begin, end) {
             size_t from = first > begin ? first : begin, until = last < end ? last : end;
-            outgoing[at[r]++] = (packed){ws->splats[i], (uint16_t)from, (uint16_t)(until - from)};
+            outgoing[at[r]++] = packed_of(&ws->splats[i], from, until);
         }
     }
 }
@@ -182,13 +218,28 @@ static sf_status drawn_room(sf_workspace *ws, sf_drawn_arrays *d, size_t count) 
     return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &d->capacity, need);
 }
 
-/* Ranks in their order, and within a rank the order of its model: ties in depth go by it. */
-static void unpack(const packed *incoming, size_t count, sf_drawn_arrays *d) {
-    for (size_t i = 0; i < count; i++) {
-        d->splats[i] = incoming[i].splat;
-        d->first_row[i] = incoming[i].first_row;
-        d->rows[i] = incoming[i].rows;
+typedef struct unpack_job {
+    const packed *incoming;
+    size_t count;
+    const sf_drawn_arrays *drawn;
+} unpack_job;
+
+enum { GATHER = 1024 /* Gaussians a task */ };
+
+static void unpack_task(void *job_pointer, size_t task, int thread) {
+    (void)thread;
+    const unpack_job *job = job_pointer;
+    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < job->count; i++) {
+        job->drawn->splats[i] = splat_of(&job->incoming[i]);
+        job->drawn->first_row[i] = job->incoming[i].first_row;
+        job->drawn->rows[i] = job->incoming[i].rows;
     }
+}
+
+/* Ranks in their order, and within a rank the order of its model: ties in depth go by it. */
+static void unpack(const sf_workspace *ws, const packed *incoming, size_t count, sf_drawn_arrays *d) {
+    unpack_job job = {incoming, count, d};
+    sf_pool_run(ws->ctx->pool, (count + GATHER - 1) / GATHER, unpack_task, &job);
     for (size_t i = count; i < (count + SF_LANES - 1) / SF_LANES * SF_LANES; i++) {
         d->splats[i] = (sf_splat){0};
         d->first_row[i] = d->rows[i] = 0;
@@ -221,7 +272,7 @@ sf_status sf_shard_send(sf_workspace *ws) {
     if (status) return status;
     pack(ws, (packed *)(void *)s->outgoing);
     sf_cluster_exchange(ws->cluster, sizeof(packed), s->outgoing, s->send, s->incoming, s->receive);
-    unpack((const packed *)(const void *)s->incoming, received, &s->other);
+    unpack(ws, (const packed *)(const void *)s->incoming, received, &s->other);
     swap(ws);
     return SF_OK;
 }
@@ -260,8 +311,6 @@ typedef struct return_job {
     const sf_workspace *ws;
     float *sums; /* [count][RETURNED] */
 } return_job;
-
-enum { GATHER = 1024 /* Gaussians a task */ };
 
 static void add_slots(void *job_pointer, size_t task, int thread) {
     (void)thread;
@@ -311,6 +360,14 @@ sf_status sf_shard_return(sf_workspace *ws) {
 void sf_shard_rows(const sf_workspace *ws, size_t *first, size_t *end) {
     *first = 0, *end = (size_t)ws->eye.height;
     if (ws->shard && ws->band_only) rows_of_band(ws, rank_of(ws), first, end);
+}
+
+void sf_shard_loss_rows(const sf_workspace *ws, size_t *first, size_t *end) {
+    size_t height = (size_t)ws->eye.height;
+    sf_shard_rows(ws, first, end);
+    if (!ws->shard || !ws->band_only || *first == *end) return;
+    *first = *first > HALO ? *first - HALO : 0;
+    *end = *end + HALO < height ? *end + HALO : height;
 }
 
 void sf_shard_tile_rows(const sf_workspace *ws, size_t *first, size_t *end) {

@@ -33,6 +33,9 @@ typedef struct sf_shard {
     size_t *ranges; /* [4 ranks] scratch */
 } sf_shard;
 
+/* Bytes of what travels of a Gaussian: to a band that it touches, and back. */
+enum { SF_SHARD_SENT = 44, SF_SHARD_RETURNED = 36 };
+
 /* Makes the workspace share its renders with the other ranks of the context's cluster. SF_ERR_MEMORY. */
 sf_status sf_shard_create(sf_workspace *ws);
 /* Before sf_workspace_free: frees the arrays, but not what says that renders are shared. */
@@ -54,6 +57,8 @@ sf_status sf_shard_return(sf_workspace *ws);
 /* Rows of pixels of the part of the picture that this rank works on: the band where ws->band_only, else all.
  */
 void sf_shard_rows(const sf_workspace *ws, size_t *first, size_t *end);
+/* Rows of pixels that the loss of that part reads: where ws->band_only those around the band, too. */
+void sf_shard_loss_rows(const sf_workspace *ws, size_t *first, size_t *end);
 /* The same for rows of tiles that it draws. */
 void sf_shard_tile_rows(const sf_workspace *ws, size_t *first, size_t *end);
 /* Sums over the ranks what each has of its band; whole pictures are left alone. */

@@ -1,11 +1,15 @@
 /* pixels.c - see pixels.h. */
 #include "pixels.h"
 
+#include <string.h>
+
 static size_t pixels_of(const sf_view *view) {
     return (size_t)view->camera.width * (size_t)view->camera.height;
 }
 
-static size_t bytes_of(const sf_view *view) { return (view->has_weight ? 4 : 3) * pixels_of(view); }
+size_t sf_view_pixel_bytes(const sf_view *view) { return view->has_weight ? 4 : 3; }
+
+static size_t bytes_of(const sf_view *view) { return sf_view_pixel_bytes(view) * pixels_of(view); }
 
 static sf_status not_read(const sf_view *view) {
     return sf_fail(view->ctx, SF_ERR_ARGUMENT, "%s: its picture was not read (no_pixels)", view->name);
@@ -23,6 +27,22 @@ sf_status sf_view_open(const sf_view *view, sf_view_pixels *pixels) {
 void sf_view_close(const sf_view *view, sf_view_pixels *pixels) {
     if (view->cache && pixels->rgb) sf_pixel_cache_close(view->cache, view->cached_at);
     *pixels = (sf_view_pixels){NULL, NULL};
+}
+
+sf_status sf_view_read_rows(const sf_view *view, size_t first, size_t end, uint8_t *buffer,
+                            sf_view_pixels *pixels) {
+    size_t width = (size_t)view->camera.width, plane = pixels_of(view), n = (end - first) * width;
+    *pixels = (sf_view_pixels){buffer, view->has_weight ? buffer + 3 * n : NULL};
+    if (!view->rgb && !view->cache) return not_read(view);
+    sf_status status = SF_OK;
+    for (size_t c = 0; c < sf_view_pixel_bytes(view) && !status; c++) {
+        if (view->rgb)
+            memcpy(buffer + c * n, (c < 3 ? view->rgb + c * plane : view->weight) + first * width, n);
+        else
+            status = sf_pixel_cache_peek(view->cache, view->cached_at, c * plane + first * width,
+                                         buffer + c * n, n);
+    }
+    return status;
 }
 
 sf_status sf_view_weight(const sf_view *view, size_t x, size_t y, uint8_t *weight) {

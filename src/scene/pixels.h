@@ -15,6 +15,13 @@ typedef struct sf_view_pixels {
 sf_status sf_view_open(const sf_view *view, sf_view_pixels *pixels);
 void sf_view_close(const sf_view *view, sf_view_pixels *pixels);
 
+/* Copies rows first .. end-1 of a view to a buffer of as much room as those have in the planes of a view of
+ * end-first rows, which *pixels then is. Errors as sf_view_open. */
+sf_status sf_view_read_rows(const sf_view *view, size_t first, size_t end, uint8_t *buffer,
+                            sf_view_pixels *pixels);
+/* Bytes of a pixel: 3, or 4 with its weight. */
+size_t sf_view_pixel_bytes(const sf_view *view);
+
 /* The weight of a single pixel, 255 where all have full weight; its colour. Errors as sf_view_open. Where the
  * pixels are in a file each reads it: for more than a few the view is opened. */
 sf_status sf_view_weight(const sf_view *view, size_t x, size_t y, uint8_t *weight);
