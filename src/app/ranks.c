@@ -76,7 +76,8 @@ void app_print_ranks(sf_context *ctx, FILE *out, long long steps) {
     sf_cluster_info info;
     sf_cluster_get_info(ctx, &info);
     if (info.size == 1) return;
-    const double mine[] = {app_peak_memory(), (double)info.sent, (double)info.rounds};
+    const double mine[] = {app_peak_memory(), (double)info.sent, (double)info.rounds, (double)info.in_steps,
+                           info.designed};
     enum { VALUES = sizeof mine / sizeof *mine };
     double *all = malloc((size_t)info.size * sizeof mine), n = steps ? (double)steps : 1;
     if (!all) return sf_cluster_abort(ctx, EXIT_FAILED);
@@ -85,6 +86,10 @@ void app_print_ranks(sf_context *ctx, FILE *out, long long steps) {
         fprintf(out, "rank %d: peak memory %.0f MB, sent %.1f MB, %.0f kB a step in %.1f exchanges\n", r,
                 all[VALUES * r], all[VALUES * r + 1] / 1e6, all[VALUES * r + 1] / n / 1e3,
                 all[VALUES * r + 2] / n);
+    double sent = 0, designed = 0;
+    for (int r = 0; r < info.size; r++) sent += all[VALUES * r + 3], designed += all[VALUES * r + 4];
+    fprintf(out, "steps of all ranks: %.1f kB sent in each, %.1f designed, %+.1f %%\n", sent / n / 1e3,
+            designed / n / 1e3, designed > 0 ? 100 * (sent / designed - 1) : 0);
     free(all);
 }
 

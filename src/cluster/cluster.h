@@ -29,6 +29,8 @@ struct sf_cluster {
     void *state; /* of ops */
     int rank, size;
     uint64_t sent, rounds;
+    uint64_t in_steps; /* of `sent`: sf_cluster_info */
+    double designed;
     size_t *offsets; /* [4 size], scratch of sf_cluster_exchange */
 };
 

@@ -36,7 +36,9 @@ void sf_cluster_get_info(const sf_context *ctx, sf_cluster_info *info) {
     *info = (sf_cluster_info){.rank = c ? c->rank : 0,
                               .size = c ? c->size : 1,
                               .sent = c ? c->sent : 0,
-                              .rounds = c ? c->rounds : 0};
+                              .rounds = c ? c->rounds : 0,
+                              .in_steps = c ? c->in_steps : 0,
+                              .designed = c ? c->designed : 0};
     if (gethostname(info->host, sizeof info->host - 1)) strcpy(info->host, "?");
 }
 

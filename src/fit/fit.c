@@ -122,6 +122,7 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
     sf_workspace *ws = &f->workspace;
     int exposed = state && f->options.exposure;
     double weight_sum;
+    uint64_t before = sf_ranks_sent(f);
     ws->band_only = 1; /* of several ranks each needs but its band of the picture */
     sf_status status = sf_draw_view(f, view, state, &weight_sum);
     if (status) {
@@ -135,6 +136,7 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
     if (!status && f->options.background == SF_BACKGROUND_AUTO)
         status = sf_stage_background_bwd(ws, d->background);
     ws->band_only = 0;
+    sf_ranks_count_step(f, before);
     return status;
 }
 

@@ -72,6 +72,12 @@ int sf_ranks_begin_step(sf_fitter *f) {
     return now[1] > 0;
 }
 
+uint64_t sf_ranks_sent(const sf_fitter *f) { return sf_is_shared(f) ? cluster_of(f)->sent : 0; }
+
+void sf_ranks_count_step(const sf_fitter *f, uint64_t before) {
+    if (sf_is_shared(f)) cluster_of(f)->in_steps += cluster_of(f)->sent - before;
+}
+
 size_t sf_total(const sf_fitter *f, size_t count) {
     return sf_is_shared(f) ? sf_cluster_sum_count(cluster_of(f), count) : count;
 }

@@ -29,6 +29,10 @@ double sf_fit_seconds(const sf_fitter *fitter);
 /* At the beginning of a step: time, and whether a rank was cancelled. */
 int sf_ranks_begin_step(sf_fitter *fitter);
 
+/* Bytes that this rank has sent; counts those after `before` as a step's. */
+uint64_t sf_ranks_sent(const sf_fitter *fitter);
+void sf_ranks_count_step(const sf_fitter *fitter, uint64_t before);
+
 /* Over all ranks. */
 size_t sf_total(const sf_fitter *fitter, size_t count);
 double sf_total_of(const sf_fitter *fitter, double value);

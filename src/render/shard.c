@@ -199,6 +199,18 @@ static size_t sum_of(const size_t *counts, size_t n) {
     return sum;
 }
 
+/* What this rank should send for a step (src/cluster/README.md): a Gaussian touches one band, and one more
+ * for each boundary between bands in it, which may be at any row of tiles. Near depths are floats, 8 KB of
+ * them. */
+static double designed_bytes(const sf_workspace *ws) {
+    const double near_depths = 8192, halo = 4.0 * SF_CHANNELS * HALO;
+    double n = (double)ranks_of(ws), tiles_y = (double)ws->eye.tiles_y, seen = 0, rows = 0;
+    for (size_t i = 0; i < ws->count; i++) seen += ws->rows[i] > 0, rows += ws->rows[i];
+    double touched = seen + (n - 1) * (rows - seen) / fmax(tiles_y - 1, 1);
+    return (n - 1) / n * (touched * (SF_SHARD_SENT + SF_SHARD_RETURNED) + near_depths) +
+           (n - 1) * COUNTS * sizeof(uint32_t) * tiles_y + 2 * (n - 1) / n * halo * (double)ws->stride;
+}
+
 static sf_status counts_room(sf_workspace *ws) {
     sf_shard *s = ws->shard;
     size_t rows = (size_t)ws->eye.tiles_y;
@@ -257,6 +269,7 @@ sf_status sf_shard_send(sf_workspace *ws) {
     if (status) return status;
     uint32_t *mine = s->counts + COUNTS * n * rows;
     count_rows(ws, mine);
+    if (ws->band_only) ws->cluster->designed += designed_bytes(ws);
     sf_cluster_gather_bytes(ws->cluster, mine, COUNTS * rows * sizeof *mine, s->counts);
     choose_bands(ws);
     for (size_t r = 0; r < n; r++) {

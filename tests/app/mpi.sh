@@ -56,7 +56,14 @@ several() { # N
         cmp "$scratch/$1.ply" "$scratch/$1-again.ply" && [ "$(grep -c '^wrote' "$scratch/$1.out")" = 1 ] &&
         [ "$(grep -c '^rank [0-9]*: peak memory' "$scratch/$1.out")" = "$1" ]
 }
+# What the steps sent is within 10 % of the formula of src/cluster/README.md, which is for bands of several rows of tiles.
+as_designed() {
+    local off
+    off=$(sed -n 's/^steps of all ranks: .* kB sent in each, .* designed, [-+]\([0-9]*\)\.[0-9] %$/\1/p' "$scratch/2.out")
+    [ -n "$off" ] && [ "$off" -lt 10 ] || { grep '^steps of' "$scratch/2.out"; return 1; }
+}
 check "two ranks write the same bytes each time, and one of them speaks" several 2
+check "they send as many bytes in a step as designed" as_designed
 check "four ranks, too" several 4
 
 # The PSNR of the held-out views, in hundredths of a dB.

@@ -96,7 +96,8 @@ typedef struct fit_job {
     float rgb[MOST][3 * PIXELS];
     double psnr;
     size_t counts[MOST];
-    uint64_t sent;
+    uint64_t sent, in_steps[MOST];
+    double designed[MOST];
     sf_fit_progress progress;
     int save_at;          /* after this step a checkpoint is written; 0: none */
     const char *load;     /* NULL, or the checkpoint to go on from */
@@ -140,6 +141,10 @@ static sf_status fit(sf_context *ctx, int rank, void *user) {
         status = view_of(ctx, scene, f, rank, job);
     }
     if (!status) status = sf_fitter_snapshot(f, &model);
+    if (!status && ctx->cluster) {
+        job->in_steps[rank] = ctx->cluster->in_steps;
+        job->designed[rank] = ctx->cluster->designed;
+    }
     if (!status && !rank) {
         job->sent = ctx->cluster ? ctx->cluster->sent : 0;
         status = sf_model_save_as(model, test_path("ranks.ply"), NULL);
@@ -226,6 +231,10 @@ static void test_whole_fit(void **state) {
     assert_true(two->psnr > one->psnr - 0.5);
     assert_true(two->progress.gaussians > one->counts[0] * 9 / 10);
     assert_true(two->progress.gaussians <= 3000);
+    double sent = (double)two->in_steps[0] + (double)two->in_steps[1],
+           designed = two->designed[0] + two->designed[1];
+    print_message("sent in steps: %.0f bytes, designed %.0f\n", sent, designed);
+    assert_true(designed > 0 && fabs(sent / designed - 1) < 0.1);
     free(bytes);
     free(same);
     free(one);
@@ -268,6 +277,79 @@ static void test_checkpoint(void **state) {
     free(on);
 }
 
+/* 3. A first model that is read in parts, and a model that is written in parts. */
+
+typedef struct parts_job {
+    size_t counts[MOST];
+    float rgb[3 * PIXELS];
+    size_t total;
+} parts_job;
+
+static sf_status go_on(sf_context *ctx, int rank, void *user) {
+    parts_job *job = user;
+    sf_scene *scene = NULL;
+    sf_fitter *f = NULL;
+    sf_model *from = NULL, *whole = NULL;
+    sf_view_info view;
+    sf_fit_progress progress;
+    sf_fit_options options = sf_fit_options_default();
+    sf_model_file_options file = sf_model_file_options_default();
+    file.part = rank, file.parts = ctx->cluster ? ctx->cluster->size : 1;
+    options.steps = 10;
+    options.max_gaussians = 3000;
+    sf_status status = sf_model_load_as(ctx, test_path("ranks.ply"), &file, &from);
+    if (!status) job->counts[rank] = sf_model_count(from);
+    if (!status) status = sf_scene_load(ctx, PROJECT, NULL, &scene);
+    if (!status) status = sf_fitter_create(ctx, scene, from, &options, &f);
+    if (!status) status = sf_scene_get_view(scene, 1, &view);
+    if (!status) status = sf_fitter_render(f, &view.camera, &(sf_image_out){.rgb = rank ? NULL : job->rgb});
+    if (!status) status = sf_fitter_save_model(f, test_path("parts.ply"), NULL);
+    if (!status) status = sf_fitter_snapshot(f, &whole);
+    if (!status && !rank) status = sf_model_save_as(whole, test_path("whole.ply"), NULL);
+    if (!status && !rank) {
+        sf_fitter_get_progress(f, &progress);
+        job->total = progress.gaussians;
+    }
+    sf_model_destroy(&whole);
+    sf_model_destroy(&from);
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    return status;
+}
+
+static void test_parts(void **state) {
+    (void)state;
+    static parts_job one, some;
+    size_t size, other_size;
+    fit_job *job = new_job(PROJECT, 60);
+    job->options.max_gaussians = 3000;
+    free(fitted(job, 1, 2, &size));
+    free(job);
+    assert_int_equal(ranks_run(1, 1, go_on, &one), SF_OK);
+    for (int ranks = 2; ranks <= MOST; ranks++) {
+        memset(&some, 0, sizeof some);
+        assert_int_equal(ranks_run(ranks, 1, go_on, &some), SF_OK);
+        size_t sum = 0, least = one.counts[0], most = 0;
+        for (int r = 0; r < ranks; r++) {
+            sum += some.counts[r];
+            least = some.counts[r] < least ? some.counts[r] : least;
+            most = some.counts[r] > most ? some.counts[r] : most;
+        }
+        assert_int_equal(sum, one.counts[0]);
+        assert_int_equal(some.total, sum);
+        assert_true(most - least <= SF_PIECE);
+        int off = 0;
+        for (int p = 0; p < 3 * PIXELS; p++) off += fabsf(some.rgb[p] - one.rgb[p]) > 1e-4f;
+        assert_true(off < 3 * PIXELS / 1000);
+        uint8_t *parts = test_read(test_path("parts.ply"), &size);
+        uint8_t *whole = test_read(test_path("whole.ply"), &other_size);
+        assert_int_equal(size, other_size);
+        assert_memory_equal(parts, whole, size);
+        free(parts);
+        free(whole);
+    }
+}
+
 static sf_status refused(sf_context *ctx, int rank, void *user) {
     fit_job *job = user;
     sf_scene *scene;
@@ -296,6 +378,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_largest),     cmocka_unit_test(test_sums_and_rows),
         cmocka_unit_test(test_first_steps), cmocka_unit_test(test_whole_fit),
-        cmocka_unit_test(test_checkpoint),  cmocka_unit_test(test_refusals)};
+        cmocka_unit_test(test_parts),       cmocka_unit_test(test_checkpoint),
+        cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
