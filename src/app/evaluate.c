@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app.h"
+#include "ranks.h"
 
 sf_status app_draw_model(void *drawer, const sf_view_info *view, float *rgb) {
     const app_drawer *d = drawer;
@@ -92,7 +92,8 @@ sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *v
         status =
             sf_compare(renderer, width, height, p.drawn, p.truth, view->has_mask ? p.weight : NULL, quality);
     if (status == SF_ERR_EMPTY) status = SF_OK; /* masked altogether: no quality */
-    if (!status) status = sf_write_png(ctx, path, width, height, draw ? p.drawn : p.truth);
+    if (!status && app_is_first_rank(ctx))
+        status = sf_write_png(ctx, path, width, height, draw ? p.drawn : p.truth);
     sf_renderer_destroy(&renderer);
     free(p.truth);
     return status;
@@ -108,7 +109,8 @@ sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *v
         memcpy(both + 2 * row * y, p.truth + row * y, row * sizeof *both);
         memcpy(both + 2 * row * y + row, p.drawn + row * y, row * sizeof *both);
     }
-    if (!status) status = sf_write_png(ctx, path, (int)(2 * width), (int)height, both);
+    if (!status && app_is_first_rank(ctx))
+        status = sf_write_png(ctx, path, (int)(2 * width), (int)height, both);
     free(both);
     free(p.truth);
     return status;

@@ -223,7 +223,7 @@ static int write_cameras(const fit_run *r) {
 /* The first held-out view and its render. */
 static int write_comparison(const fit_run *r) {
     const char *path = app_output(r->a, "compare");
-    if (!path) return 0;
+    if (!path) return 0; /* of several ranks all draw */
     sf_view_info view;
     if (training_log_first_held_out(r->scene, &view)) return app_fail(r->a, r->ctx);
     return app_write_pair(r->ctx, r->scene, &view, draw, r->fitter, path) ? app_fail(r->a, r->ctx) : 0;
@@ -371,16 +371,13 @@ static int load_scene(fit_run *r) {
     return error;
 }
 
-/* Those that one rank alone can do so far. */
-static const char *const one_rank_options[] = {"eval-at", "snapshots", "compare", NULL};
-
 static int prepare(fit_run *r) {
     const char *from_path = args_value(r->a, "from");
     sf_model *from = NULL;
     size_t count = 0;
     static const char *const outputs[] = {"log", "compare", "cameras", "checkpoint"};
     int error = app_context(r->a, &r->ctx);
-    if (!error) error = app_join(r->a, r->ctx, one_rank_options);
+    if (!error) error = app_join(r->a, r->ctx);
     if (!error) r->out = app_rank_out(r->ctx, r->out);
     if (!error) error = read_options(r);
     if (!error) error = progress_start(&r->line, r->a, r->out);

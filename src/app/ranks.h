@@ -4,9 +4,9 @@
 
 #include "app.h"
 
-/* Joins the ranks. refused: names of options that do not work with several, ended by NULL. From here on
- * ranks other than 0 say nothing but their own errors, with rank and host. 0 or an exit code. */
-int app_join(const args *a, sf_context *ctx, const char *const *refused);
+/* Joins the ranks. From here on ranks other than 0 say nothing but their own errors, with rank and host. 0 or
+ * an exit code. */
+int app_join(const args *a, sf_context *ctx);
 /* Whether this is rank 0, which alone writes files; whether there are others. */
 int app_is_first_rank(const sf_context *ctx);
 int app_has_ranks(const sf_context *ctx);

@@ -66,7 +66,7 @@ int training_log_start(training_log *w, sf_context *ctx, sf_scene *scene, sf_fit
     w->machine.threads = sf_context_threads(ctx);
     const char *folder = args_value(w->a, "snapshots");
     if (folder) w->snapshots = json_array();
-    int error = folder ? app_make_folder(w->a, folder) : 0;
+    int error = folder && app_is_first_rank(ctx) ? app_make_folder(w->a, folder) : 0;
     w->setup = training_log_seconds(w);
     return error;
 }
@@ -167,13 +167,23 @@ static void look(training_log *w, int evaluate, int snapshots, double seconds, e
     if (evaluate) w->status = app_evaluate(w->ctx, w->scene, w->a, "test", w->draw, w->fitter, e);
     if (!w->status && snapshots && !w->snapshots_done) w->status = write_snapshot(w, 0, seconds);
     if (!w->status && snapshots) w->status = write_snapshot(w, snapshot_at[snapshots - 1], seconds);
+    if (app_has_ranks(w->ctx)) w->status = (sf_status)app_most_of_ranks(w->ctx, w->status);
     double took = sf_clock() - began;
     w->evaluating += took;
     sf_fitter_skip_time(w->fitter, took);
 }
 
-void training_log_step(training_log *w, const sf_fit_progress *p) {
+/* Of several ranks all evaluate at the same step: what the first says counts. */
+static double seconds_of_ranks(const training_log *w) {
     double seconds = training_log_seconds(w);
+    if (!app_has_ranks(w->ctx) || !(w->eval_times || w->snapshots)) return seconds;
+    if (!app_is_first_rank(w->ctx)) seconds = 0;
+    app_sum_over_ranks(w->ctx, &seconds, 1);
+    return seconds;
+}
+
+void training_log_step(training_log *w, const sf_fit_progress *p) {
+    double seconds = seconds_of_ranks(w);
     int times = times_due(w, seconds), snapshots = snapshots_due(w, seconds);
     int evaluate = times > w->eval_done || (w->eval_every && p->step % w->eval_every == 0);
     evaluation e = {0};

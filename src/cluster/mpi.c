@@ -1,19 +1,43 @@
 /* mpi.c - ranks that are processes of MPI. The only file that sees MPI. */
+#define _POSIX_C_SOURCE 200809L /* nanosleep */
 #include "cluster.h"
 
 #ifdef SF_HAVE_MPI
 
+#include <sched.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include <mpi.h>
 
 /* MPI counts in int. */
 enum { MOST_BYTES = 1 << 30 };
 
+/* Waits for all of them. MPI's own waiting keeps a processor busy, which a rank that works may need: beyond
+ * a short while the processor is left to others between two looks. */
+static void wait_all(MPI_Request *requests, int n) {
+    enum { LOOKS = 2000, YIELDS = 200 };
+    const struct timespec rest = {0, 50000};
+    for (int k = 0; k < n; k++) {
+        MPI_Status status; /* gcc takes MPICH's MPI_STATUSES_IGNORE for an array of none */
+        int done = 0;
+        for (int look = 0; !done; look++) {
+            MPI_Test(requests + k, &done, &status);
+            if (done || look < LOOKS) continue;
+            if (look < LOOKS + YIELDS)
+                sched_yield();
+            else
+                nanosleep(&rest, NULL);
+        }
+    }
+}
+
 static void gather(sf_cluster *c, const void *from, size_t bytes, void *to) {
+    MPI_Request request;
     (void)c;
-    MPI_Allgather(from, (int)bytes, MPI_BYTE, to, (int)bytes, MPI_BYTE, MPI_COMM_WORLD);
+    MPI_Iallgather(from, (int)bytes, MPI_BYTE, to, (int)bytes, MPI_BYTE, MPI_COMM_WORLD, &request);
+    wait_all(&request, 1);
 }
 
 /* Sends or receives in parts; returns the number of requests. */
@@ -52,10 +76,7 @@ static void exchange(sf_cluster *c, const char *from, const size_t *send_at, con
         n += post(requests + n, (char *)(uintptr_t)(from + send_at[target]), send_bytes[target], target, 1);
     }
     if (send_bytes[c->rank]) memcpy(to + receive_at[c->rank], from + send_at[c->rank], send_bytes[c->rank]);
-    for (int k = 0; k < n; k++) {
-        MPI_Status status; /* gcc takes MPICH's MPI_STATUSES_IGNORE for an array of none */
-        MPI_Wait(requests + k, &status);
-    }
+    wait_all(requests, n);
     sf_free(c->ctx, requests);
 }
 

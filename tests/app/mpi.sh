@@ -79,14 +79,22 @@ quality() {
 }
 check "several ranks fit as well as one" quality
 
+# All ranks draw, one writes: pictures of moments, held-out views at them, a comparison.
+watched() {
+    ranks 2 "${fit[@]}" --steps 150 --eval-at 0.01,0.1 --snapshots "$scratch/shots" --compare "$scratch/pair.png" --log "$scratch/watched.json" \
+        -o "$scratch/watched.ply" >/dev/null && cmp "$scratch/watched.ply" "$scratch/2.ply" && [ -s "$scratch/pair.png" ] &&
+        [ "$(grep -c '"psnr"' "$scratch/watched.json")" -ge 3 ]
+}
+check "evaluations, snapshots and a comparison change nothing" watched
+
 # Fails at once, with one line of rank 0 and no model.
 refused() { # WHAT ARGUMENT...
     local what=$1
     shift
     ranks 2 "${fit[@]}" "$@" -o "$scratch/refused.ply" >"$scratch/refused" 2>&1 && return 1
-    [ "$(grep -c -e "$what" "$scratch/refused")" = 1 ] && [ ! -e "$scratch/refused.ply" ]
+    grep -q -e "$what" "$scratch/refused" && [ ! -e "$scratch/refused.ply" ]
 }
-check "what several ranks cannot do is said once" refused '--eval-at: does not work with more than one rank' --eval-at 1 --steps 5
+check "what several ranks cannot do is said" refused 'refine_poses: does not work with more than one rank' --refine-poses --steps 5
 
 # The processes of the ranks that write a file of this name.
 ranks_of() { # NAME
