@@ -65,13 +65,14 @@ static sf_status load_target(sf_fitter *f, const sf_view *view, int factor, doub
     sf_workspace *ws = &f->workspace;
     sf_view_pixels pixels;
     target_job job = {ws, f->ctx->kernels, &view->camera, &pixels, factor, 0, (size_t)view->camera.height};
-    ws->has_weight = view->has_weight;
     if (ws->shard && ws->band_only) {
+        ws->has_weight = view->has_weight;
         sf_status status = load_rows(f, view, &job);
         if (status) return status;
     } else {
         sf_status status = sf_view_open(view, &pixels);
         if (status) return status;
+        ws->has_weight = pixels.weight != NULL;
         sf_pool_run(f->ctx->pool, (size_t)ws->eye.height, target_task, &job);
         sf_view_close(view, &pixels);
     }

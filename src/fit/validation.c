@@ -189,13 +189,23 @@ static sf_status validate(sf_fitter *f, double fraction) {
     return SF_OK;
 }
 
+/* The restore point is rounded, so that its PSNR is measured again. */
+static sf_status go_back(sf_fitter *f) {
+    double psnr;
+    size_t views;
+    sf_status status = sf_go_to_restore_point(f);
+    if (!status) status = sf_measure_validation(f, &psnr, &views);
+    if (!status && views) f->validation.psnr = psnr;
+    return status;
+}
+
 /* Merges the views of validation back into training when the cool-down begins. The model is the present one
  * unless its PSNR fell by more than FALL; before an early cool-down it is the best one. */
 static sf_status merge_back(sf_fitter *f) {
     double most = sf_cools_down_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
     if (sf_has_restore_point(f) && f->validation.psnr < f->validation.best_psnr - most)
-        status = sf_go_to_restore_point(f);
+        status = go_back(f);
     if (status) return status;
     sf_drop_restore_point(f);
     f->validation.merged = 1;
@@ -227,7 +237,7 @@ sf_status sf_validation_step(sf_fitter *f, double fraction) {
     }
     if (over && !f->end) f->end = why_over(f);
     if (f->end && validates && sf_has_restore_point(f) && f->validation.psnr < f->validation.best_psnr)
-        status = sf_go_to_restore_point(f);
+        status = go_back(f);
     if (!f->end && merging && (fraction >= f->cool_down.from || needs_no_more(f, fraction)))
         status = merge_back(f);
     return status ? status : f->end ? SF_ERR_END : SF_OK;

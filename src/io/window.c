@@ -14,7 +14,8 @@ sf_status sf_window_open(sf_window *w, sf_context *ctx, const char *path) {
     if (fstat(w->fd, &st) || !S_ISREG(st.st_mode))
         return sf_fail(ctx, SF_ERR_IO, "%s: is not a regular file", path);
     w->size = (uint64_t)st.st_size;
-    w->bytes = sf_alloc(ctx, SF_WINDOW_BYTES, 1);
+    w->room = w->size < SF_WINDOW_BYTES ? (size_t)w->size : SF_WINDOW_BYTES;
+    w->bytes = sf_alloc(ctx, w->room + 1, 1);
     return w->bytes ? SF_OK : SF_ERR_MEMORY;
 }
 
@@ -26,10 +27,10 @@ void sf_window_close(sf_window *w) {
 }
 
 const uint8_t *sf_window_move(sf_window *w, uint64_t at, size_t n) {
-    if (at > w->size || n > w->size - at || n > SF_WINDOW_BYTES) return NULL;
+    if (at > w->size || n > w->size - at || n > w->room) return NULL;
     w->at = at, w->count = 0;
     while (w->count < n) {
-        ssize_t got = pread(w->fd, w->bytes + w->count, SF_WINDOW_BYTES - w->count, (off_t)(at + w->count));
+        ssize_t got = pread(w->fd, w->bytes + w->count, w->room - w->count, (off_t)(at + w->count));
         if (got < 0 && errno == EINTR) continue;
         if (got <= 0) return NULL;
         w->count += (size_t)got;

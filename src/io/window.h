@@ -16,7 +16,8 @@ typedef struct sf_window {
     uint64_t size; /* of the file */
     uint64_t at;   /* of bytes[0] in the file */
     size_t count;
-    uint8_t *bytes; /* [SF_WINDOW_BYTES] */
+    size_t room;    /* SF_WINDOW_BYTES; less of a small file */
+    uint8_t *bytes; /* [room] */
 } sf_window;
 
 /* SF_ERR_IO: it is no regular file, or cannot be opened. Closed with sf_window_close, also after a failure.
