@@ -83,7 +83,7 @@ boot_board() {
     build STATIC=0 deps
     boot "vivid, uvcvideo" vivid,faults,uvc 300 "build/$toolchain-static"
     if grep -q SF_HAVE_LIBCAMERA "build/$toolchain/flags"; then
-        boot_shared "libcamera, live" libcamera,live 500 "build/$toolchain"
+        boot_shared "libcamera, live" libcamera,live 1200 "build/$toolchain"
     else
         echo "board: libcamera: skipped: $root has none"
         echo 0 0 1 >>"$scratch/sums"
