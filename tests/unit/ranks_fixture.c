@@ -1,10 +1,12 @@
 /* ranks_fixture.c - see ranks_fixture.h. */
 #include "ranks_fixture.h"
 
+#include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 enum { MOST_RANKS = 8 };
 
@@ -28,6 +30,21 @@ typedef struct one_rank {
     sf_status status;
 } one_rank;
 
+ranks_network ranks_between;
+
+static void travel(const sf_cluster *c, const size_t *send_bytes, const size_t *receive_bytes) {
+    size_t sent = 0, received = 0;
+    if (!(ranks_between.bandwidth > 0)) return;
+    for (int r = 0; r < c->size; r++) {
+        if (r == c->rank) continue;
+        sent += send_bytes[r], received += receive_bytes[r];
+    }
+    double seconds =
+        ranks_between.latency + (double)(sent > received ? sent : received) / ranks_between.bandwidth;
+    struct timespec left = {(time_t)seconds, (long)(1e9 * (seconds - floor(seconds)))};
+    while (nanosleep(&left, &left)) continue;
+}
+
 static void exchange(sf_cluster *c, const char *from, const size_t *send_at, const size_t *send_bytes,
                      char *to, const size_t *receive_at, const size_t *receive_bytes) {
     ranks *all = c->state;
@@ -35,6 +52,7 @@ static void exchange(sf_cluster *c, const char *from, const size_t *send_at, con
     mine->from = from;
     memcpy(mine->send_at, send_at, (size_t)c->size * sizeof *send_at);
     memcpy(mine->send_bytes, send_bytes, (size_t)c->size * sizeof *send_bytes);
+    travel(c, send_bytes, receive_bytes);
     pthread_barrier_wait(&all->barrier);
     for (int r = 0; r < c->size; r++) {
         const shown *other = &all->shown[r];

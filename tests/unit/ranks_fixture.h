@@ -10,6 +10,13 @@
  * ranks that is not SF_OK, is what ranks_run returns. */
 typedef sf_status (*ranks_fn)(sf_context *ctx, int rank, void *user);
 
+/* A network between the ranks, for those that run after it was set: an exchange takes the latency and what a
+ * rank sends or receives, whichever is more, over the bandwidth. Zeros: none. */
+typedef struct ranks_network {
+    double latency, bandwidth; /* s, bytes/s */
+} ranks_network;
+extern ranks_network ranks_between;
+
 /* Runs `size` ranks with `threads` threads each. A size of 1 has no cluster. */
 sf_status ranks_run(int size, int threads, ranks_fn fn, void *user);
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "fit/fitter.h"
 
 enum { MOST = 4, VALUES = 100, WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT };
@@ -350,6 +351,51 @@ static void test_parts(void **state) {
     }
 }
 
+/* 4. Steps over a slow network take as long as src/cluster/README.md says of bytes and exchanges. */
+
+typedef struct slow_job {
+    double seconds[MOST], sent[MOST], rounds[MOST];
+} slow_job;
+
+enum { SLOW_STEPS = 12 };
+
+static sf_status step_slowly(sf_context *ctx, int rank, void *user) {
+    slow_job *job = user;
+    sf_scene *scene = NULL;
+    sf_fitter *f = NULL;
+    sf_fit_options options = sf_fit_options_default();
+    options.steps = 1000;
+    options.max_gaussians = 3000;
+    options.pyramid_levels = 0;
+    sf_status status = sf_scene_load(ctx, PROJECT, NULL, &scene);
+    if (!status) status = sf_fitter_create(ctx, scene, NULL, &options, &f);
+    if (!status) status = sf_fitter_step(f);
+    double start = sf_clock(), sent = (double)ctx->cluster->sent, rounds = (double)ctx->cluster->rounds;
+    for (int k = 0; k < SLOW_STEPS && !status; k++) status = sf_fitter_step(f);
+    job->seconds[rank] = sf_clock() - start;
+    job->sent[rank] = (double)ctx->cluster->sent - sent;
+    job->rounds[rank] = (double)ctx->cluster->rounds - rounds;
+    sf_fitter_destroy(&f);
+    sf_scene_destroy(&scene);
+    return status;
+}
+
+static void test_slow_network(void **state) {
+    (void)state;
+    static slow_job quick, slow;
+    assert_int_equal(ranks_run(4, 1, step_slowly, &quick), SF_OK);
+    ranks_between = (ranks_network){.latency = 2e-3, .bandwidth = 5e6};
+    assert_int_equal(ranks_run(4, 1, step_slowly, &slow), SF_OK);
+    ranks_between = (ranks_network){0};
+    double sent = (slow.sent[0] + slow.sent[1] + slow.sent[2] + slow.sent[3]) / 4;
+    double network = sent / 5e6 + slow.rounds[0] * 2e-3;
+    print_message("a step: %.1f ms, over a network %.1f, of which %.1f by bytes and exchanges\n",
+                  1e3 * quick.seconds[0] / SLOW_STEPS, 1e3 * slow.seconds[0] / SLOW_STEPS,
+                  1e3 * network / SLOW_STEPS);
+    assert_true(slow.rounds[0] == quick.rounds[0] && slow.sent[0] == quick.sent[0]);
+    assert_true(slow.seconds[0] >= network); /* the slowest rank of an exchange sends more than the mean */
+}
+
 static sf_status refused(sf_context *ctx, int rank, void *user) {
     fit_job *job = user;
     sf_scene *scene;
@@ -378,7 +424,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_largest),     cmocka_unit_test(test_sums_and_rows),
         cmocka_unit_test(test_first_steps), cmocka_unit_test(test_whole_fit),
-        cmocka_unit_test(test_parts),       cmocka_unit_test(test_checkpoint),
-        cmocka_unit_test(test_refusals)};
+        cmocka_unit_test(test_parts),       cmocka_unit_test(test_slow_network),
+        cmocka_unit_test(test_checkpoint),  cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
