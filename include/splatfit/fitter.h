@@ -43,8 +43,8 @@ typedef enum sf_size {
 
 /* The format of Adam's two moments of means, shapes, opacities and base colours. */
 typedef enum sf_moment_format {
-    SF_MOMENTS_HALF, /* 4 bytes a parameter, stochastic rounding */
-    SF_MOMENTS_FLOAT /* 8 bytes a parameter */
+    SF_MOMENTS_FLOAT, /* 8 bytes a parameter */
+    SF_MOMENTS_HALF   /* 4 bytes a parameter, stochastic rounding */
 } sf_moment_format;
 
 /* Every hyperparameter, once: kind, name, default, least, greatest, unit or values, meaning. The struct, its
@@ -135,8 +135,8 @@ typedef enum sf_moment_format {
          "decay of Adam's first moment; higher SH bands have no first moment")                               \
     REAL(adam_beta2, 0.99, 0, 0.999999, "", "decay of Adam's second moment")                                 \
     REAL(adam_epsilon, 1e-15, 1e-30, 1, "", "Adam's epsilon")                                                \
-    ENUM(moments, 0, "half|float",                                                                           \
-         "format of Adam's moments: 4 bytes a parameter with stochastic rounding, or 8; does not affect "    \
+    ENUM(moments, 0, "float|half",                                                                           \
+         "format of Adam's moments: 8 bytes a parameter, or 4 with stochastic rounding; does not affect "    \
          "higher SH bands")                                                                                  \
     INT(ema_steps, 0, 0, 100000, "",                                                                         \
         "show and save a moving average over about this many steps, except of higher SH bands; 0: the "      \

@@ -14,7 +14,7 @@ static const command *const commands[] = {
     &command_chart,   &command_convert, &command_prune, &command_live,      &command_view};
 enum { COMMANDS = sizeof commands / sizeof *commands };
 
-enum { LARGE_BLOCK = 1 << 17 /* bytes */ };
+enum { LARGE_BLOCK = 1 << 20 /* bytes */ };
 
 static const struct {
     int code;

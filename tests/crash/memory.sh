@@ -48,10 +48,10 @@ fit() { # BUDGET_MB SCENE OPTION...
 
 if [ -z "${SCENES:-}" ]; then
     fit 40 'sim:studio?width=160&height=120&frames=18'
-    fit 60 'sim:studio?width=160&height=120&frames=18' --moments float --exposure
+    fit 60 'sim:studio?width=160&height=120&frames=18' --moments half --exposure
 else
     for budget in 60 120 200; do fit $budget sim:studio; done
-    fit 90 sim:studio --moments float --validate 0
+    fit 90 sim:studio --moments half --validate 0
     fit 90 sim:studio --densify error --exposure
     fit 90 sim:studio --densify relocate
     if [ -n "${SPLATFIT_DATA:-}" ]; then

@@ -87,11 +87,11 @@ static void test_same_bytes_however_grown(void **state) {
     }
 }
 
-static void test_same_bytes_with_float_moments(void **state) {
+static void test_same_bytes_with_half_moments(void **state) {
     (void)state;
     test_skip_emulated();
     sf_fit_options options = checkpoint_short_fit(whole() / 2);
-    options.moments = SF_MOMENTS_FLOAT;
+    options.moments = SF_MOMENTS_HALF;
     options.densify_every = 3;
     check_interrupted(&options);
 }
@@ -325,7 +325,7 @@ int main(void) {
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_same_bytes_otherwise),
         cmocka_unit_test(test_same_bytes_however_grown),
-        cmocka_unit_test(test_same_bytes_with_float_moments),
+        cmocka_unit_test(test_same_bytes_with_half_moments),
         cmocka_unit_test(test_same_bytes_of_mixed_degrees),
         cmocka_unit_test(test_again_and_again),
         cmocka_unit_test(test_same_bytes_when_stopped),

@@ -360,7 +360,6 @@ static void test_memory_budget(void **state) {
     sf_fit_options options = checkpoint_short_fit(10), used;
     sf_memory_bill bill, less;
     options.max_gaussians = 100000;
-    options.moments = SF_MOMENTS_FLOAT;
     checkpoint_begin(&r, &options);
     sf_fitter_get_memory(r.fitter, &bill);
     sf_fitter_get_options(r.fitter, &used);

@@ -11,8 +11,8 @@
 #include "fit/select_floaters.h"
 #include "fit/views.h"
 
-/* Growth by a half is hardly seen: held-out views lose less than 0.12 dB, early and late (the third time
- * 0.11). With the loss of a run of 770 steps; with that of 200, which is all but squared, up to 0.14. */
+/* Growth by a half is not seen: held-out views lose less than 0.1 dB, early and late. With the loss of a run
+ * of 770 steps; with that of 200, which is all but squared, the third growth loses 0.11 to 0.14. */
 static void test_growth_is_not_seen(void **state) {
     (void)state;
     int quick = getenv("SPLATFIT_QUICK") != NULL;
@@ -35,8 +35,8 @@ static void test_growth_is_not_seen(void **state) {
         double before = test_held_out(ctx, scene, f).psnr;
         sf_select_and_densify(f, sf_fraction(f));
         double after = test_held_out(ctx, scene, f).psnr;
-        if (!(after > before - 0.12)) print_message("growth %d: %.2f to %.2f dB\n", growth, before, after);
-        assert_true(after > before - 0.12);
+        if (!(after > before - 0.1)) print_message("growth %d: %.2f to %.2f dB\n", growth, before, after);
+        assert_true(after > before - 0.1);
         assert_true(f->model->count > count + 2 * count / 5);
     }
     sf_fitter_destroy(&f);

@@ -104,19 +104,19 @@ static void test_same_bytes(void **state) {
     free(other.values);
 }
 
-/* So it is with moments as floats; they are not those of 16 bits. */
-static void test_same_bytes_with_float_moments(void **state) {
+/* So it is with moments of 16 bits; they are not the floats. */
+static void test_same_bytes_with_half_moments(void **state) {
     (void)state;
     test_skip_emulated();
     sf_fit_options options = fit_short_fit(getenv("SPLATFIT_QUICK") ? 12 : 40);
-    content halves = fit_fitted_by(1, &options);
-    options.moments = SF_MOMENTS_FLOAT;
+    content floats = fit_fitted_by(1, &options);
+    options.moments = SF_MOMENTS_HALF;
     content first = fit_fitted_by(1, &options);
     fit_assert_same(&first, fit_fitted_by(2, &options));
     fit_assert_same(&first, fit_fitted_by(4, &options));
-    assert_false(fit_is_same(&first, &halves));
+    assert_false(fit_is_same(&first, &floats));
     free(first.values);
-    free(halves.values);
+    free(floats.values);
 }
 
 static double psnr_with_moments(int moments, double beta2, int64_t seed) {
@@ -220,7 +220,7 @@ int main(void) {
         cmocka_unit_test(test_from_a_disturbed_model),
         cmocka_unit_test(test_from_nothing),
         cmocka_unit_test(test_same_bytes),
-        cmocka_unit_test(test_same_bytes_with_float_moments),
+        cmocka_unit_test(test_same_bytes_with_half_moments),
         cmocka_unit_test(test_half_moments_are_as_good),
         cmocka_unit_test(test_going_on),
         cmocka_unit_test(test_degree_gone_on_with),
