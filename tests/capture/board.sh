@@ -7,6 +7,7 @@
 # TOOLCHAIN   that of the board; native with LIBCAMERA
 # LIBCAMERA   a prefix, such as /usr/local; none where empty
 # MAKE, ONLY  make; only tests whose name holds this
+# SPLATFIT_QUICK  not empty: without the tests that take minutes
 # Ends with a line of sums as tests/run.sh does.
 set -uo pipefail
 
@@ -65,7 +66,7 @@ boot() { # NAME GROUPS SECONDS FOLDER QEMU-OPTION...
     shift 4
     timeout --foreground -k 5 "$limit" "${machine[@]}" -accel tcg -m 512 -nodefaults \
         -no-user-config -display none -monitor none -serial stdio -no-reboot -kernel "$cache/vmlinuz" \
-        -initrd "$scratch/initrd" -append "console=$console quiet panic=-1 tests=$groups ${ONLY:+only=$ONLY} $libraries" "$@" \
+        -initrd "$scratch/initrd" -append "console=$console quiet panic=-1 tests=$groups ${ONLY:+only=$ONLY} ${SPLATFIT_QUICK:+quick=1} $libraries" "$@" \
         </dev/null >"$scratch/serial" 2>&1
     status=$?
     tr -d '\r' <"$scratch/serial" >"$scratch/out"

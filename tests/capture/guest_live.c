@@ -187,6 +187,7 @@ static void measure(const sf_camera *found, const sf_camera *truth, size_t count
 
 /* Without a board: the map begins with the camera's motion. */
 static void model_alone(void) {
+    if (getenv("quick")) skip("quick tests: it takes minutes");
     sf_context *own;
     sf_context_options options = {.threads = 1};
     sf_source *camera, *shown;
