@@ -204,8 +204,7 @@ static sf_status go_back(sf_fitter *f) {
 static sf_status merge_back(sf_fitter *f) {
     double most = sf_cools_down_early(f) ? 0 : FALL;
     sf_status status = SF_OK;
-    if (sf_has_restore_point(f) && f->validation.psnr < f->validation.best_psnr - most)
-        status = go_back(f);
+    if (sf_has_restore_point(f) && f->validation.psnr < f->validation.best_psnr - most) status = go_back(f);
     if (status) return status;
     sf_drop_restore_point(f);
     f->validation.merged = 1;
