@@ -16,13 +16,13 @@ extern "C" {
 
 /* The place of this process among those that fit together. */
 typedef struct sf_cluster_info {
-    int rank, size;  /* 0 and 1 where no cluster was joined */
-    char host[64];   /* the name of this machine */
-    uint64_t sent;   /* bytes that this rank has sent to other ranks */
-    uint64_t rounds; /* exchanges between the ranks so far */
-    uint64_t
-        in_steps;    /* of `sent`, what was sent for the renders and gradients of steps; and what it should */
-    double designed; /* be by the formula of src/cluster/README.md, which holds for the sum over the ranks */
+    int rank, size;    /* 0 and 1 where no cluster was joined */
+    char host[64];     /* the name of this machine */
+    uint64_t sent;     /* bytes that this rank has sent to other ranks */
+    uint64_t rounds;   /* exchanges between the ranks so far */
+    uint64_t in_steps; /* bytes of `sent` that belong to renders and gradients of steps */
+    double designed; /* what in_steps should be by the formula of src/cluster/README.md, which holds for sums
+                        over all ranks */
 } sf_cluster_info;
 
 /* Joins the processes that mpirun or a batch system started together, before any other object of the context

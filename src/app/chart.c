@@ -37,9 +37,8 @@ const command command_chart = {
     .synopsis = "RUN.json... --out DIR [OPTIONS]",
     .summary =
         "Draws quality against time from what fit --log wrote, and from what live --log wrote of simulated "
-        "cameras how far keyframes are off along their walks. A list of {move, seconds, steps, psnr} "
-        "becomes a "
-        "chart of what each move saves.",
+        "cameras how far keyframes are off along their walks. A list of {move, seconds, steps, psnr} becomes "
+        "a chart of what each move saves.",
     .tables = tables,
     .least = 1,
     .most = ARGS_POSITIONAL,

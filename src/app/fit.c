@@ -223,7 +223,7 @@ static int write_cameras(const fit_run *r) {
 /* The first held-out view and its render. */
 static int write_comparison(const fit_run *r) {
     const char *path = app_output(r->a, "compare");
-    if (!path) return 0; /* of several ranks all draw */
+    if (!path) return 0; /* else each of several ranks draws its band */
     sf_view_info view;
     if (training_log_first_held_out(r->scene, &view)) return app_fail(r->a, r->ctx);
     return app_write_pair(r->ctx, r->scene, &view, draw, r->fitter, path) ? app_fail(r->a, r->ctx) : 0;

@@ -9,7 +9,7 @@
 
 sf_status sf_window_open(sf_window *w, sf_context *ctx, const char *path) {
     struct stat st;
-    *w = (sf_window){.ctx = ctx, .path = path, .fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+    *w = (sf_window){.ctx = ctx, .fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
     if (w->fd < 0) return sf_fail(ctx, SF_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     if (fstat(w->fd, &st) || !S_ISREG(st.st_mode))
         return sf_fail(ctx, SF_ERR_IO, "%s: is not a regular file", path);

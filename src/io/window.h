@@ -11,7 +11,6 @@ enum { SF_WINDOW_BYTES = 1 << 20 };
 /* Zeros, fd -1: closed. */
 typedef struct sf_window {
     sf_context *ctx;
-    const char *path; /* the caller's */
     int fd;
     uint64_t size; /* of the file */
     uint64_t at;   /* of bytes[0] in the file */

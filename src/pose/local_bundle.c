@@ -190,8 +190,9 @@ sf_status sf_landmarks_adjust(sf_landmarks *l, size_t most) {
 
 /* What a bundle of all keyframes may change of it at most: beyond, something else is wrong. */
 #define ZOOM_MOST 0.25
-/* What was known of it before, a part of it: it holds what a short way leaves open. First maps have it to 2
- * %; errors of observations along a track are alike, so that sixteen count as one, or this as a quarter. */
+/* How well it was known before, as a part of it: this holds the focal length where a short way tells little.
+ * First maps know it to 2 %. Observations of one track err alike, so that sixteen should count as one: the
+ * same as taking a quarter of the 2 %. */
 #define ZOOM_SIGMA 0.005
 
 static void zoom_by(sf_landmarks *l, double zoom) {

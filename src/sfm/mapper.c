@@ -330,20 +330,17 @@ static void keep_larger(sf_map **best, sf_map *map) {
     sf_map_destroy(&smaller);
 }
 
-/* Where something repeats, as windows or tiles do, matches of different places make a wrong map without large
- * errors. They contradict each other: at most 6 % of those of photos of one place, 17 % and more of those of
- * a facade whose map was wrong.
- */
+/* Windows or tiles that look the same are matched across different places, and the map is wrong without large
+ * errors. Such matches contradict others: 17 % and more where a facade's map was wrong, at most 6 % where
+ * maps were right. */
 static void warn_of_repetition(sf_context *ctx, const sf_tracks *t) {
     double part = t->matches ? (double)t->contradictions / (double)t->matches : 0;
     if (part > REPETITION)
-        sf_log(
-            ctx, SF_LOG_WARNING,
-            "photos: %.0f %% of the matches contradict others: what looks the same in several places "
-            "(windows, "
-            "tiles) may put cameras in a wrong one: look at them with \"splatfit view\"; if the photos were "
-            "taken one after another, try --sequence 1",
-            100 * part);
+        sf_log(ctx, SF_LOG_WARNING,
+               "photos: %.0f %% of the matches contradict others: things that look the same (windows, "
+               "tiles) may have put cameras in a wrong place: look at them with \"splatfit view\"; if the "
+               "photos were taken one after another, try --sequence 1",
+               100 * part);
 }
 
 sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map_options *options,

@@ -8,6 +8,7 @@ formula's, with what was measured of 300,000 Gaussians at 960x540 (src/cluster/M
 many reach over a boundary between two bands. The work of a step is an assumption: each row of the table states it.
 """
 import sys
+from math import log2
 
 IN_VIEW = 177700 / 300000  # Gaussians in view of all
 CROSSING = 4500 / 300000   # more bands that a Gaussian touches, for each boundary between bands
@@ -61,7 +62,6 @@ def chart(path):
     left, top, size = 60, 20, 300
     x = lambda n: left + size * RANKS.index(n) / (len(RANKS) - 1)
     most = 64.0
-    from math import log2
     y = lambda s: top + size * (1 - log2(max(s, 0.5) / 0.5) / log2(most / 0.5))
     out = ['<svg xmlns="http://www.w3.org/2000/svg" width="620" height="370" font-family="sans-serif" font-size="12">',
            '<rect width="620" height="370" fill="white"/>']
