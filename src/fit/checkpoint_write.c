@@ -15,6 +15,27 @@ static void put_params(sf_sections_out *out, const char *prefix, const sf_model 
                             sf_checkpoint_values(model, i), sizeof(float));
 }
 
+typedef struct half_field {
+    const sf_half_model *half;
+    int field;
+} half_field;
+
+static void expand(const void *user, size_t first, size_t count, void *to) {
+    const half_field *from = user;
+    sf_half_model_expand(from->half, from->field, first, count, to);
+}
+
+/* The restore point: a model, or its copy in halves, written as floats. */
+static void put_restore_point(sf_sections_out *out, const sf_restore_point *restore) {
+    const sf_half_model *half = &restore->half;
+    if (restore->model) put_params(out, "best", restore->model);
+    if (restore->model || sf_half_model_is_empty(half)) return;
+    for (int i = 0; i < SF_FIELD_COUNT; i++)
+        if (sf_field_stored(i, half->sh_degree))
+            sf_sections_put_from(out, sf_checkpoint_name("best", i).text, expand, &(half_field){half, i},
+                                 sf_half_model_values(half, i), sizeof(float));
+}
+
 static void put_moments(sf_sections_out *out, const sf_optimizer_state *moments, const sf_model *model) {
     for (int part = 0; part < SF_MOMENT_PARTS; part++)
         for (int i = 0; i < SF_FIELD_COUNT; i++)
@@ -46,9 +67,10 @@ static void put_text(sf_sections_out *out, const char *name, const char *text) {
     sf_sections_put(out, name, text, strlen(text), 1);
 }
 
-/* restored: the restore point, or NULL. */
-static void put_state(sf_sections_out *out, const sf_fitter *f, const sf_model *restored) {
-    const sf_model *m = f->model;
+static void put_state(sf_sections_out *out, const sf_fitter *f) {
+    const sf_model *m = f->model, *restored = f->restore.model;
+    const size_t *best_banded = restored ? restored->banded : f->restore.half.banded;
+    int has_best = restored || !sf_half_model_is_empty(&f->restore.half);
 #define VALUE(name) (int64_t) f->name,
     const int64_t integers[] = {STATE_INTEGERS(VALUE)};
 #undef VALUE
@@ -59,7 +81,7 @@ static void put_state(sf_sections_out *out, const sf_fitter *f, const sf_model *
     int64_t banded[SF_BANDS], best[SF_BANDS];
     for (int band = 0; band < SF_BANDS; band++) {
         banded[band] = (int64_t)m->banded[band];
-        best[band] = restored ? (int64_t)restored->banded[band] : -1;
+        best[band] = has_best ? (int64_t)best_banded[band] : -1;
     }
     const double seconds = sf_clock() - f->start;
     sf_sections_put(out, "integers", integers, INTEGERS, sizeof *integers);
@@ -84,33 +106,24 @@ static void put_state(sf_sections_out *out, const sf_fitter *f, const sf_model *
     sf_sections_put(out, "best.banded", best, SF_BANDS, sizeof *best);
     sf_sections_put(out, "validation", psnr, 2, sizeof *psnr);
     sf_sections_put(out, "best.background", f->restore.background, 3, sizeof *f->restore.background);
-    if (restored) put_params(out, "best", restored);
+    put_restore_point(out, &f->restore);
 }
 
 /* ranks: what each of several ranks has of the model and of the restore point (NULL: one wrote it). */
 static sf_status save(const sf_fitter *f, const char *path, const uint64_t *ranks, size_t count) {
     sf_sections_out out;
-    sf_model *expanded = NULL;
-    sf_status status = sf_half_model_is_empty(&f->restore.half)
-                           ? SF_OK
-                           : sf_half_model_copy(&f->restore.half, f->ctx, &expanded);
-    if (!status) status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
-    if (status) {
-        sf_model_destroy(&expanded);
-        return status;
-    }
+    sf_status status = sf_sections_create(&out, f->ctx, path, &sf_checkpoint_kind);
+    if (status) return status;
     put_text(&out, "program", sf_version());
     put_text(&out, "isa", sf_context_isa(f->ctx));
     status = put_options(&out, f);
     if (!status) status = sf_checkpoint_put_scene(&out, f);
     if (!status) status = sf_checkpoint_put_learned(&out, f);
     if (status) {
-        sf_model_destroy(&expanded);
         sf_writer_abandon(&out.writer);
         return status;
     }
-    put_state(&out, f, expanded ? expanded : f->restore.model);
-    sf_model_destroy(&expanded);
+    put_state(&out, f);
     if (ranks) sf_sections_put(&out, SF_CHECKPOINT_RANKS, ranks, count, sizeof *ranks);
     return sf_sections_commit(&out);
 }

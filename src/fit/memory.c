@@ -27,14 +27,14 @@ enum { DENSIFYING = 16 + 2 * sizeof(uint32_t) + sizeof(sf_remap_entry), WRITING 
 enum { SELECTING = 128 + sizeof(sf_merge) / 4 };
 
 /* Mean entries (a Gaussian's tiles) and strips (its rows of tiles). */
-#define MEAN_TILES  4.5
+#define MEAN_TILES  3.6
 #define MEAN_STRIPS 2.5
 #define TILE_LAYERS 100.0
 #define LAYER_ROWS  0.5 /* strips an entry, of the TILE_LAYERS */
 /* Factors of what the allocator holds: low for arrays that are made once, higher for those that grow or are
  * made again. */
 #define ARRAY_SLACK 1.05
-#define LIST_SLACK  1.1
+#define LIST_SLACK  1.05
 #define PLANE_SLACK 1.1
 
 /* The estimate is high, and a process that continues from a checkpoint has a little more resident memory than
@@ -67,7 +67,8 @@ static double largest_picture(sf_scene *scene, double *stride) {
 
 /* Bytes for each Gaussian, and bytes that do not depend on their number. */
 typedef struct bill_rates {
-    double gaussians, lists, results, drawn; /* drawn: copied, and with lists to be drawn, but no sums */
+    double gaussians, lists, results;
+    double copy, drawn; /* of a result that is drawn: the copy; lists without sums */
     double fixed_lists, fixed_drawn, planes, evaluation;
 } bill_rates;
 
@@ -93,7 +94,8 @@ static bill_rates rates_of(sf_fitter *f, int sh_degree) {
                                      sizeof *f->densify.visible_count + sizeof *f->units.inverse + densifying,
                         .lists = seen + MEAN_TILES * entry + MEAN_STRIPS * strip,
                         .results = values + WRITING,
-                        .drawn = values + seen + MEAN_TILES * drawn + MEAN_STRIPS * strip,
+                        .copy = values,
+                        .drawn = seen + MEAN_TILES * drawn + MEAN_STRIPS * strip,
                         .fixed_lists = layers * (entry + LAYER_ROWS * strip),
                         .fixed_drawn = layers * (drawn + LAYER_ROWS * strip),
                         .planes = pictures,
@@ -106,7 +108,8 @@ static void fill_in(sf_memory_bill *bill, const bill_rates *r, double count) {
     bill->planes = (uint64_t)(PLANE_SLACK * r->planes);
     /* the arrays of a step are freed before the result is copied, written and drawn */
     double freed = (double)bill->lists + (double)bill->planes;
-    double drawn = LIST_SLACK * (r->drawn * count + r->fixed_drawn) + PLANE_SLACK * r->evaluation;
+    double drawn = ARRAY_SLACK * r->copy * count + LIST_SLACK * (r->drawn * count + r->fixed_drawn) +
+                   PLANE_SLACK * r->evaluation;
     bill->results = (uint64_t)fmax(fmax(ARRAY_SLACK * r->results * count, drawn) - freed, 0);
     bill->total = bill->before + bill->gaussians + bill->lists + bill->planes + bill->results;
 }

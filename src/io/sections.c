@@ -63,25 +63,38 @@ sf_status sf_sections_create(sf_sections_out *out, sf_context *ctx, const char *
     return SF_OK;
 }
 
-void sf_sections_put(sf_sections_out *out, const char *name, const void *values, size_t count, size_t size) {
-    uint8_t header[SECTION_HEADER - HASH_BYTES] = {0}, piece[SF_SECTION_PIECE];
+void sf_sections_put_from(sf_sections_out *out, const char *name, sf_section_source source, const void *user,
+                          size_t count, size_t size) {
+    uint8_t header[SECTION_HEADER - HASH_BYTES] = {0};
+    _Alignas(8) uint8_t piece[SF_SECTION_PIECE];
     memcpy(header, name, strlen(name));
     store(header + SF_SECTION_NAME, size, 4);
     store(header + SF_SECTION_NAME + 8, count, 8);
     put_with_hash(&out->writer, header, sizeof header);
     uint64_t hash = SF_HASH_SEED;
-    const uint8_t *from = values;
-    for (size_t left = count * size; left;) {
-        size_t n = left < sizeof piece ? left : sizeof piece;
-        memcpy(piece, from, n);
-        reorder(piece, n, size);
-        hash = sf_hash(hash, piece, n);
-        sf_writer_put(&out->writer, piece, n);
-        from += n;
-        left -= n;
+    for (size_t first = 0, most = sizeof piece / size; first < count; first += most) {
+        size_t n = count - first < most ? count - first : most;
+        source(user, first, n, piece);
+        reorder(piece, n * size, size);
+        hash = sf_hash(hash, piece, n * size);
+        sf_writer_put(&out->writer, piece, n * size);
     }
     put_hash(&out->writer, hash);
     out->count++;
+}
+
+typedef struct array {
+    const uint8_t *values;
+    size_t size; /* of an element */
+} array;
+
+static void copy_from_array(const void *user, size_t first, size_t count, void *to) {
+    const array *from = user;
+    memcpy(to, from->values + first * from->size, count * from->size);
+}
+
+void sf_sections_put(sf_sections_out *out, const char *name, const void *values, size_t count, size_t size) {
+    sf_sections_put_from(out, name, copy_from_array, &(array){values, size}, count, size);
 }
 
 sf_status sf_sections_commit(sf_sections_out *out) {

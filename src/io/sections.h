@@ -32,6 +32,11 @@ sf_status sf_sections_create(sf_sections_out *out, sf_context *ctx, const char *
                              const sf_sections_kind *kind);
 /* Appends `count` elements of `size` bytes: 1, 2, 4 or 8. Failures show in the commit. */
 void sf_sections_put(sf_sections_out *out, const char *name, const void *values, size_t count, size_t size);
+/* The same of elements that are made as they are written: `source` puts elements first .. first+count-1 into
+ * `to`, which is aligned for them. */
+typedef void (*sf_section_source)(const void *user, size_t first, size_t count, void *to);
+void sf_sections_put_from(sf_sections_out *out, const char *name, sf_section_source source, const void *user,
+                          size_t count, size_t size);
 sf_status sf_sections_commit(sf_sections_out *out);
 
 /* Reading. */

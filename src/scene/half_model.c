@@ -23,7 +23,7 @@ static float float_of(uint16_t half) {
 
 static int is_whole(int field) { return field == SF_FIELD_mean; }
 
-static size_t values_of(const sf_half_model *half, int field) {
+size_t sf_half_model_values(const sf_half_model *half, int field) {
     return sf_field_stored(field, half->sh_degree)
                ? sf_field_values(field, half->banded[sf_field_band(field)])
                : 0;
@@ -38,7 +38,8 @@ void sf_half_model_free(sf_context *ctx, sf_half_model *half) {
 
 /* Room for a field; an array that is much larger than needed is replaced. */
 static sf_status set_room(sf_context *ctx, sf_half_model *half, int field) {
-    size_t need = (values_of(half, field) + 1) * (is_whole(field) ? sizeof(float) : sizeof(uint16_t));
+    size_t need =
+        (sf_half_model_values(half, field) + 1) * (is_whole(field) ? sizeof(float) : sizeof(uint16_t));
     if (half->bytes[field] >= need && half->bytes[field] <= need + need / 8) return SF_OK;
     sf_free(ctx, half->field[field]);
     half->field[field] = sf_alloc(ctx, need, 1);
@@ -59,21 +60,28 @@ sf_status sf_half_model_set(const sf_model *model, sf_half_model *half) {
         }
         const float *from = model->params.field[f];
         uint16_t *to = half->field[f];
-        size_t n = values_of(half, f);
+        size_t n = sf_half_model_values(half, f);
         if (is_whole(f) && n) memcpy(to, from, n * sizeof *from);
         for (size_t k = 0; k < n && !is_whole(f); k++) to[k] = half_of(from[k]);
     }
     return SF_OK;
 }
 
+void sf_half_model_expand(const sf_half_model *half, int field, size_t first, size_t count, float *to) {
+    const uint16_t *from = half->field[field];
+    if (is_whole(field)) {
+        memcpy(to, (const float *)half->field[field] + first, count * sizeof *to);
+        return;
+    }
+    for (size_t k = 0; k < count; k++) to[k] = float_of(from[first + k]);
+}
+
 void sf_half_model_get(const sf_half_model *half, sf_model *model) {
     sf_model_resize(model, 0);
     for (int f = 0; f < SF_FIELD_COUNT; f++) {
         float *to = model->params.field[f];
-        const uint16_t *from = half->field[f];
-        size_t n = to ? values_of(half, f) : 0;
-        if (is_whole(f) && n) memcpy(to, from, n * sizeof *to);
-        for (size_t k = 0; k < n && !is_whole(f); k++) to[k] = float_of(from[k]);
+        size_t n = to ? sf_half_model_values(half, f) : 0;
+        if (n) sf_half_model_expand(half, f, 0, n, to);
     }
     model->count = half->banded[0];
     memcpy(model->banded, half->banded, sizeof model->banded);

@@ -22,6 +22,10 @@ sf_status sf_half_model_set(const sf_model *model, sf_half_model *half);
 int sf_half_model_is_empty(const sf_half_model *half);
 void sf_half_model_free(sf_context *ctx, sf_half_model *half);
 
+/* How many values of a field there are; copies values first .. first+count-1 of them as floats. */
+size_t sf_half_model_values(const sf_half_model *half, int field);
+void sf_half_model_expand(const sf_half_model *half, int field, size_t first, size_t count, float *to);
+
 /* Replaces a model's Gaussians, as sf_model_assign does; there must be room. */
 void sf_half_model_get(const sf_half_model *half, sf_model *model);
 /* A new model with the same Gaussians. SF_ERR_MEMORY. */
