@@ -25,5 +25,6 @@ size_t sf_extrema_scalar(const sf_extrema_args *args);
 void sf_orient_scalar(const sf_patch_args *args);
 void sf_describe_scalar(const sf_patch_args *args);
 void sf_match_scalar(const sf_match_args *args);
+void sf_schur_scalar(const sf_schur_args *args);
 
 #endif

@@ -26,7 +26,8 @@
     size_t sf_extrema_##level(const sf_extrema_args *args);                                                  \
     void sf_orient_##level(const sf_patch_args *args);                                                       \
     void sf_describe_##level(const sf_patch_args *args);                                                     \
-    void sf_match_##level(const sf_match_args *args);
+    void sf_match_##level(const sf_match_args *args);                                                        \
+    void sf_schur_##level(const sf_schur_args *args);
 
 SF_VECTOR_KERNELS(sse4)
 SF_VECTOR_KERNELS(avx2)

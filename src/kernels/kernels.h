@@ -299,6 +299,17 @@ typedef struct sf_match_args {
     uint32_t *column_best, *column_second; /* out: [columns] the same over the rows; aligned */
 } sf_match_args;
 
+/* What the points that one observation's row shares with other views take out of it. */
+typedef struct sf_schur_args {
+    const double *Y;      /* [3][6]: pose by point of the row's view, */
+    const double *Z;      /* [count][3][6]: and of the other observations of the point */
+    const uint32_t *rank; /* [count]: the views of these, */
+    size_t count;         /* of which those up to `last` count */
+    uint32_t last;
+    const uint32_t *table; /* [last + 1]: each view's block of the row */
+    double *blocks;        /* in and out: [6][6] each; no two of the views have one block */
+} sf_schur_args;
+
 /* The key of a product with descriptor `index` of the block: of equal products, the first has the greater. */
 static inline uint32_t sf_match_key(uint32_t product, uint32_t index) {
     return product * SF_MATCH_BLOCK + (SF_MATCH_BLOCK - 1 - index);
@@ -324,7 +335,8 @@ static inline uint32_t sf_match_index(uint32_t key) { return SF_MATCH_BLOCK - 1 
     X(extrema)                                                                                               \
     X(orient)                                                                                                \
     X(describe)                                                                                              \
-    X(match)
+    X(match)                                                                                                 \
+    X(schur)
 
 #define SF_KERNEL_ENUM(name) SF_KERNEL_##name,
 enum { SF_KERNELS(SF_KERNEL_ENUM) SF_KERNEL_COUNT };
@@ -388,7 +400,7 @@ typedef struct sf_kernels {
      * learns nothing, and forgets nothing. step: beta1 is not used. */
     void (*rmsprop)(float *p, const float *g, float *v, size_t n, const sf_adam *step);
 
-    /* The next five give the same bytes at all levels: each operation is rounded for itself, in one order.
+    /* The next six give the same bytes at all levels: each operation is rounded for itself, in one order.
      *
      * Down the columns, then along the row, with the ends' pixels repeated beyond them (S.1). */
     void (*blur)(const sf_blur_args *args);
@@ -407,6 +419,10 @@ typedef struct sf_kernels {
     /* Best and second best products of each row over the columns, and of each column over the rows: keys
      * (above), exact (S.7). */
     void (*match)(const sf_match_args *args);
+
+    /* Takes a point out of the normal equations (P.9): blocks[table[rank[i]]] -= Y^T Z[i] in double, where
+     * rank[i] <= last. Entry k, l loses (Y[0][k] Z[0][l] + Y[1][k] Z[1][l]) + Y[2][k] Z[2][l]. */
+    void (*schur)(const sf_schur_args *args);
 } sf_kernels;
 
 /* Enters the kernel `name` of a level into a table. */

@@ -8,10 +8,12 @@
 
 #include "../base/linear.h"
 #include "../base/pool.h"
+#include "../kernels/kernels.h"
 
 enum {
     LENS = SF_LENS_PARAMETERS,
-    AHEAD = 4 /* observations that are fetched before they are needed */
+    AHEAD = 4,       /* observations that are fetched before they are needed */
+    TOGETHER = 2048, /* observations whose Z, 144 bytes each, stay in a cache */
 };
 
 double *sf_bundle_parameter(sf_lens *lens, int which) {
@@ -202,29 +204,18 @@ static void begin_row(sf_bundle_work *a, size_t row, double *diagonal, double *b
     for (int k = 0; k < SF_TWIST; k++) diagonal[7 * k] *= 1 + a->damp;
 }
 
-/* Two neighbours of a row: half of the time goes into these products, and compilers do not pair them. */
-typedef double pair_of_columns __attribute__((vector_size(16), may_alias));
-enum { PAIRS = SF_TWIST / 2 };
-
-/* block -= Y^T Z, for Y and Z [3][6] and block [6][6], aligned to 16 bytes */
-static void take_product(const double *Y, const double *Z, double *block) {
-    const pair_of_columns *z = (const pair_of_columns *)Z;
-    pair_of_columns *b = (pair_of_columns *)block;
-    for (int k = 0; k < SF_TWIST; k++, b += PAIRS, Y++) {
-        const pair_of_columns u = {Y[0], Y[0]}, v = {Y[SF_TWIST], Y[SF_TWIST]};
-        const pair_of_columns w = {Y[2 * SF_TWIST], Y[2 * SF_TWIST]};
-        b[0] -= u * z[0] + v * z[PAIRS] + w * z[2 * PAIRS];
-        b[1] -= u * z[1] + v * z[PAIRS + 1] + w * z[2 * PAIRS + 1];
-        b[2] -= u * z[2] + v * z[PAIRS + 2] + w * z[2 * PAIRS + 2];
-    }
-}
-
 /* Takes a point out of the row of a view that sees it. */
 static void take_out(sf_bundle_work *a, size_t row, const sf_bundle_row_entry *s, const uint32_t *table,
                      double *border) {
     const double *Z = a->Z[s->observation];
-    for (size_t j = s->first; j < s->end; j++)
-        if (a->rank_of[j] <= row) take_product(Z, a->Z[j], a->eq.blocks + 36 * (size_t)table[a->rank_of[j]]);
+    const sf_schur_args args = {.Y = Z,
+                                .Z = a->Z[s->first],
+                                .rank = a->rank_of + s->first,
+                                .count = s->end - s->first,
+                                .last = (uint32_t)row,
+                                .table = table,
+                                .blocks = a->eq.blocks};
+    a->ctx->kernels->schur(&args);
     if (!a->first_slot) return;
     for (size_t m = a->first_slot[s->point]; m < a->first_slot[s->point + 1]; m++) {
         const sf_bundle_columns *c = &a->columns[a->slots[m].camera];
@@ -244,18 +235,37 @@ static void fetch(const sf_bundle_work *a, const sf_bundle_row_entry *s) {
     for (; at < end; at += 64) __builtin_prefetch(at);
 }
 
-static void view_row(sf_bundle_work *a, size_t row, int thread) {
+static void view_row(sf_bundle_work *a, size_t row, uint32_t *table) {
     sf_bundle_equations *eq = &a->eq;
-    uint32_t *table = eq->table + (size_t)thread * eq->rows;
     size_t begin = eq->begin[row], end = eq->begin[row + 1]; /* the last one is on the diagonal */
-    double *border = eq->border + row * eq->lens_columns * SF_TWIST;
     memset(eq->blocks + 36 * begin, 0, 36 * (end - begin) * sizeof *eq->blocks);
     for (size_t k = begin; k < end; k++) table[eq->column[k]] = (uint32_t)k;
-    begin_row(a, row, eq->blocks + 36 * (end - 1), border);
-    for (size_t k = a->from[row]; k < a->from[row + 1]; k++) {
-        if (k + AHEAD < a->from[row + 1]) fetch(a, &a->of_view[k + AHEAD]);
-        take_out(a, row, &a->of_view[k], table, border);
+    begin_row(a, row, eq->blocks + 36 * (end - 1), eq->border + row * eq->lens_columns * SF_TWIST);
+}
+
+/* The points whose observations begin before `limit`, out of a row; `at` is the row's next point. */
+static size_t take_points_out(sf_bundle_work *a, size_t row, size_t at, size_t limit, const uint32_t *table) {
+    double *border = a->eq.border + row * a->eq.lens_columns * SF_TWIST;
+    for (; at < a->from[row + 1] && a->of_view[at].first < limit; at++) {
+        if (at + AHEAD < a->from[row + 1]) fetch(a, &a->of_view[at + AHEAD]);
+        take_out(a, row, &a->of_view[at], table, border);
     }
+    return at;
+}
+
+/* All Z of a large bundle take more than a cache holds, so some rows share what it holds at a time; each row
+ * takes its points in their order all the same. */
+static void view_rows(sf_bundle_work *a, size_t first, size_t end, int thread) {
+    uint32_t *tables = a->eq.table + (size_t)thread * SF_BUNDLE_ROWS * a->eq.rows;
+    size_t at[SF_BUNDLE_ROWS], observations = a->b->observation_count;
+    for (size_t row = first; row < end; row++) {
+        at[row - first] = a->from[row];
+        view_row(a, row, tables + (row - first) * a->eq.rows);
+    }
+    for (size_t limit = TOGETHER; limit < observations + TOGETHER; limit += TOGETHER)
+        for (size_t row = first; row < end; row++)
+            at[row - first] =
+                take_points_out(a, row, at[row - first], limit, tables + (row - first) * a->eq.rows);
 }
 
 /* 4. A camera's rows */
@@ -297,15 +307,29 @@ static void camera_rows(sf_bundle_work *a, size_t camera) {
     }
 }
 
+/* As many rows a task as leave each thread several: those of the last views are the longest. */
+static size_t rows_of_task(const sf_bundle_work *a) {
+    size_t rows = a->eq.rows / (8 * (size_t)sf_pool_threads(a->ctx->pool));
+    return rows < 1 ? 1 : rows > SF_BUNDLE_ROWS ? SF_BUNDLE_ROWS : rows;
+}
+
+static size_t row_tasks(const sf_bundle_work *a) {
+    size_t rows = rows_of_task(a);
+    return (a->eq.rows + rows - 1) / rows;
+}
+
 static void rows_task(void *pointer, size_t task, int thread) {
     sf_bundle_work *a = pointer;
-    if (task < a->eq.rows)
-        view_row(a, a->eq.rows - 1 - task, thread); /* the longest first */
-    else
-        camera_rows(a, task - a->eq.rows);
+    size_t rows = rows_of_task(a), tasks = row_tasks(a);
+    if (task >= tasks) {
+        camera_rows(a, task - tasks);
+        return;
+    }
+    size_t end = a->eq.rows - rows * task; /* the longest first */
+    view_rows(a, end > rows ? end - rows : 0, end, thread);
 }
 
 void sf_bundle_equations_fill(sf_bundle_work *a) {
     sf_pool_run(a->ctx->pool, SF_BUNDLE_GROUPS, points_task, a);
-    sf_pool_run(a->ctx->pool, a->eq.rows + (a->first_slot ? a->b->camera_count : 0), rows_task, a);
+    sf_pool_run(a->ctx->pool, row_tasks(a) + (a->first_slot ? a->b->camera_count : 0), rows_task, a);
 }

@@ -6,6 +6,7 @@
 
 enum {
     SF_BUNDLE_GROUPS = 16, /* of points: each sums up on its own; the sums of all are added in their order */
+    SF_BUNDLE_ROWS = 8,    /* of views: filled in together, at most */
     SF_BUNDLE_CROSS = 3 * SF_TWIST,
     SF_BUNDLE_LENS_CROSS = 3 * SF_LENS_PARAMETERS
 };
@@ -55,7 +56,7 @@ typedef struct sf_bundle_equations {
     double *border;        /* [rows][lens_columns][6] */
     double *corner;        /* [lens_columns][lens_columns], lower triangle */
     double *g;             /* [6 rows + lens_columns]: the gradient; after solving, the step */
-    uint32_t *table;       /* [threads][rows]: the blocks of the row at work, by column */
+    uint32_t *table;       /* [threads][SF_BUNDLE_ROWS][rows]: the blocks of the rows at work, by column */
     double *dense, *panel; /* [n][n] and scratch of Cholesky, n padded; NULL where the solver iterates */
     double *vectors;       /* the iterating solver's */
     size_t *upper_begin;   /* [rows + 1], and */

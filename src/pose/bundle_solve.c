@@ -72,7 +72,8 @@ int sf_bundle_equations_make(sf_bundle_work *a) {
     eq->border = sf_alloc(ctx, rows * lens * SF_TWIST + 1, sizeof *eq->border);
     eq->corner = sf_calloc(ctx, lens * lens + 1, sizeof *eq->corner);
     eq->g = sf_calloc(ctx, size_of(eq) + 1, sizeof *eq->g);
-    eq->table = sf_alloc(ctx, (size_t)sf_pool_threads(ctx->pool) * rows + 1, sizeof *eq->table);
+    eq->table =
+        sf_alloc(ctx, SF_BUNDLE_ROWS * (size_t)sf_pool_threads(ctx->pool) * rows + 1, sizeof *eq->table);
     int ready = marks && eq->begin && eq->border && eq->corner && eq->g && eq->table;
     for (size_t row = 0; ready && row < rows; row++) marks[row] = SIZE_MAX;
     for (size_t row = 0; ready && row < rows; row++)
