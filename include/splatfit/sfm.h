@@ -19,7 +19,8 @@ typedef enum sf_photos_place {
     SF_PHOTOS_IMAGES /* in its folder images */
 } sf_photos_place;
 
-/* Looks for photos (.jpg, .jpeg, .png) in a folder and in its folder images. */
+/* Looks for photos (.jpg, .jpeg, .png) in a folder and in its folder images; where one holds none itself, in
+ * the folders in it, up to four deep, but for hidden ones, those named masks, and projects. */
 SF_API sf_photos_place sf_sfm_find_photos(const char *folder);
 
 /* The cameras of a folder of photos. */
@@ -63,13 +64,13 @@ SF_API sf_sfm_options sf_sfm_options_default(void);
 
 /* Finds the cameras of the photos in a folder (.jpg, .jpeg, .png): features, matches of pairs, their
  * geometry, and a map that grows photo by photo. Photos of one make, model, focal length and size share a
- * lens, as far as their EXIF tells (in a build with libexif), upright or on their side. The focal length that
- * it tells is where the search begins, and the pictures can overrule it. Nothing is found where masks are
- * black and photos transparent. The same bytes for any number of threads. options NULL: the defaults.
- * SF_ERR_IO; SF_ERR_EMPTY: fewer than two photos, or no pair that can begin a map (sf_last_error says why);
- * SF_ERR_ARGUMENT: an option out of its range, a photo that has not the lens's size;
- * SF_ERR_CANCELLED; SF_ERR_MEMORY, also where options->memory is too little. On failure *reconstruction is
- * NULL. */
+ * lens, as far as their EXIF tells (in a build with libexif), upright or on their side; where it tells
+ * neither make nor model, those of one folder do. The focal length that it tells is where the search begins,
+ * and the pictures can overrule it. Nothing is found where masks are black and photos transparent. The same
+ * bytes for any number of threads. options NULL: the defaults. SF_ERR_IO; SF_ERR_EMPTY: fewer than two
+ * photos, or no pair that can begin a map (sf_last_error says why); SF_ERR_ARGUMENT: an option out of its
+ * range, a photo that has not the lens's size; SF_ERR_CANCELLED; SF_ERR_MEMORY, also where options->memory is
+ * too little. On failure *reconstruction is NULL. */
 SF_API sf_status sf_sfm_run(sf_context *context, const char *folder, const sf_sfm_options *options,
                             sf_reconstruction **reconstruction);
 

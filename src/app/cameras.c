@@ -280,24 +280,41 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
     return error;
 }
 
-static int run(const args *a) {
-    job j = {.a = a, .photos = a->positional[0], .project = args_value(a, "output"), .out = stdout};
+/* The folder of photos in what was named: also in a project's folder, whose cameras are found anew. NULL: no
+ * memory. */
+static char *photos_in(const char *path) {
+    char *images = malloc(strlen(path) + 16);
+    if (!images) return NULL;
+    sprintf(images, "%s/images", path);
+    int is_own = sf_sfm_find_photos(path) != SF_PHOTOS_HERE && sf_sfm_find_photos(images) == SF_PHOTOS_HERE;
+    if (!is_own) strcpy(images, path);
+    return images;
+}
+
+static int find_as_told(job *j) {
     sf_sfm_options options;
-    int frames = 0;
-    if (!j.project) {
+    int frames = 0, error = app_context(j->a, &j->ctx);
+    if (!error) error = read_options(j, &options);
+    if (!error) error = args_int(j->a, "frames", 2, 5000, &frames);
+    if (!error) error = read_memory(j, &options);
+    if (!error) error = progress_start(&j->line, j->a, j->out);
+    if (!error && frames && !sf_film_is(j->photos))
+        error = app_say(j->a, "--frames", "is for videos: of photos, all are taken");
+    if (!error) error = sf_film_is(j->photos) ? find_of_video(j, frames, &options) : find(j, &options);
+    sf_reconstruction_destroy(&j->result);
+    sf_context_destroy(&j->ctx);
+    return error;
+}
+
+static int run(const args *a) {
+    if (!args_value(a, "output")) {
         app_say(a, "an argument is missing", "-o PROJECT");
         return EXIT_USAGE;
     }
-    int error = app_context(a, &j.ctx);
-    if (!error) error = read_options(&j, &options);
-    if (!error) error = args_int(a, "frames", 2, 5000, &frames);
-    if (!error) error = read_memory(&j, &options);
-    if (!error) error = progress_start(&j.line, a, j.out);
-    if (!error && frames && !sf_film_is(j.photos))
-        error = app_say(a, "--frames", "is for videos: of photos, all are taken");
-    if (!error) error = sf_film_is(j.photos) ? find_of_video(&j, frames, &options) : find(&j, &options);
-    sf_reconstruction_destroy(&j.result);
-    sf_context_destroy(&j.ctx);
+    char *photos = photos_in(a->positional[0]);
+    job j = {.a = a, .photos = photos, .project = args_value(a, "output"), .out = stdout};
+    int error = photos ? find_as_told(&j) : app_say(a, a->positional[0], "out of memory");
+    free(photos);
     return error;
 }
 

@@ -5,6 +5,7 @@
 #include "../base/file.h"
 #include "dataset.h"
 #include "paths.h"
+#include "picture_names.h"
 
 #include <dirent.h>
 #include <limits.h>
@@ -14,24 +15,24 @@
 #include <strings.h>
 #include <unistd.h>
 
-static const char *const pictures[] = {".jpg", ".jpeg", ".png", NULL};
 static const char *const videos[] = {".mp4",  ".mov", ".m4v", ".mkv",  ".webm", ".avi", ".mts",
                                      ".m2ts", ".3gp", ".mpg", ".mpeg", ".wmv",  ".y4m", NULL};
 
-static int ends_with_one_of(const char *name, const char *const *endings) {
+static int is_video_name(const char *name) {
+    const char *const *endings = videos;
     const char *dot = strrchr(name, '.');
     for (; dot && *endings; endings++)
         if (!strcasecmp(dot, *endings)) return 1;
     return 0;
 }
 
-/* How many files of the folder end so; the name of one of them in `name`. */
-static size_t count_files(const char *path, const char *const *endings, char name[NAME_MAX + 1]) {
+/* How many files of the folder are wanted; the name of one of them in `name`. */
+static size_t count_files(const char *path, int (*is_wanted)(const char *name), char name[NAME_MAX + 1]) {
     DIR *folder = opendir(path);
     const struct dirent *e;
     size_t count = 0;
     while (folder && (e = readdir(folder))) {
-        if (!ends_with_one_of(e->d_name, endings) || !sf_holds_file(path, e->d_name)) continue;
+        if (!is_wanted(e->d_name) || !sf_holds_file(path, e->d_name)) continue;
         snprintf(name, NAME_MAX + 1, "%s", e->d_name);
         count++;
     }
@@ -168,25 +169,32 @@ static int begins_as_video(const char *path) {
 }
 
 int sf_is_video(const char *path) {
-    return sf_is_file(path) && (ends_with_one_of(path, videos) || begins_as_video(path));
+    return sf_is_file(path) && (is_video_name(path) || begins_as_video(path));
 }
 
-int sf_names_video(const char *path) { return ends_with_one_of(path, videos) || sf_is_video(path); }
+int sf_names_video(const char *path) { return is_video_name(path) || sf_is_video(path); }
 
 sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
-    char name[NAME_MAX + 1];
+    char name[NAME_MAX + 1], ending[SF_ENDING];
     char *images = sf_path_join(ctx, folder, "images");
     if (!images) return SF_ERR_MEMORY;
-    size_t in_images = count_files(images, pictures, name);
+    size_t in_images = count_files(images, sf_is_picture_name, name);
     sf_free(ctx, images);
     if (in_images) return tell_images(ctx, folder, in_images);
-    size_t here = count_files(folder, pictures, name);
+    size_t here = count_files(folder, sf_is_picture_name, name);
     if (here) {
         sf_status status = tell_project_above(ctx, folder, sf_path_join(ctx, folder, ".."));
         return status ? status : tell_photos(ctx, folder, here);
     }
-    if (count_files(folder, videos, name)) return tell_videos(ctx, folder, name);
+    if (count_files(folder, is_video_name, name)) return tell_videos(ctx, folder, name);
     if (sf_holds_file(folder, "database.db")) return tell_database(ctx, folder);
+    size_t unread = sf_count_unread_pictures(folder, ending);
+    if (unread)
+        return sf_fail(
+            ctx, SF_ERR_IO,
+            "%s: no project: %zu %s files, which are not read: make .jpg or .png of them (ImageMagick, in "
+            "that folder: mogrify -format jpg '*%s')",
+            folder, unread, ending, ending);
     return sf_fail(
         ctx, SF_ERR_IO,
         "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for transforms.json, "
@@ -196,7 +204,7 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
 
 sf_status sf_no_project_file(sf_context *ctx, const char *path) {
     if (sf_is_video(path)) return tell_video(ctx, SF_ERR_FORMAT, path, path);
-    if (ends_with_one_of(path, pictures))
+    if (sf_is_picture_name(path))
         return sf_fail(ctx, SF_ERR_FORMAT,
                        "%s: is one picture; a project is a folder of pictures with their cameras (COLMAP, "
                        "transforms.json), of 20 or more from all sides as a rule",

@@ -15,7 +15,8 @@
 typedef struct grouping {
     sf_reconstruction *r;
     const sf_sfm_options *options;
-    sf_exif *of; /* [cameras]: of the first photo */
+    sf_exif *of;         /* [cameras]: of the first photo, */
+    const char **folder; /* [cameras]: and its name, which begins with its folder */
 } grouping;
 
 /* The lens to begin with. */
@@ -37,6 +38,18 @@ static sf_map_camera first_camera(const grouping *g, const sf_photo_file *photo,
     return camera;
 }
 
+static int are_of_one_folder(const char *a, const char *b) {
+    const char *end = strrchr(a, '/'), *other = strrchr(b, '/');
+    size_t length = end ? (size_t)(end - a) : 0;
+    return length == (other ? (size_t)(other - b) : 0) && !strncmp(a, b, length);
+}
+
+/* Of photos that do not name their camera, each folder's are of one. */
+static int may_share(const grouping *g, size_t camera, const sf_photo_file *photo, const sf_exif *exif) {
+    return sf_exif_is_same(&g->of[camera], exif) && (g->options->lens || *exif->make || *exif->model ||
+                                                     are_of_one_folder(g->folder[camera], photo->name));
+}
+
 /* The camera of a photo; camera_count: a new one. */
 static size_t find_camera(const grouping *g, const sf_photo_file *photo, const sf_exif *exif,
                           uint8_t *turned) {
@@ -46,7 +59,7 @@ static size_t find_camera(const grouping *g, const sf_photo_file *photo, const s
         int is_same = camera->width == photo->width && camera->height == photo->height,
             is_turned = camera->width == photo->height && camera->height == photo->width && !camera->is_fixed;
         *turned = (uint8_t)!is_same;
-        if ((is_same || is_turned) && sf_exif_is_same(&g->of[c], exif)) return c;
+        if ((is_same || is_turned) && may_share(g, c, photo, exif)) return c;
     }
     *turned = 0;
     return r->camera_count;
@@ -65,7 +78,7 @@ static sf_status add_photo(const grouping *g, size_t i, const char *folder) {
     size_t c = find_camera(g, photo, &exif, &r->is_turned[i]);
     if (c == r->camera_count) {
         r->cameras[r->camera_count++] = first_camera(g, photo, &exif);
-        g->of[c] = exif;
+        g->of[c] = exif, g->folder[c] = photo->name;
     }
     r->camera_of[i] = (uint32_t)c;
     return SF_OK;
@@ -99,13 +112,15 @@ static sf_status add_photos(const grouping *g, const char *folder) {
 
 sf_status sf_photo_cameras(sf_reconstruction *r, const char *folder, const sf_sfm_options *options) {
     size_t count = r->list.count + 1;
-    grouping g = {r, options, sf_alloc(r->ctx, count, sizeof *g.of)};
+    grouping g = {r, options, sf_alloc(r->ctx, count, sizeof *g.of),
+                  sf_alloc(r->ctx, count, sizeof *g.folder)};
     r->cameras = sf_alloc(r->ctx, count, sizeof *r->cameras);
     r->camera_of = sf_calloc(r->ctx, count, sizeof *r->camera_of);
     r->is_turned = sf_calloc(r->ctx, count, 1);
-    sf_status status = g.of && r->cameras && r->camera_of && r->is_turned ? SF_OK : SF_ERR_MEMORY;
+    sf_status status = g.of && g.folder && r->cameras && r->camera_of && r->is_turned ? SF_OK : SF_ERR_MEMORY;
     if (!status) status = add_photos(&g, folder);
     sf_free(r->ctx, g.of);
+    sf_free(r->ctx, g.folder);
     return status;
 }
 

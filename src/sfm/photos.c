@@ -1,79 +1,89 @@
 /* photos.c - see photos.h. */
 #include "photos.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <limits.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "../base/pool.h"
 #include "../io/dataset.h"
 #include "../io/paths.h"
 #include "../io/picture.h"
+#include "../io/picture_names.h"
 
+#include "photo_folder.h"
 #include "photo_masks.h"
 
 #include <splatfit/sfm.h>
 
-static int is_photo(const char *name) {
-    static const char *const endings[] = {".jpg", ".jpeg", ".png"};
-    const char *dot = strrchr(name, '.');
-    for (size_t i = 0; dot && dot > name && i < sizeof endings / sizeof *endings; i++)
-        if (!strcasecmp(dot, endings[i])) return 1;
-    return 0;
+static int count_two(void *user, const char *name) {
+    (void)name;
+    return ++*(int *)user == 2;
 }
 
-/* How many photos a folder holds, up to 2. */
-static int count_photos(const char *path) {
+static int holds_two_photos(const char *folder) {
     int count = 0;
-    const struct dirent *e;
-    DIR *folder = opendir(path);
-    while (folder && count < 2 && (e = readdir(folder)))
-        count += is_photo(e->d_name) && sf_holds_file(path, e->d_name);
-    if (folder) closedir(folder);
-    return count;
+    return sf_photo_folder_walk(folder, count_two, &count) == 1;
 }
 
 sf_photos_place sf_sfm_find_photos(const char *folder) {
     char images[PATH_MAX];
     if (!sf_is_folder(folder) || sf_holds_project(folder)) return SF_PHOTOS_NONE;
     int size = snprintf(images, sizeof images, "%s/images", folder);
-    if (size > 0 && (size_t)size < sizeof images && count_photos(images) == 2) return SF_PHOTOS_IMAGES;
-    return count_photos(folder) == 2 ? SF_PHOTOS_HERE : SF_PHOTOS_NONE;
+    if (size > 0 && (size_t)size < sizeof images && holds_two_photos(images)) return SF_PHOTOS_IMAGES;
+    return holds_two_photos(folder) ? SF_PHOTOS_HERE : SF_PHOTOS_NONE;
 }
 
 static int by_name(const void *a, const void *b) {
     return strcmp(((const sf_photo_file *)a)->name, ((const sf_photo_file *)b)->name);
 }
 
-static sf_status add_photo(sf_context *ctx, sf_photo_list *list, size_t *room, const char *name) {
-    sf_status status = sf_grow(ctx, &list->photos, room, list->count, list->count + 1, sizeof *list->photos);
-    if (status) return status;
-    list->photos[list->count] = (sf_photo_file){.name = sf_text_copy(ctx, name), .factor = 1};
-    if (!list->photos[list->count].name) return SF_ERR_MEMORY;
-    list->count++;
+typedef struct listing {
+    sf_context *ctx;
+    sf_photo_list *list;
+    size_t room;
+    sf_status status;
+} listing;
+
+static int add_photo(void *user, const char *name) {
+    listing *l = user;
+    sf_photo_list *list = l->list;
+    l->status = sf_grow(l->ctx, &list->photos, &l->room, list->count, list->count + 1, sizeof *list->photos);
+    if (l->status) return 1;
+    list->photos[list->count] = (sf_photo_file){.name = sf_text_copy(l->ctx, name), .factor = 1};
+    if (!list->photos[list->count].name) l->status = SF_ERR_MEMORY;
+    list->count += !l->status;
+    return l->status != SF_OK;
+}
+
+/* Pictures of other kinds are not passed over in silence. */
+static sf_status tell_unread(sf_context *ctx, const char *path, size_t photos) {
+    char ending[SF_ENDING];
+    size_t unread = sf_count_unread_pictures(path, ending);
+    if (!photos && !unread)
+        return sf_fail(ctx, SF_ERR_EMPTY, "%s: holds no photos (.jpg, .jpeg, .png)", path);
+    if (!photos)
+        return sf_fail(ctx, SF_ERR_EMPTY,
+                       "%s: %zu %s files, which are not read: make .jpg or .png of them (ImageMagick, in "
+                       "that folder: mogrify -format jpg '*%s')",
+                       path, unread, ending, ending);
+    if (unread)
+        sf_log(ctx, SF_LOG_WARNING, "%s: %zu %s files are left out: .jpg, .jpeg and .png are read", path,
+               unread, ending);
     return SF_OK;
 }
 
 sf_status sf_photos_list(sf_context *ctx, const char *path, sf_photo_list *list) {
-    size_t room = 0;
-    sf_status status = SF_OK;
-    const struct dirent *e;
+    listing l = {.ctx = ctx, .list = list};
     *list = (sf_photo_list){0};
-    DIR *folder = opendir(path);
-    if (!folder)
+    if (sf_photo_folder_walk(path, add_photo, &l) < 0)
         return sf_fail(ctx, SF_ERR_IO, "%s: cannot be opened as a folder of photos: %s", path,
                        strerror(errno));
-    while (!status && (e = readdir(folder)))
-        if (is_photo(e->d_name) && sf_holds_file(path, e->d_name))
-            status = add_photo(ctx, list, &room, e->d_name);
-    closedir(folder);
-    if (!status && !list->count)
-        status = sf_fail(ctx, SF_ERR_EMPTY, "%s: holds no photos (.jpg, .jpeg, .png)", path);
+    sf_status status = l.status;
+    if (!status) status = tell_unread(ctx, path, list->count);
     if (status) sf_photos_free(ctx, list);
     if (list->count) qsort(list->photos, list->count, sizeof *list->photos, by_name);
     return status;

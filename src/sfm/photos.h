@@ -8,7 +8,7 @@ enum { SF_PHOTO_FAULT = 192 };
 
 /* A photo on its way through the stages. */
 typedef struct sf_photo_file {
-    char *name;                 /* within the folder */
+    char *name;                 /* within the folder, with the folders in it that lead there */
     int width, height;          /* px, as the file has it */
     int factor;                 /* sides were divided by this before features were looked for */
     sf_features features;       /* positions in px of the file */
@@ -22,8 +22,8 @@ typedef struct sf_photo_list {
     char *masks; /* the folder of their masks; NULL: all pixels count */
 } sf_photo_list;
 
-/* Lists the .jpg, .jpeg and .png files of a folder, by name. SF_ERR_IO; SF_ERR_EMPTY: it has none;
- * SF_ERR_MEMORY. */
+/* Lists the photos of a folder (photo_folder.h), by name, and logs that it has pictures that are not read.
+ * SF_ERR_IO; SF_ERR_EMPTY: it has none; SF_ERR_MEMORY. */
 sf_status sf_photos_list(sf_context *ctx, const char *folder, sf_photo_list *list);
 /* Refuses photos that take more than `memory` bytes of the whole process (0: 4/5 of what is free) until their
  * cameras are found, by the sizes in their headers: SF_ERR_MEMORY, with what to do. */

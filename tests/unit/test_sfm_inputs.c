@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include "sfm/mask_folder.h"
+#include "sfm/photos.h"
 
 #include <splatfit/sfm.h>
 
@@ -54,6 +55,74 @@ static void assert_refused(const char *folder, const sf_sfm_options *options, sf
     assert_status(context, sf_sfm_run(context, folder, options, &r), status);
     assert_null(r);
     assert_error_names(context, part);
+}
+
+static void touch(const char *name) {
+    FILE *f = fopen(test_path(name), "w");
+    assert_non_null(f);
+    assert_int_equal(fclose(f), 0);
+}
+
+/* Photos in folders of a folder: a rig's cameras, albums. Masks, hidden folders and other projects are no
+ * photos. */
+static void test_folders(void **state) {
+    (void)state;
+    static const char *const folders[] = {"nested",       "nested/left", "nested/left/day",
+                                          "nested/masks", "nested/.old", "nested/project",
+                                          "both",         "both/more"};
+    static const char *const files[] = {"nested/left/b.PNG",
+                                        "nested/left/day/a.jpg",
+                                        "nested/masks/b.png",
+                                        "nested/.old/x.jpg",
+                                        "nested/left/notes.txt",
+                                        "nested/project/p.jpg",
+                                        "nested/project/transforms.json"};
+    sf_photo_list list;
+    for (size_t i = 0; i < sizeof folders / sizeof *folders; i++) mkdir(test_path(folders[i]), 0777);
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) touch(files[i]);
+    assert_int_equal(sf_sfm_find_photos(test_path("nested")), SF_PHOTOS_HERE);
+    assert_ok(context, sf_photos_list(context, test_path("nested"), &list));
+    assert_int_equal(list.count, 2);
+    assert_string_equal(list.photos[0].name, "left/b.PNG");
+    assert_string_equal(list.photos[1].name, "left/day/a.jpg");
+    sf_photos_free(context, &list);
+    /* where the folder has photos itself, these alone */
+    touch("both/2.jpg"), touch("both/1.jpeg"), touch("both/more/3.jpg");
+    assert_ok(context, sf_photos_list(context, test_path("both"), &list));
+    assert_int_equal(list.count, 2);
+    assert_string_equal(list.photos[0].name, "1.jpeg");
+    sf_photos_free(context, &list);
+}
+
+/* What phones and raw converters write, and what is to be done with it. */
+static void test_other_kinds(void **state) {
+    (void)state;
+    sf_scene *scene;
+    mkdir(test_path("phone"), 0777);
+    touch("phone/1.HEIC"), touch("phone/2.heic"), touch("phone/3.dng");
+    assert_refused(test_path("phone"), NULL, SF_ERR_EMPTY, "2 .heic files");
+    assert_error_names(context, "mogrify -format jpg '*.heic'");
+    assert_status(context, sf_scene_load(context, test_path("phone"), NULL, &scene), SF_ERR_IO);
+    assert_error_names(context, "2 .heic files");
+}
+
+/* Two folders of photos without EXIF are of two cameras. */
+static void test_rig(void **state) {
+    (void)state;
+    char folder[1024];
+    sf_reconstruction *r;
+    sf_reconstruction_photo photos[2 * PHOTOS];
+    mkdir(test_path("rig"), 0777);
+    write_photos("rig/left", 'a', PHOTOS, 0);
+    write_photos("rig/right", 'a', PHOTOS, 0);
+    snprintf(folder, sizeof folder, "%s", test_path("rig"));
+    assert_ok(context, sf_sfm_run(context, folder, NULL, &r));
+    for (size_t i = 0; i < 2 * PHOTOS; i++) {
+        assert_int_equal(sf_reconstruction_get_photo(r, i, &photos[i]), SF_OK);
+        assert_int_equal(photos[i].camera == photos[0].camera, i < PHOTOS);
+    }
+    assert_string_equal(photos[PHOTOS].name, "right/a0.png");
+    sf_reconstruction_destroy(&r);
 }
 
 /* A lens stays as it is, and is for photos of its size. */
@@ -160,9 +229,8 @@ static int tear_down(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_lens),
-        cmocka_unit_test(test_masks),
-        cmocka_unit_test(test_reasons),
+        cmocka_unit_test(test_folders), cmocka_unit_test(test_other_kinds), cmocka_unit_test(test_rig),
+        cmocka_unit_test(test_lens),    cmocka_unit_test(test_masks),       cmocka_unit_test(test_reasons),
         cmocka_unit_test(test_none),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
