@@ -10,6 +10,8 @@ static const arg_option own_options[] = {
     {"json", 0, "FILE", "write all figures as JSON"},
     {"report", 0, NULL, "measure for about a minute and print a short text in Markdown, for sharing"},
     {"svg", 0, "DIR", "write the charts bench-accuracy.svg and bench-roofs.svg into a folder"},
+    {"before", 0, "FILE",
+     "what --json wrote with another build: drawn dashed in bench-accuracy.svg (needs --svg)"},
     {"only", 0, "LIST", "measure only these of roofs,kernels,accuracy,steps,sfm"},
     {"model", 0, "FILE", "also measure whole steps of this model (needs --project)"},
     {"project", 0, "PATH", "the project whose training views are used for the steps of --model"},
@@ -59,7 +61,9 @@ static int measure_model(const args *a, sf_context *ctx, const bench_options *op
 }
 
 static int measure(const args *a, sf_context *ctx, const bench_options *options, bench_report *report) {
+    const char *before = args_value(a, "before");
     sf_status status = bench_begin(ctx, options, report);
+    if (!status && before) status = bench_read_before(ctx, before, report);
     if (!status && wants(a, "roofs")) status = bench_roofs(ctx, options, report);
     if (!status && (wants(a, "kernels") || wants(a, "accuracy")))
         status = bench_kernels(ctx, options, report);
@@ -113,6 +117,10 @@ static int run(const args *a) {
     sf_context *ctx = NULL;
     if (!args_value(a, "model") != !args_value(a, "project")) {
         app_say(a, "--model and --project", "go together");
+        return EXIT_USAGE;
+    }
+    if (args_value(a, "before") && !args_value(a, "svg")) {
+        app_say(a, "--before", "needs --svg DIR, for the chart that it is drawn in");
         return EXIT_USAGE;
     }
     int error = check_only(a);

@@ -138,7 +138,8 @@ static void list_variants(const bench_options *options, bench_report *report) {
     for (int i = 0; i < report->levels; i++)
         for (int degree = 2; degree <= 6; degree++)
             if (degree == 5 || (report->level[i].variant[BENCH_EXP2].blend && !options->brief))
-                report->accuracy[report->accuracies++] = (bench_accuracy){.level = i, .degree = degree};
+                report->accuracy[report->accuracies++] =
+                    (bench_accuracy){.level = i, .degree = degree, .pairs = report->load.contributing};
 }
 
 sf_status bench_accuracies(sf_context *ctx, const bench_options *options, bench_report *report) {

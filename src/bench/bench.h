@@ -52,7 +52,8 @@ typedef struct bench_load {
 typedef struct bench_accuracy {
     int level;                         /* index of the levels */
     int degree;                        /* of the polynomial */
-    double seconds, seconds_bwd;       /* least of all rounds, one thread */
+    double seconds, seconds_bwd;       /* least of all rounds, one thread, */
+    double pairs;                      /* for so many contributing pairs */
     double picture_rms, picture_max;   /* relative to the picture's own rms and greatest value */
     double gradient_rms, gradient_max; /* the worst of the nine components, relative likewise */
 } bench_accuracy;
@@ -91,6 +92,8 @@ typedef struct bench_report {
     bench_step_times step[BENCH_STEPS_MOST];
     int accuracies, accuracy_pixels, accuracy_left_out;
     bench_accuracy accuracy[BENCH_LEVELS_MOST * BENCH_DEGREES_MOST];
+    int befores; /* the same of another build, where its figures were given */
+    bench_accuracy before[BENCH_LEVELS_MOST * BENCH_DEGREES_MOST];
     int photo_rows;
     bench_photos photos[BENCH_LEVELS_MOST * BENCH_PHOTO_ROWS];
     bench_fitted fitted;

@@ -34,26 +34,32 @@ typedef struct half {
 } half;
 
 static double half_ns(const half *h, const bench_accuracy *a) {
-    return 1e9 * (h->backward ? a->seconds_bwd : a->seconds) / h->report->load.contributing;
+    return 1e9 * (h->backward ? a->seconds_bwd : a->seconds) / a->pairs;
 }
 
 static double half_error(const half *h, const bench_accuracy *a) {
     return h->backward ? a->gradient_rms : a->picture_rms;
 }
 
+/* A line for each level, of this build or, dashed and with smaller dots, of the one before. */
+static void draw_levels(svg *s, const half *h, const bench_accuracy *list, int count, const char *dashes) {
+    for (int i = 0; i < count; i++) {
+        const bench_accuracy *a = &list[i], *last = i ? a - 1 : a;
+        const char *color = color_of(h->report->level[a->level].name);
+        double x = svg_axis_at(&h->x, half_ns(h, a)), y = svg_axis_at(&h->y, half_error(h, a));
+        if (last != a && last->level == a->level)
+            svg_line(s, svg_axis_at(&h->x, half_ns(h, last)), svg_axis_at(&h->y, half_error(h, last)), x, y,
+                     &(svg_style){.stroke = color, .width = 1.2, .dashes = dashes});
+        svg_dot(s, x, y, dashes ? 2 : 4, color);
+    }
+}
+
 static void draw_half(svg *s, const half *h) {
     const bench_report *report = h->report;
     svg_axes(s, &h->x, &h->y, h->backward ? "gradient (backward)" : "picture (forward)",
              "ns a contributing pair, one thread", h->backward ? NULL : "rms error / rms, against float64");
-    for (int i = 0; i < report->accuracies; i++) {
-        const bench_accuracy *a = &report->accuracy[i], *before = i ? a - 1 : a;
-        const char *color = color_of(report->level[a->level].name);
-        double x = svg_axis_at(&h->x, half_ns(h, a)), y = svg_axis_at(&h->y, half_error(h, a));
-        if (before != a && before->level == a->level)
-            svg_line(s, svg_axis_at(&h->x, half_ns(h, before)), svg_axis_at(&h->y, half_error(h, before)), x,
-                     y, &(svg_style){.stroke = color, .width = 1.2});
-        svg_dot(s, x, y, 4, color);
-    }
+    draw_levels(s, h, report->before, report->befores, "4 3");
+    draw_levels(s, h, report->accuracy, report->accuracies, NULL);
     for (int i = 0; i < report->accuracies; i++) {
         const bench_accuracy *a = &report->accuracy[i];
         char degree[8];
@@ -63,15 +69,21 @@ static void draw_half(svg *s, const half *h) {
     }
 }
 
+/* Both halves have one scale of errors. */
+static void see(half *h, const bench_accuracy *list, int count) {
+    for (int i = 0; i < count; i++) {
+        svg_axis_see(&h->x, half_ns(h, &list[i]));
+        svg_axis_see(&h->y, list[i].picture_rms);
+        svg_axis_see(&h->y, list[i].gradient_rms);
+    }
+}
+
 static void scale_halves(const bench_report *report, half halves[2]) {
     for (int k = 0; k < 2; k++) {
         half *h = &halves[k];
         *h = (half){.report = report, .backward = k};
-        for (int i = 0; i < report->accuracies; i++) svg_axis_see(&h->x, half_ns(h, &report->accuracy[i]));
-        for (int i = 0; i < report->accuracies; i++) /* one scale of errors */
-            for (int other = 0; other < 2; other++)
-                svg_axis_see(&h->y,
-                             half_error(&(half){.report = report, .backward = other}, &report->accuracy[i]));
+        see(h, report->accuracy, report->accuracies);
+        see(h, report->before, report->befores);
         svg_axis_round(&h->x);
         svg_axis_round(&h->y);
         h->x.from = 78 + 410 * k, h->x.to = h->x.from + 350;
@@ -89,7 +101,10 @@ sf_status bench_chart_accuracy(sf_context *ctx, const bench_report *report, cons
     snprintf(title, sizeof title, "Blending: accuracy against speed - %s", report->machine.cpu);
     svg_text(&s, 78, 26, 15, SVG_START, SVG_INK, title);
     legend(&s, report, 82, 52);
-    svg_text(&s, 838, 52, 12, SVG_END, SVG_INK, "numbers: degree of the polynomial for exp2 (5 is used)");
+    svg_text(&s, 838, 52, 12, SVG_END, SVG_INK,
+             report->befores
+                 ? "numbers: degree of the polynomial for exp2 (5 is used); dashed: the build before"
+                 : "numbers: degree of the polynomial for exp2 (5 is used)");
     scale_halves(report, halves);
     for (int k = 0; k < 2; k++) draw_half(&s, &halves[k]);
     return svg_close(&s);

@@ -1,6 +1,9 @@
 /* json.c - a report as JSON: numbers in the units that their names end with. */
 #include "report.h"
 
+#include <errno.h>
+#include <string.h>
+
 static json_t *machine_json(const bench_report *report) {
     const bench_machine *m = &report->machine;
     json_t *ghz = json_array(), *name = json_string(m->cpu);
@@ -92,13 +95,12 @@ static json_t *accuracy_json(const bench_report *report) {
     json_t *list = json_array();
     for (int i = 0; i < report->accuracies; i++) {
         const bench_accuracy *a = &report->accuracy[i];
-        double pairs = report->load.contributing;
-        json_array_append_new(list, json_pack("{s:s, s:i, s:f, s:f, s:f, s:f, s:f, s:f}", "level",
-                                              report->level[a->level].name, "degree", a->degree,
-                                              "ns_per_pair", 1e9 * a->seconds / pairs, "backward_ns_per_pair",
-                                              1e9 * a->seconds_bwd / pairs, "picture_rms", a->picture_rms,
-                                              "picture_max", a->picture_max, "gradient_rms", a->gradient_rms,
-                                              "gradient_max", a->gradient_max));
+        json_array_append_new(
+            list,
+            json_pack("{s:s, s:i, s:f, s:f, s:f, s:f, s:f, s:f}", "level", report->level[a->level].name,
+                      "degree", a->degree, "ns_per_pair", 1e9 * a->seconds / a->pairs, "backward_ns_per_pair",
+                      1e9 * a->seconds_bwd / a->pairs, "picture_rms", a->picture_rms, "picture_max",
+                      a->picture_max, "gradient_rms", a->gradient_rms, "gradient_max", a->gradient_max));
     }
     return list;
 }
@@ -141,4 +143,40 @@ json_t *bench_json(const bench_report *report) {
     if (o && report->photo_rows) json_object_set_new(o, "sfm", photos_json(report));
     if (o && report->fitted.count) json_object_set_new(o, "model", fitted_json(report));
     return o;
+}
+
+static int level_of(const bench_report *report, const char *name) {
+    int l = 0;
+    while (l < report->levels && strcmp(report->level[l].name, name) != 0) l++;
+    return l;
+}
+
+static void take_before(bench_report *report, json_t *item) {
+    enum { MOST = sizeof report->before / sizeof *report->before };
+    const char *level;
+    bench_accuracy a = {0};
+    double ns, backward_ns;
+    if (report->befores == MOST ||
+        json_unpack(item, "{s:s, s:i, s:F, s:F, s:F, s:F}", "level", &level, "degree", &a.degree,
+                    "ns_per_pair", &ns, "backward_ns_per_pair", &backward_ns, "picture_rms", &a.picture_rms,
+                    "gradient_rms", &a.gradient_rms))
+        return;
+    a.level = level_of(report, level);
+    a.seconds = 1e-9 * ns, a.seconds_bwd = 1e-9 * backward_ns, a.pairs = 1;
+    if (a.level < report->levels && ns > 0 && backward_ns > 0 && a.picture_rms > 0 && a.gradient_rms > 0)
+        report->before[report->befores++] = a;
+}
+
+sf_status bench_read_before(sf_context *ctx, const char *path, bench_report *report) {
+    json_error_t error;
+    json_t *root = json_load_file(path, 0, &error);
+    if (!root && error.line < 0)
+        return sf_fail(ctx, SF_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
+    if (!root) return sf_fail(ctx, SF_ERR_FORMAT, "%s: line %d: %s", path, error.line, error.text);
+    json_t *list = json_object_get(root, "accuracy");
+    for (size_t i = 0; i < json_array_size(list); i++) take_before(report, json_array_get(list, i));
+    json_decref(root);
+    if (report->befores) return SF_OK;
+    return sf_fail(ctx, SF_ERR_FORMAT,
+                   "%s: accuracy: no figures of a level here: splatfit bench --json writes them", path);
 }

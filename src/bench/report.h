@@ -20,7 +20,12 @@ json_t *bench_json(const bench_report *report);
  * writes them. */
 sf_status bench_read_instructions(sf_context *ctx, const char *path, bench_report *report);
 
-/* charts.c: each level's and polynomial's error over its speed; each stage's time beside its roof. */
+/* Takes over the accuracy of another build from what bench_json wrote there, of the levels that are measured
+ * here. SF_ERR_IO, SF_ERR_FORMAT: nothing of it is such a figure. */
+sf_status bench_read_before(sf_context *ctx, const char *path, bench_report *report);
+
+/* charts.c: each level's and polynomial's error over its speed, and dashed that of the build before; each
+ * stage's time beside its roof. */
 sf_status bench_chart_accuracy(sf_context *ctx, const bench_report *report, const char *path);
 sf_status bench_chart_roofs(sf_context *ctx, const bench_report *report, const char *path);
 

@@ -3,7 +3,7 @@
 # this program beside another build's. quick: whether it works.
 #
 # PARTS         which of measure, sfm and against; if unset the first two, and against where AGAINST is set
-# AGAINST       another build's program
+# AGAINST       another build's program; measure draws its accuracy and speed, too
 # LEVELS        of this machine
 # BENCH_FLAGS   of splatfit bench, e.g. --quick
 # PROGRAM, RUN, SPLATFIT_DATA: as for charts.sh. Of against also what against.sh says.
@@ -19,7 +19,12 @@ mkdir -p build
 # shellcheck disable=SC2086
 measure() {
     "$here/callgrind.sh" build/bench-instructions.txt ${LEVELS:-}
-    ${RUN:-} "$program" bench --json build/bench.json --svg build --instructions build/bench-instructions.txt ${BENCH_FLAGS:-}
+    local before=()
+    if [ -n "${AGAINST:-}" ]; then
+        ${RUN:-} "$AGAINST" bench --only accuracy --json build/bench-before.json -q ${BENCH_FLAGS:-}
+        before=(--before build/bench-before.json)
+    fi
+    ${RUN:-} "$program" bench --json build/bench.json --svg build --instructions build/bench-instructions.txt "${before[@]}" ${BENCH_FLAGS:-}
 }
 sfm() { "$here/sfm.sh" >build/bench-sfm.txt && cat build/bench-sfm.txt; }
 against() { "$here/against.sh" "${AGAINST:-}" >build/bench-against.md && cat build/bench-against.md; }

@@ -282,11 +282,41 @@ static void test_sections_stand_alone(void **state) {
     for (size_t i = 0; i < sizeof sections / sizeof *sections; i++) json_decref(report_only(sections[i]));
 }
 
+static size_t dashes_in(const char *path) {
+    size_t size, count = 0;
+    char *svg = (char *)test_read(path, &size);
+    for (const char *at = svg; (at = strstr(at, "stroke-dasharray=\"4 3\"")); at++) count++;
+    free(svg);
+    return count;
+}
+
+/* Another build's figures are drawn dashed; here they are this one's, so that each of its lines has one
+ * beside it. */
+static void test_the_build_before_is_drawn(void **state) {
+    (void)state;
+    char arguments[4096], folder[1024];
+    snprintf(folder, sizeof folder, "%s", test_folder());
+    json_decref(report_only("accuracy"));
+    snprintf(arguments, sizeof arguments, "--quick --only accuracy --svg %s", folder);
+    assert_int_equal(run_bench(arguments), 0);
+    assert_int_equal(dashes_in(test_path("bench-accuracy.svg")), 0);
+    snprintf(arguments, sizeof arguments, "--quick --only accuracy --svg %s --before %s/only.json", folder,
+             folder);
+    assert_int_equal(run_bench(arguments), 0);
+    sf_isa_info info;
+    size_t levels = 0;
+    for (size_t i = 0; !sf_isa_describe(i, &info); i++)
+        levels += info.usable && strcmp(info.name, "scalar") != 0;
+    assert_int_equal(dashes_in(test_path("bench-accuracy.svg")),
+                     levels * 2 * 4); /* halves; lines between 5 degrees */
+}
+
 static void test_wrong_usage_is_refused(void **state) {
     (void)state;
     assert_int_not_equal(run_bench("--only kernel"), 0);
     assert_int_not_equal(run_bench("--model x.ply"), 0);
     assert_int_not_equal(run_bench("--isa none"), 0);
+    assert_int_not_equal(run_bench("--before bench.json"), 0);
 }
 
 static void test_once_names_kernels_and_units(void **state) {
@@ -310,6 +340,7 @@ int main(void) {
         cmocka_unit_test(test_quick_report_is_whole),
         cmocka_unit_test(test_kernels_alone_have_their_figures),
         cmocka_unit_test(test_sections_stand_alone),
+        cmocka_unit_test(test_the_build_before_is_drawn),
         cmocka_unit_test(test_wrong_usage_is_refused),
         cmocka_unit_test(test_once_names_kernels_and_units),
     };
