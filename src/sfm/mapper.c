@@ -14,7 +14,6 @@ enum {
 
 #define GROWTH 1.25 /* of placed pictures, from one adjustment of all to the next */
 /* Focal lengths that are tried where the voted one is doubtful: from one to the next, and the farthest. */
-#define REPETITION     0.1 /* matches that contradict others, as a part of all */
 #define FOCAL_STEP     1.6
 #define FOCAL_FARTHEST 6.6
 
@@ -330,19 +329,6 @@ static void keep_larger(sf_map **best, sf_map *map) {
     sf_map_destroy(&smaller);
 }
 
-/* Windows or tiles that look the same are matched across different places, and the map is wrong without large
- * errors. Such matches contradict others: 17 % and more where a facade's map was wrong, at most 6 % where
- * maps were right. */
-static void warn_of_repetition(sf_context *ctx, const sf_tracks *t) {
-    double part = t->matches ? (double)t->contradictions / (double)t->matches : 0;
-    if (part > REPETITION)
-        sf_log(ctx, SF_LOG_WARNING,
-               "photos: %.0f %% of the matches contradict others: things that look the same (windows, "
-               "tiles) may have put cameras in a wrong place: look at them with \"splatfit view\"; if the "
-               "photos were taken one after another, try --sequence 1",
-               100 * part);
-}
-
 sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map_options *options,
                         sf_mapper_progress progress, void *user, sf_map **map) {
     sf_map_input rest = *input;
@@ -365,7 +351,6 @@ sf_status sf_mapper_run(sf_context *ctx, const sf_map_input *input, const sf_map
     }
     if (status == SF_ERR_EMPTY && *map) status = SF_OK;
     if (status) sf_map_destroy(map);
-    if (*map) warn_of_repetition(ctx, &(*map)->tracks);
     for (size_t i = 0; *map && i < input->picture_count; i++)
         (*map)->pictures[i].is_left_out = input->pictures[i].is_left_out;
     sf_free(ctx, pictures);

@@ -3,12 +3,12 @@
 #include <string.h>
 
 #include "../base/clock.h"
-#include "mapper.h"
 #include "mask_folder.h"
 #include "pairs.h"
 #include "photo_cameras.h"
 #include "reasons.h"
 #include "reconstruction.h"
+#include "repetition.h"
 #include "verify.h"
 #include "view_graph.h"
 
@@ -26,6 +26,9 @@ typedef struct run {
     sf_matches *matches;       /* [pair_count], of features */
     sf_matched_pair *verified; /* [pair_count]; without matches where there is no geometry */
     size_t pair_count;
+    sf_matched_pair
+        *in_order; /* [in_order_count]: those of the verified whose photos follow one another by name */
+    size_t in_order_count;
     int64_t began; /* sf_clock_ns of the stage */
 } run;
 
@@ -105,7 +108,8 @@ static sf_status choose_pairs(run *work) {
     if (status) return status;
     work->matches = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->matches);
     work->verified = sf_calloc(work->ctx, work->pair_count + 1, sizeof *work->verified);
-    return work->matches && work->verified ? SF_OK : SF_ERR_MEMORY;
+    work->in_order = sf_calloc(work->ctx, n + 1, sizeof *work->in_order);
+    return work->matches && work->verified && work->in_order ? SF_OK : SF_ERR_MEMORY;
 }
 
 /* So many pairs at a time, of which those with too few matches are left without any. */
@@ -126,6 +130,14 @@ static sf_status match_pairs(run *work) {
     return SF_OK;
 }
 
+/* Before pairs that contradict stronger ones are dropped: where things look the same, pairs of photos far
+ * apart may be the stronger ones. */
+static void keep_in_order(run *work) {
+    for (size_t i = 0; i < work->pair_count; i++)
+        if (work->verified[i].count && work->verified[i].second == work->verified[i].first + 1)
+            work->in_order[work->in_order_count++] = work->verified[i];
+}
+
 static sf_status verify_pairs(run *work, size_t *verified) {
     sf_reconstruction *r = work->r;
     sf_verify_options options = sf_verify_options_default();
@@ -139,6 +151,7 @@ static sf_status verify_pairs(run *work, size_t *verified) {
     sf_status status = sf_verify_pairs(r->ctx, &options, r->pictures, r->cameras, r->camera_count,
                                        work->verified, work->pair_count);
     size_t dropped;
+    if (!status) keep_in_order(work);
     if (!status)
         status = sf_view_graph_filter(r->ctx, r->list.count, work->verified, work->pair_count, &dropped);
     *verified = 0;
@@ -158,7 +171,8 @@ static sf_status map_photos(run *work) {
                           .pair_count = work->pair_count};
     sf_map_options options = sf_map_options_default();
     options.error_px = work->options->error;
-    sf_status status = sf_mapper_run(r->ctx, &input, &options, photo_placed, work, &r->map);
+    const sf_order order = {work->in_order, work->in_order_count, work->options->sequence > 0};
+    sf_status status = sf_map_photos(r->ctx, &input, &order, &options, photo_placed, work, &r->map);
     return status == SF_ERR_EMPTY && sf_photos_why_none(r, work->verified, work->pair_count) ? SF_ERR_EMPTY
                                                                                              : status;
 }
@@ -169,6 +183,7 @@ static void free_run(run *work, size_t pairs) {
     sf_free(work->ctx, work->features);
     sf_free(work->ctx, work->pairs);
     sf_free(work->ctx, work->verified);
+    sf_free(work->ctx, work->in_order);
 }
 
 /* Puts the folder before what a stage says of its photos. */

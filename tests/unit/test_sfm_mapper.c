@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "sfm/mapper.h"
+#include "sfm/repetition.h"
 #include "sfm_scene_fixture.h"
 
 static const double degree = 57.29577951308232;
@@ -49,6 +49,20 @@ static void count_repetition(void *user, sf_log_level level, const char *message
 
 /* Every third match of pairs of next neighbours goes to the point beside the right one, as from one window to
  * the next. */
+/* A third of the matches of a pair are with the keypoint beside the right one: as of windows that look the
+ * same. */
+static void repeat_things(sf_matched_pair *pair) {
+    for (size_t k = 0; k + 3 < pair->count; k += 3) pair->matches[2 * k + 1] = pair->matches[2 * k + 3];
+}
+
+/* Pictures of a ring that follow one another, and their true matches. */
+static size_t pairs_in_order(const sfm_scene *s, sf_matched_pair *pairs) {
+    size_t count = 0;
+    for (size_t i = 0; i < s->pair_count; i++)
+        if (s->pairs[i].second == s->pairs[i].first + 1) pairs[count++] = s->pairs[i];
+    return count;
+}
+
 static void what_repeats_is_told(void **state) {
     (void)state;
     repetition_log log = {0};
@@ -63,15 +77,52 @@ static void what_repeats_is_told(void **state) {
     for (int repeats = 0; repeats < 2; repeats++) {
         sf_map *map;
         const sf_map_input input = sfm_scene_input(&s);
-        assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+        const sf_order order = {NULL, 0, 1};
+        assert_ok(ctx, sf_map_photos(ctx, &input, &order, &options, NULL, NULL, &map));
         assert_int_equal(log.warnings, repeats);
         sf_map_destroy(&map);
-        for (size_t i = 0; i < s.pair_count; i += 2)
-            for (size_t k = 0; k + 3 < s.pairs[i].count; k += 3)
-                s.pairs[i].matches[2 * k + 1] = s.pairs[i].matches[2 * k + 3];
+        for (size_t i = 0; i < s.pair_count; i += 2) repeat_things(&s.pairs[i]);
     }
     assert_non_null(strstr(log.text, " % of the matches contradict others"));
-    assert_non_null(strstr(log.text, "--sequence 1"));
+    sfm_scene_free(&s);
+    sf_context_destroy(&ctx);
+}
+
+static double contradicting(const sf_map *map) {
+    return (double)map->tracks.contradictions / (double)map->tracks.matches;
+}
+
+/* Where only pictures far apart are mistaken for one another, those that follow one another make the map;
+ * where these are too, or too few follow, the first map stays. */
+static void what_repeats_is_mapped_in_order(void **state) {
+    (void)state;
+    const sfm_scene_options o = {24, 2000, 1, 0.5, 0.1, 4, 1, SFM_GENERAL, 0};
+    sf_map_options options = sf_map_options_default();
+    sf_context *ctx = test_context();
+    sf_matched_pair pairs[24];
+    sfm_scene s;
+    sfm_scene_make(ctx, &o, &s);
+    sfm_scene_verify(&s);
+    sf_order order = {.pairs = pairs, .count = pairs_in_order(&s, pairs)};
+    assert_int_equal(order.count, 23);
+    for (size_t i = 0; i < s.pair_count; i++)
+        if (s.pairs[i].second != s.pairs[i].first + 1) repeat_things(&s.pairs[i]);
+    const sf_map_input input = sfm_scene_input(&s);
+    for (int enough = 0; enough < 2; enough++) {
+        sf_map *map;
+        order.count = enough ? 23 : 12;
+        assert_ok(ctx, sf_map_photos(ctx, &input, &order, &options, NULL, NULL, &map));
+        print_message("%zu in order: %zu placed, %.3f contradict\n", order.count, map->placed_count,
+                      contradicting(map));
+        assert_true(enough ? contradicting(map) < 0.03 : contradicting(map) > 0.1);
+        if (enough) assert_int_equal(map->placed_count, 24);
+        sf_map_destroy(&map);
+    }
+    for (size_t i = 0; i < order.count; i++) repeat_things(&pairs[i]);
+    sf_map *map;
+    assert_ok(ctx, sf_map_photos(ctx, &input, &order, &options, NULL, NULL, &map));
+    assert_true(contradicting(map) > 0.1);
+    sf_map_destroy(&map);
     sfm_scene_free(&s);
     sf_context_destroy(&ctx);
 }
@@ -353,6 +404,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tracks_are_joined),
         cmocka_unit_test(what_repeats_is_told),
+        cmocka_unit_test(what_repeats_is_mapped_in_order),
         cmocka_unit_test(a_ring_is_mapped),
         cmocka_unit_test(cameras_may_be_mixed),
         cmocka_unit_test(lenses_may_be_mixed),
