@@ -49,7 +49,8 @@
 #
 # CC=clang           another compiler            CFLAGS=, LDFLAGS=  appended to the flags
 # TOOLCHAIN=NAME     one of toolchains/*.mk      SAN=LIST           sanitizers, e.g. address,undefined
-# TESTS="ply pool"   only these tests            WERROR=1           warnings are errors
+# TESTS="ply pool"   only these tests            BUT="cli photos"   all tests but these
+# WERROR=1           warnings are errors
 # PREFIX=/usr/local  where to install            V=1                shows the commands
 # COVERAGE=1         a build that counts lines, for make coverage
 # MPI=openmpi        also build/*/splatfit-openmpi, whose fits run on several machines; or mpich, or both

@@ -1,7 +1,9 @@
-# programs.mk - the programs of the tests: their files, and what each is linked with. TESTS names some; all are made without it.
+# programs.mk - the programs of the tests: their files, and what each is linked with. TESTS names some; all are made without it,
+# but those that BUT names.
 
 # A name stands for all programs that begin with it: "ply" for test_ply.c and test_ply_values.c.
-tests_in  = $(sort $(wildcard $(if $(TESTS),$(foreach t,$(TESTS),tests/$(1)/test_$(t).c tests/$(1)/test_$(t)_*.c),tests/$(1)/test_*.c)))
+named     = $(foreach t,$(2),tests/$(1)/test_$(t).c tests/$(1)/test_$(t)_*.c)
+tests_in  = $(sort $(filter-out $(wildcard $(call named,$(1),$(BUT))),$(wildcard $(if $(TESTS),$(call named,$(1),$(TESTS)),tests/$(1)/test_*.c))))
 UNIT_SRC  := $(call tests_in,unit)
 GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
@@ -42,7 +44,7 @@ STAB_OBJ  := $(patsubst %.c,$(O)/%.o,$(filter-out tests/stability/stability.c te
 FUZZ_OBJ  := $(patsubst %.c,$(O)/%.o,$(filter-out tests/fuzz/libfuzzer.c,$(wildcard tests/fuzz/*.c))) \
              $(filter-out $(O)/src/app/main.o,$(PROGRAM_PARTS))
 
-# A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link.
+# A line "/* link: FLAGS */" in a test's source adds FLAGS to that test's link, TEST_LDFLAGS to all of them: another linker.
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY): $(REF_OBJ)
 $(UNIT): $(FIXTURES)
 $(CHECK): $(CHECK_OBJ)
@@ -56,7 +58,7 @@ $(PAGES): $(O)/tests/preview/browser.o
 $(filter $(addprefix $(O)/tests/unit/test_,hostile% preview%),$(UNIT)) $(PAGES): PREVIEW_LIBS = $(CIVETWEB)
 $(UNIT) $(GOLD) $(CHECK) $(STAB) $(STABILITY) $(SCENES) $(LONG) $(PAGES): $(O)/%: %.c $(O)/%.o $(TEST_OBJ) $(LIB)
 	$(say) LD $@
-	$(Q)$(CC) $(ALL_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
+	$(Q)$(CC) $(ALL_LDFLAGS) $(TEST_LDFLAGS) $$(sed -n 's|^/\* link: \(.*\) \*/$$|\1|p' $<) -o $@ \
 	    $(filter %.o,$^) $(filter %/fixtures.a,$^) $(LIB) $(PREVIEW_LIBS) $(LIBS) $(TEST_LIBS)
 
 # A library that makes calls of a program fail; it goes before the program's own, where there are no sanitizers and no counts
