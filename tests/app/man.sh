@@ -18,12 +18,12 @@ whole() { # NAME COMMAND
         [ "$(grep -c "^\.SH $section\$" "$file")" = 1 ] || { echo "$1.1: not one section $section"; return 1; }
     done
     ! grep -n '@[A-Z]*@' "$file" || return 1
-    [ -z "$2" ] || splatfit "$2" --help | grep -oE '^  --[a-z0-9-]+' | sort -u >"$scratch/options"
+    [ -z "$2" ] || splatfit "$2" --help | sed -nE 's/^  (--[a-z0-9-]+).*/\1/p' | sort -u >"$scratch/options"
     [ -n "$2" ] || splatfit help --words | grep -v '^help' >"$scratch/options"
     [ "$(wc -l <"$scratch/options")" -ge 4 ] || { echo "$1: hardly an option"; return 1; }
-    while read -r option; do
-        words "$file" | grep -qxE -e "(splatfit-)?$option" || { echo "$1.1: does not tell of $option"; return 1; }
-    done <"$scratch/options"
+    words "$file" | sed 's/^splatfit-//' >"$scratch/words"
+    option=$(grep -vxFf "$scratch/words" "$scratch/options" | head -n 1)
+    [ -z "$option" ] || { echo "$1.1: does not tell of $option"; return 1; }
 }
 
 clean() { # NAME: of what mandoc finds, but for a date that the build does not have
