@@ -81,25 +81,45 @@ void sf_cluster_exchange(sf_cluster *c, size_t size, const void *from, const siz
     }
     c->sent += sent - at[n + (size_t)c->rank];
     c->rounds++;
-    c->ops->exchange(c, from, at, at + n, to, at + 2 * n, at + 3 * n);
+    const char *outgoing = from;
+    char *incoming = to;
+    const sf_messages messages = {&outgoing, &incoming, 1, at, at + n, at + 2 * n, at + 3 * n, NULL};
+    c->ops->exchange(c, &messages);
+}
+
+void sf_cluster_exchange_some(sf_cluster *c, const void *from, const size_t *send, const size_t *send_most,
+                              void *to, const size_t *receive_most) {
+    size_t n = (size_t)c->size, *at = c->offsets;
+    for (size_t r = 0; r < n; r++) {
+        at[r] = r ? at[r - 1] + send_most[r - 1] : 0;
+        at[2 * n + r] = r ? at[2 * n + r - 1] + receive_most[r - 1] : 0;
+        if (r != (size_t)c->rank) c->sent += send[r];
+    }
+    c->rounds++;
+    const char *outgoing = from;
+    char *incoming = to;
+    const sf_messages messages = {&outgoing, &incoming, 1, at, send, at + 2 * n, receive_most, send_most};
+    c->ops->exchange(c, &messages);
 }
 
 static size_t most_of(size_t a, size_t b) { return a > b ? a : b; }
 static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
 
-void sf_cluster_share(sf_cluster *c, size_t size, void *array, const size_t *begin, const size_t *end,
-                      const size_t *wanted) {
-    size_t n = (size_t)c->size, me = (size_t)c->rank, *at = c->offsets;
+void sf_cluster_share(sf_cluster *c, const sf_shared_ranges *ranges, char *const *arrays, int count) {
+    size_t n = (size_t)c->size, me = (size_t)c->rank, size = ranges->size, *at = c->offsets;
+    const size_t *begin = ranges->begin, *end = ranges->end, *wanted = ranges->wanted;
     for (size_t r = 0; r < n; r++) {
         /* what rank r wants of mine, and what I want of its */
         size_t first = most_of(begin[me], wanted[2 * r]), last = least_of(end[me], wanted[2 * r + 1]);
         at[r] = first * size, at[n + r] = r != me && last > first ? (last - first) * size : 0;
         first = most_of(begin[r], wanted[2 * me]), last = least_of(end[r], wanted[2 * me + 1]);
         at[2 * n + r] = first * size, at[3 * n + r] = r != me && last > first ? (last - first) * size : 0;
-        c->sent += at[n + r];
+        c->sent += at[n + r] * (size_t)count;
     }
     c->rounds++;
-    c->ops->exchange(c, array, at, at + n, array, at + 2 * n, at + 3 * n);
+    const sf_messages messages = {
+        (const char *const *)arrays, arrays, count, at, at + n, at + 2 * n, at + 3 * n, NULL};
+    c->ops->exchange(c, &messages);
 }
 
 /* The bits of a double in an order that unsigned integers have. */

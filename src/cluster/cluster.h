@@ -12,13 +12,21 @@
 
 typedef struct sf_cluster sf_cluster;
 
+/* Arrays of a rank of which others get parts, the same parts of each: send_bytes[r] at send_at[r] go to rank
+ * r, this one included, and receive_bytes[r] from rank r are put at receive_at[r]. */
+typedef struct sf_messages {
+    const char *const *from;
+    char *const *to;
+    int arrays;
+    const size_t *send_at, *send_bytes, *receive_at, *receive_bytes;
+    const size_t *send_most; /* NULL, or receive_bytes of the receiver, who may get less */
+} sf_messages;
+
 /* What carries the bytes: MPI, or threads of one process in tests. */
 typedef struct sf_cluster_ops {
     /* to: [size][bytes], the block of each rank in the order of the ranks. */
     void (*gather)(sf_cluster *cluster, const void *from, size_t bytes, void *to);
-    /* Sends from[at.send[r]] .. to rank r for all r, this one included, and receives likewise. */
-    void (*exchange)(sf_cluster *cluster, const char *from, const size_t *send_at, const size_t *send_bytes,
-                     char *to, const size_t *receive_at, const size_t *receive_bytes);
+    void (*exchange)(sf_cluster *cluster, const sf_messages *messages);
     void (*end_all)(const sf_cluster *cluster, int exit_code);
     void (*leave)(sf_cluster *cluster);
 } sf_cluster_ops;
@@ -56,10 +64,20 @@ double sf_cluster_first(sf_cluster *cluster, double value);
 void sf_cluster_exchange(sf_cluster *cluster, size_t size, const void *from, const size_t *send, void *to,
                          const size_t *receive);
 
-/* Parts of one array that every rank has: rank r's part are items begin[r] .. end[r]-1 and is copied to all
- * ranks that want it: wanted[2 r], wanted[2 r + 1]: the range that rank r wants. */
-void sf_cluster_share(sf_cluster *cluster, size_t size, void *array, const size_t *begin, const size_t *end,
-                      const size_t *wanted);
+/* Exchanges bytes of which who receives them knows but the most: those for rank r begin at
+ * from[send_most[0] + ... + send_most[r-1]]; likewise for what is received. */
+void sf_cluster_exchange_some(sf_cluster *cluster, const void *from, const size_t *send,
+                              const size_t *send_most, void *to, const size_t *receive_most);
+
+/* Ranges of the ranks, in items of `size` bytes: rank r has begin[r] .. end[r]-1, and wants wanted[2 r] ..
+ * wanted[2 r + 1]-1 of all. */
+typedef struct sf_shared_ranges {
+    size_t size;
+    const size_t *begin, *end, *wanted;
+} sf_shared_ranges;
+
+/* Arrays that every rank has: of each, the ranges are copied to the ranks that want them, in one exchange. */
+void sf_cluster_share(sf_cluster *cluster, const sf_shared_ranges *ranges, char *const *arrays, int count);
 
 /* values: of this rank, largest first. Returns how many of them are among the `wanted` largest of all ranks;
  * of equal ones, those of lower ranks are first. Together the ranks' numbers are `wanted`, or all that there

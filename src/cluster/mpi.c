@@ -40,42 +40,47 @@ static void gather(sf_cluster *c, const void *from, size_t bytes, void *to) {
     wait_all(&request, 1);
 }
 
-/* Sends or receives in parts; returns the number of requests. */
-static int post(MPI_Request *requests, char *bytes, size_t n, int rank, int sending) {
+/* Sends or receives n bytes, in the parts of a message of `most`; returns the number of requests. */
+static int post(MPI_Request *requests, char *bytes, size_t n, size_t most, int rank, int sending) {
     int posted = 0;
-    for (size_t done = 0; done < n; posted++) {
-        size_t part = n - done < MOST_BYTES ? n - done : MOST_BYTES;
+    for (size_t done = 0; done < most; posted++) {
+        size_t left = n > done ? n - done : 0, part = left < MOST_BYTES ? left : MOST_BYTES;
         if (sending)
             MPI_Isend(bytes + done, (int)part, MPI_BYTE, rank, 0, MPI_COMM_WORLD, requests + posted);
         else
             MPI_Irecv(bytes + done, (int)part, MPI_BYTE, rank, 0, MPI_COMM_WORLD, requests + posted);
-        done += part;
+        done += MOST_BYTES;
     }
     return posted;
 }
 
-static void exchange(sf_cluster *c, const char *from, const size_t *send_at, const size_t *send_bytes,
-                     char *to, const size_t *receive_at, const size_t *receive_bytes) {
+static void exchange(sf_cluster *c, const sf_messages *m) {
+    const size_t *send_most = m->send_most ? m->send_most : m->send_bytes;
     size_t parts = 0;
-    for (int r = 0; r < c->size; r++) parts += 2 + (send_bytes[r] + receive_bytes[r]) / MOST_BYTES;
-    MPI_Request *requests = sf_alloc(c->ctx, parts, sizeof(MPI_Request));
+    for (int r = 0; r < c->size; r++) parts += 2 + (send_most[r] + m->receive_bytes[r]) / MOST_BYTES;
+    MPI_Request *requests = sf_alloc(c->ctx, parts * (size_t)m->arrays, sizeof(MPI_Request));
     if (!requests) {
         sf_log(c->ctx, SF_LOG_WARNING, "out of memory");
         MPI_Abort(MPI_COMM_WORLD, 1);
         return;
     }
-    int n = 0;
+    int n = 0, me = c->rank;
     for (int k = 1; k < c->size;
          k++) { /* each begins with the rank after it, so that no rank gets all at once */
-        int source = (c->rank + c->size - k) % c->size;
-        n += post(requests + n, to + receive_at[source], receive_bytes[source], source, 0);
+        int source = (me + c->size - k) % c->size;
+        for (int a = 0; a < m->arrays; a++)
+            n += post(requests + n, m->to[a] + m->receive_at[source], m->receive_bytes[source],
+                      m->receive_bytes[source], source, 0);
     }
     for (int k = 1; k < c->size; k++) {
-        int target = (c->rank + k) % c->size;
+        int target = (me + k) % c->size;
         /* MPI takes what it sends as const; `post` is shared with receiving */
-        n += post(requests + n, (char *)(uintptr_t)(from + send_at[target]), send_bytes[target], target, 1);
+        for (int a = 0; a < m->arrays; a++)
+            n += post(requests + n, (char *)(uintptr_t)(m->from[a] + m->send_at[target]),
+                      m->send_bytes[target], send_most[target], target, 1);
     }
-    if (send_bytes[c->rank]) memcpy(to + receive_at[c->rank], from + send_at[c->rank], send_bytes[c->rank]);
+    for (int a = 0; a < m->arrays && m->send_bytes[me]; a++)
+        memcpy(m->to[a] + m->receive_at[me], m->from[a] + m->send_at[me], m->send_bytes[me]);
     wait_all(requests, n);
     sf_free(c->ctx, requests);
 }

@@ -10,9 +10,6 @@
 /* Rows of pixels around a band that the gradient of SSIM reads. */
 enum { HALO = 2 * SF_SSIM_RADIUS };
 
-/* Floats of a Gaussian's sums that come back: blend_bwd's nine; blend_importance has eight. */
-enum { RETURNED = SF_SHARD_RETURNED / sizeof(float) };
-
 /* What a row of tiles costs beside its entries, in entries: pixels are filled and compared. */
 #define ROW_WORK 8.0
 
@@ -61,8 +58,7 @@ void sf_shard_destroy(sf_workspace *ws) {
     ws->cluster = NULL;
 }
 
-/* Changes the workspace's arrays for the others. */
-static void swap(sf_workspace *ws) {
+void sf_shard_swap(sf_workspace *ws) {
     sf_shard *s = ws->shard;
     sf_drawn_arrays had = {.count = ws->count,
                            .capacity = ws->gaussian_capacity,
@@ -84,7 +80,7 @@ static void swap(sf_workspace *ws) {
 }
 
 void sf_shard_begin(sf_workspace *ws) {
-    if (ws->shard && ws->shard->drawing) swap(ws);
+    if (ws->shard && ws->shard->drawing) sf_shard_swap(ws);
 }
 
 /* Counts in each row of tiles: Gaussians that begin there, that end there, and their tiles, estimated from
@@ -131,27 +127,40 @@ static size_t touching(const uint32_t *counts, size_t rows, size_t begin, size_t
     return n;
 }
 
-/* What is sent of a Gaussian: the rest of its splat follows from it. */
+/* What is sent of a Gaussian: the rest of its splat follows from it. Behind those of a message stand the rows
+ * of tiles that each has of the band, a number of row_bytes: the first times the band's rows, and how many,
+ * less one. */
 typedef struct packed {
     float u, v, l00, l01, m, log2_opacity, rgb[3], depth;
-    uint16_t first_row, rows; /* within the band */
 } packed;
 
 _Static_assert(sizeof(packed) == SF_SHARD_SENT, "README.md of src/cluster counts the bytes");
 
-static packed packed_of(const sf_splat *s, size_t first_row, size_t end_row) {
-    packed p = {s->u,
-                s->v,
-                s->l00,
-                s->l01,
-                s->m,
-                s->log2_opacity,
-                {0},
-                s->depth,
-                (uint16_t)first_row,
-                (uint16_t)(end_row - first_row)};
+static size_t row_bytes(size_t band_rows) { return band_rows <= 16 ? 1 : band_rows <= 256 ? 2 : 4; }
+
+static size_t rows_of(const sf_shard *s, size_t rank) {
+    return s->band_begin[rank + 1] - s->band_begin[rank];
+}
+
+static size_t sent_bytes(const sf_shard *s, size_t rank) {
+    return sizeof(packed) + row_bytes(rows_of(s, rank));
+}
+
+static packed packed_of(const sf_splat *s) {
+    packed p = {s->u, s->v, s->l00, s->l01, s->m, s->log2_opacity, {0}, s->depth};
     memcpy(p.rgb, s->rgb, sizeof p.rgb);
     return p;
+}
+
+/* The least bytes of a number, in the order of any machine. */
+static void put_number(char *to, size_t number, size_t bytes) {
+    for (size_t k = 0; k < bytes; k++) to[k] = (char)(number >> 8 * k & 255);
+}
+
+static size_t number_of(const char *from, size_t bytes) {
+    size_t number = 0;
+    for (size_t k = 0; k < bytes; k++) number |= (size_t)(unsigned char)from[k] << 8 * k;
+    return number;
 }
 
 /* The covariance of M.1 from its whitening factors: c = (w / m)^2, det = c (w / l00)^2, b / c = -l01 / l00.
@@ -173,22 +182,23 @@ static sf_splat splat_of(const packed *p) {
     return s;
 }
 
-/* Calls for each band that Gaussian i touches, in the order of the ranks. */
-#define FOR_BANDS(ws, s, n, i, r, begin, end)                                                                \
-    for (size_t r = 0, begin, end; r < (n); r++)                                                             \
-        if ((begin = (s)->band_begin[r], end = (s)->band_begin[r + 1], begin < end) &&                       \
-            (ws)->first_row[i] < end && (size_t)(ws)->first_row[i] + (ws)->rows[i] > begin)
-
-static void pack(const sf_workspace *ws, packed *outgoing) {
+/* The message for each band, one behind the other. */
+static void pack(const sf_workspace *ws, char *outgoing) {
     const sf_shard *s = ws->shard;
-    size_t n = ranks_of(ws), *at = s->ranges;
-    for (size_t r = 0, sum = 0; r < n; sum += s->send[r], r++) at[r] = sum;
+    size_t n = ranks_of(ws), *done = s->ranges, *at = done + n;
+    for (size_t r = 0, sum = 0; r < n; sum += s->send[r] * sent_bytes(s, r), r++) done[r] = 0, at[r] = sum;
     for (size_t i = 0; i < ws->count; i++) {
         if (!ws->rows[i]) continue;
         size_t first = ws->first_row[i], last = first + ws->rows[i];
-        FOR_BANDS(ws, s, n, i, r, begin, end) {
-            size_t from = first > begin ? first : begin, until = last < end ? last : end;
-            outgoing[at[r]++] = packed_of(&ws->splats[i], from, until);
+        packed p = packed_of(&ws->splats[i]);
+        SF_FOR_BANDS(ws, s, n, i, r, begin, end) {
+            size_t from = first > begin ? first - begin : 0, until = (last < end ? last : end) - begin;
+            size_t bytes = row_bytes(end - begin);
+            char *message = outgoing + at[r];
+            memcpy(message + done[r] * sizeof p, &p, sizeof p);
+            put_number(message + s->send[r] * sizeof p + done[r] * bytes,
+                       from * (end - begin) + until - from - 1, bytes);
+            done[r]++;
         }
     }
 }
@@ -199,15 +209,17 @@ static size_t sum_of(const size_t *counts, size_t n) {
     return sum;
 }
 
-/* What this rank should send for a step (src/cluster/README.md): a Gaussian touches one band, and one more
- * for each boundary between bands in it, which may be at any row of tiles. Near depths are floats, 8 KB of
+/* What this rank should send for a step (src/cluster/README.md), but for the sums: a Gaussian touches one
+ * band, and one more for each boundary between bands in it, which may be at any row of tiles. A bit comes
+ * back of it, and those sums that are not zero, which sf_shard_return counts. Near depths are floats, 8 KB of
  * them. */
 static double designed_bytes(const sf_workspace *ws) {
     const double near_depths = 8192, halo = 4.0 * SF_CHANNELS * HALO;
     double n = (double)ranks_of(ws), tiles_y = (double)ws->eye.tiles_y, seen = 0, rows = 0;
     for (size_t i = 0; i < ws->count; i++) seen += ws->rows[i] > 0, rows += ws->rows[i];
-    double touched = seen + (n - 1) * (rows - seen) / fmax(tiles_y - 1, 1);
-    return (n - 1) / n * (touched * (SF_SHARD_SENT + SF_SHARD_RETURNED) + near_depths) +
+    double touched = seen + (n - 1) * (rows - seen) / fmax(tiles_y - 1, 1), bytes = 0;
+    for (size_t r = 0; r < ranks_of(ws); r++) bytes += (double)sent_bytes(ws->shard, r) / n;
+    return (n - 1) / n * (touched * (bytes + 1.0 / 8) + near_depths) +
            (n - 1) * COUNTS * sizeof(uint32_t) * tiles_y + 2 * (n - 1) / n * halo * (double)ws->stride;
 }
 
@@ -230,9 +242,10 @@ static sf_status drawn_room(sf_workspace *ws, sf_drawn_arrays *d, size_t count) 
     return sf_grow_together(ws->ctx, arrays, sizeof arrays / sizeof *arrays, &d->capacity, need);
 }
 
+/* A message, and where its Gaussians begin. */
 typedef struct unpack_job {
-    const packed *incoming;
-    size_t count;
+    const char *message;
+    size_t count, first, first_row, band_rows;
     const sf_drawn_arrays *drawn;
 } unpack_job;
 
@@ -241,17 +254,29 @@ enum { GATHER = 1024 /* Gaussians a task */ };
 static void unpack_task(void *job_pointer, size_t task, int thread) {
     (void)thread;
     const unpack_job *job = job_pointer;
-    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < job->count; i++) {
-        job->drawn->splats[i] = splat_of(&job->incoming[i]);
-        job->drawn->first_row[i] = job->incoming[i].first_row;
-        job->drawn->rows[i] = job->incoming[i].rows;
+    const char *rows = job->message + job->count * sizeof(packed);
+    size_t bytes = row_bytes(job->band_rows);
+    for (size_t k = task * GATHER; k < (task + 1) * GATHER && k < job->count; k++) {
+        size_t i = job->first + k, number = number_of(rows + k * bytes, bytes);
+        packed p;
+        memcpy(&p, job->message + k * sizeof p, sizeof p);
+        job->drawn->splats[i] = splat_of(&p);
+        job->drawn->first_row[i] = (uint16_t)(job->first_row + number / job->band_rows);
+        job->drawn->rows[i] = (uint16_t)(1 + number % job->band_rows);
     }
 }
 
 /* Ranks in their order, and within a rank the order of its model: ties in depth go by it. */
-static void unpack(const sf_workspace *ws, const packed *incoming, size_t count, sf_drawn_arrays *d) {
-    unpack_job job = {incoming, count, d};
-    sf_pool_run(ws->ctx->pool, (count + GATHER - 1) / GATHER, unpack_task, &job);
+static void unpack(const sf_workspace *ws, const char *incoming, size_t count, sf_drawn_arrays *d) {
+    const sf_shard *s = ws->shard;
+    size_t me = rank_of(ws);
+    unpack_job job = {
+        .message = incoming, .first_row = s->band_begin[me], .band_rows = rows_of(s, me), .drawn = d};
+    for (size_t r = 0; r < ranks_of(ws); r++) {
+        job.count = s->receive[r];
+        sf_pool_run(ws->ctx->pool, (job.count + GATHER - 1) / GATHER, unpack_task, &job);
+        job.first += job.count, job.message += job.count * sent_bytes(s, me);
+    }
     for (size_t i = count; i < (count + SF_LANES - 1) / SF_LANES * SF_LANES; i++) {
         d->splats[i] = (sf_splat){0};
         d->first_row[i] = d->rows[i] = 0;
@@ -259,6 +284,22 @@ static void unpack(const sf_workspace *ws, const packed *incoming, size_t count,
     memset(d->state, SF_SEEN, count);
     memset(d->in_view, 1, count / (SF_PROJECT_BLOCKS * SF_LANES) + 1);
     d->count = count;
+}
+
+/* Sends the messages; what came is in `incoming`, by rank. */
+static sf_status exchange(sf_workspace *ws) {
+    sf_shard *s = ws->shard;
+    size_t n = ranks_of(ws), *send = s->ranges, *receive = send + n, me = rank_of(ws);
+    size_t sent = 0, received = sum_of(s->receive, n) * sent_bytes(s, me);
+    for (size_t r = 0; r < n; r++) sent += s->send[r] * sent_bytes(s, r);
+    sf_status status = sf_grow(ws->ctx, &s->outgoing, &s->outgoing_capacity, 0, sent + 1, 1);
+    if (!status) status = sf_grow(ws->ctx, &s->incoming, &s->incoming_capacity, 0, received + 1, 1);
+    if (status) return status;
+    pack(ws, s->outgoing);
+    for (size_t r = 0; r < n; r++)
+        send[r] = s->send[r] * sent_bytes(s, r), receive[r] = s->receive[r] * sent_bytes(s, me);
+    sf_cluster_exchange(ws->cluster, 1, s->outgoing, send, s->incoming, receive);
+    return SF_OK;
 }
 
 sf_status sf_shard_send(sf_workspace *ws) {
@@ -269,24 +310,20 @@ sf_status sf_shard_send(sf_workspace *ws) {
     if (status) return status;
     uint32_t *mine = s->counts + COUNTS * n * rows;
     count_rows(ws, mine);
-    if (ws->band_only) ws->cluster->designed += designed_bytes(ws);
     sf_cluster_gather_bytes(ws->cluster, mine, COUNTS * rows * sizeof *mine, s->counts);
     choose_bands(ws);
+    if (ws->band_only) ws->cluster->designed += designed_bytes(ws);
     for (size_t r = 0; r < n; r++) {
         s->send[r] = touching(mine, rows, s->band_begin[r], s->band_begin[r + 1]);
         s->receive[r] =
             touching(s->counts + COUNTS * r * rows, rows, s->band_begin[me], s->band_begin[me + 1]);
     }
-    size_t sent = sum_of(s->send, n), received = sum_of(s->receive, n);
-    status = sf_grow(ws->ctx, &s->outgoing, &s->outgoing_capacity, 0, sent * sizeof(packed) + 1, 1);
-    if (!status)
-        status = sf_grow(ws->ctx, &s->incoming, &s->incoming_capacity, 0, received * sizeof(packed) + 1, 1);
-    if (!status) status = drawn_room(ws, &s->other, received);
+    size_t received = sum_of(s->receive, n);
+    status = drawn_room(ws, &s->other, received);
+    if (!status) status = exchange(ws);
     if (status) return status;
-    pack(ws, (packed *)(void *)s->outgoing);
-    sf_cluster_exchange(ws->cluster, sizeof(packed), s->outgoing, s->send, s->incoming, s->receive);
-    unpack(ws, (const packed *)(const void *)s->incoming, received, &s->other);
-    swap(ws);
+    unpack(ws, s->incoming, received, &s->other);
+    sf_shard_swap(ws);
     return SF_OK;
 }
 
@@ -312,62 +349,10 @@ void sf_shard_picture(sf_workspace *ws, int with_depth) {
         wanted[2 * r + 1] = end[r] + HALO < height ? end[r] + HALO : height;
         if (begin[r] == end[r]) wanted[2 * r + 1] = wanted[2 * r];
     }
-    size_t row = ws->stride * sizeof(float);
-    for (int ch = 0; ch < SF_CHANNELS; ch++)
-        sf_cluster_share(ws->cluster, row, ws->rgb[ch], begin, end, wanted);
-    if (ws->band_only) return;
-    sf_cluster_share(ws->cluster, row, ws->transmittance, begin, end, wanted);
-    if (with_depth) sf_cluster_share(ws->cluster, row, ws->depth, begin, end, wanted);
-}
-
-typedef struct return_job {
-    const sf_workspace *ws;
-    float *sums; /* [count][RETURNED] */
-} return_job;
-
-static void add_slots(void *job_pointer, size_t task, int thread) {
-    (void)thread;
-    const return_job *job = job_pointer;
-    const sf_workspace *ws = job->ws;
-    for (size_t i = task * GATHER; i < (task + 1) * GATHER && i < ws->count; i++) {
-        float *sums = job->sums + RETURNED * i;
-        for (int k = 0; k < RETURNED; k++) sums[k] = 0;
-        for (size_t slot = ws->slot[i]; slot < ws->slot[i + 1]; slot++)
-            for (int k = 0; k < RETURNED; k++) sums[k] += ws->sums[slot * SF_SUMS + (size_t)k];
-    }
-}
-
-/* Puts what came back into slots: one for each band that a Gaussian touches, in the order of the ranks. */
-static void take_back(sf_workspace *ws, const float *returned) {
-    const sf_shard *s = ws->shard;
-    size_t n = ranks_of(ws), *at = s->ranges, slot = 0;
-    for (size_t r = 0, sum = 0; r < n; sum += s->send[r], r++) at[r] = sum;
-    for (size_t i = 0; i < ws->count; i++) {
-        ws->slot[i] = (uint32_t)slot;
-        if (!ws->rows[i]) continue;
-        FOR_BANDS(ws, s, n, i, r, begin, end)
-        memcpy(ws->sums + SF_SUMS * slot++, returned + RETURNED * at[r]++, RETURNED * sizeof(float));
-    }
-    for (size_t i = ws->count; i <= (ws->count + SF_LANES - 1) / SF_LANES * SF_LANES; i++)
-        ws->slot[i] = (uint32_t)slot;
-}
-
-sf_status sf_shard_return(sf_workspace *ws) {
-    sf_shard *s = ws->shard;
-    if (!s) return SF_OK;
-    size_t n = ranks_of(ws), sent = sum_of(s->send, n), received = ws->count;
-    const size_t size = RETURNED * sizeof(float);
-    sf_status status = sf_grow(ws->ctx, &s->incoming, &s->incoming_capacity, 0, received * size + 1, 1);
-    if (!status) status = sf_grow(ws->ctx, &s->outgoing, &s->outgoing_capacity, 0, sent * size + 1, 1);
-    if (status) return status;
-    return_job job = {ws, (float *)(void *)s->incoming};
-    sf_pool_run(ws->ctx->pool, (received + GATHER - 1) / GATHER, add_slots, &job);
-    sf_cluster_exchange(ws->cluster, size, s->incoming, s->receive, s->outgoing, s->send);
-    swap(ws);
-    status = sf_grow(ws->ctx, &ws->sums, &ws->sums_capacity, 0, sent + 1, SF_SUMS * sizeof(float));
-    if (status) return status;
-    take_back(ws, (const float *)(const void *)s->outgoing);
-    return SF_OK;
+    const sf_shared_ranges ranges = {ws->stride * sizeof(float), begin, end, wanted};
+    char *const planes[] = {(char *)ws->rgb[0], (char *)ws->rgb[1], (char *)ws->rgb[2],
+                            (char *)ws->transmittance, (char *)ws->depth};
+    sf_cluster_share(ws->cluster, &ranges, planes, ws->band_only ? SF_CHANNELS : with_depth ? 5 : 4);
 }
 
 void sf_shard_rows(const sf_workspace *ws, size_t *first, size_t *end) {

@@ -33,8 +33,15 @@ typedef struct sf_shard {
     size_t *ranges; /* [4 ranks] scratch */
 } sf_shard;
 
-/* Bytes of what travels of a Gaussian: to a band that it touches, and back. */
-enum { SF_SHARD_SENT = 44, SF_SHARD_RETURNED = 36 };
+/* Bytes of what travels of a Gaussian: to a band that it touches, besides its rows, and back, unless that is
+ * all zero. */
+enum { SF_SHARD_SENT = 40, SF_SHARD_RETURNED = 36 };
+
+/* Calls for each band that Gaussian i touches, in the order of the ranks. */
+#define SF_FOR_BANDS(ws, s, n, i, r, begin, end)                                                             \
+    for (size_t r = 0, begin, end; r < (n); r++)                                                             \
+        if ((begin = (s)->band_begin[r], end = (s)->band_begin[r + 1], begin < end) &&                       \
+            (ws)->first_row[i] < end && (size_t)(ws)->first_row[i] + (ws)->rows[i] > begin)
 
 /* Makes the workspace share its renders with the other ranks of the context's cluster. SF_ERR_MEMORY. */
 sf_status sf_shard_create(sf_workspace *ws);
@@ -51,8 +58,11 @@ sf_status sf_shard_send(sf_workspace *ws);
 /* After blend: the whole picture on every rank, or, where ws->band_only, the rows around the band that the
  * loss reads. */
 void sf_shard_picture(sf_workspace *ws, int with_depth);
-/* After the slots were filled: the sums of each own Gaussian, one slot a band. */
+/* shard_return.c: after the slots were filled: the sums of each own Gaussian, one slot a band. */
 sf_status sf_shard_return(sf_workspace *ws);
+
+/* Changes the workspace's arrays for the others. */
+void sf_shard_swap(sf_workspace *ws);
 
 /* Rows of pixels of the part of the picture that this rank works on: the band where ws->band_only, else all.
  */

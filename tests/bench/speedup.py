@@ -1,36 +1,48 @@
 #!/usr/bin/env python3
-"""The speed-up to expect of a fit on several machines (src/cluster/README.md): a table, and a chart as .svg.
+"""The speed-up to expect of a fit on several machines (src/cluster/README.md): tables, and a chart as .svg.
 
     tests/bench/speedup.py [CHART.svg]
 
 Seconds of a step on n machines: work / (n x balance), bytes that a rank sends / bandwidth, exchanges x latency. Bytes are the
 formula's, with what was measured of 300,000 Gaussians at 960x540 (src/cluster/MEASURED.md): the share in view and how
-many reach over a boundary between two bands. The work of a step is an assumption: each row of the table states it.
+many reach over a boundary between two bands. The work of a step is an assumption: each row of the first table states it.
+Weak scaling: Gaussians and pixels rise in proportion to the machines; the second table has the part of the ideal.
 """
 import sys
 from math import log2
 
 IN_VIEW = 177700 / 300000  # Gaussians in view of all
 CROSSING = 4500 / 300000   # more bands that a Gaussian touches, for each boundary between bands
-SENT, RETURNED = 44, 36    # bytes
-EXCHANGES = 10             # of a step
+SENT, RETURNED = 40, 36    # bytes; rows of tiles beside: 1 byte where a band has at most 16, else 2
+BLENDED = 0.93             # of those that travel, whose sums are not all zero
+EXCHANGES = 8              # of a step
 BALANCE = 0.9              # mean over slowest; 0.94 was measured of two ranks
 WIDTH, ROWS = 960, 34      # px; rows of tiles
+WEAK = 300000              # Gaussians of a machine, with a picture of that size
 NETWORKS = {"1 Gbit/s": (118e6, 0.2e-3), "10 Gbit/s": (1.18e9, 0.05e-3)}  # bytes a second, seconds an exchange
 RANKS = (1, 2, 4, 8, 16, 32, 64)
 
 
-def bytes_of_rank(n, gaussians):
-    touched = gaussians * (IN_VIEW + CROSSING * (n - 1))
-    of_all = (n - 1) / n * touched * (SENT + RETURNED) + 2 * (n - 1) * 10 * 12 * WIDTH + n * (n - 1) * 12 * ROWS + 8192 * (n - 1)
+# larger: times the picture's width and height.
+def bytes_of_rank(n, gaussians, larger):
+    touched = gaussians * (IN_VIEW + CROSSING / larger * (n - 1))
+    of_one = SENT + (1 if ROWS * larger <= 16 * n else 2) + 1 / 8 + RETURNED * BLENDED
+    halo = 2 * (n - 1) * 10 * 12 * WIDTH * larger
+    of_all = (n - 1) / n * touched * of_one + halo + n * (n - 1) * 12 * ROWS * larger + 8192 * (n - 1)
     return of_all / n
 
 
-def speed_up(n, gaussians, step, network):
+# step: seconds of it on one machine.
+def speed_up(n, gaussians, step, network, larger=1.0):
     if n == 1:
         return 1.0
     bandwidth, latency = NETWORKS[network]
-    return step / (step / n / BALANCE + bytes_of_rank(n, gaussians) / bandwidth + EXCHANGES * latency)
+    return step / (step / n / BALANCE + bytes_of_rank(n, gaussians, larger) / bandwidth + EXCHANGES * latency)
+
+
+# Of n times as many Gaussians and pixels: the part of n times the speed.
+def weak(n, factor, network):
+    return speed_up(n, n * WEAK, n * WEAK * STEP * factor, network, n ** 0.5) / n
 
 
 # A step of one machine, seconds: 0.117 s of processor time for 300,000 Gaussians (measured, one thread, AVX-512), in proportion
@@ -55,30 +67,54 @@ def table():
             step = STEP * g * factor
             ups = [speed_up(n, g, step, network) for n in RANKS[1:]]
             print("| %s, %s | %g million | %.2f s | " % (name, network, g / 1e6, step) + " | ".join("%.1f" % u for u in ups) + " |")
+    print()
+    print("| %d Gaussians a machine | " % WEAK + " | ".join("%d" % n for n in RANKS[1:]) + " |")
+    print("| --- " * len(RANKS) + "|")
+    for name, factor, network in MACHINES:
+        print("| %s, %s | " % (name, network) + " | ".join("%.2f" % weak(n, factor, network) for n in RANKS[1:]) + " |")
+
+
+COLORS = ("#b2182b", "#ef8a62", "#2166ac", "#67a9cf", "#666666")
+TOP, SIZE = 20, 260
+
+
+# What a panel has: ticks of the ordinate with their heights, the ideal, a line for each machine.
+def panel(left, title, ticks, ideal, lines):
+    def x(n):
+        return left + SIZE * RANKS.index(n) / (len(RANKS) - 1)
+
+    out = []
+    for n in RANKS:
+        out.append('<text x="%.0f" y="%d" text-anchor="middle">%d</text>' % (x(n), TOP + SIZE + 16, n))
+    for s, y in ticks:
+        out.append('<line x1="%d" x2="%d" y1="%.1f" y2="%.1f" stroke="#ddd"/>' % (left, left + SIZE, y, y))
+        out.append('<text x="%d" y="%.1f" text-anchor="end">%s</text>' % (left - 6, y + 4, s))
+    out.append('<text x="%d" y="%d" text-anchor="middle">machines</text>' % (left + SIZE / 2, TOP + SIZE + 34))
+    middle = TOP + SIZE / 2
+    out.append('<text x="%d" y="%d" transform="rotate(-90 %d %d)" text-anchor="middle">%s</text>' %
+               (left - 36, middle, left - 36, middle, title))
+    for color, more, line in [("#aaa", ' stroke-dasharray="3 3"', ideal)] + [(c, ' stroke-width="2"', l) for c, l in zip(COLORS, lines)]:
+        points = " ".join("%.1f,%.1f" % (x(n), y) for n, y in zip(RANKS, line))
+        out.append('<polyline fill="none" stroke="%s"%s points="%s"/>' % (color, more, points))
+    return out
 
 
 def chart(path):
-    colors = ("#b2182b", "#ef8a62", "#2166ac", "#67a9cf", "#666666")
-    left, top, size = 60, 20, 300
-    x = lambda n: left + size * RANKS.index(n) / (len(RANKS) - 1)
-    most = 64.0
-    y = lambda s: top + size * (1 - log2(max(s, 0.5) / 0.5) / log2(most / 0.5))
-    out = ['<svg xmlns="http://www.w3.org/2000/svg" width="620" height="370" font-family="sans-serif" font-size="12">',
-           '<rect width="620" height="370" fill="white"/>']
-    for n in RANKS:
-        out.append('<text x="%.0f" y="%d" text-anchor="middle">%d</text>' % (x(n), top + size + 16, n))
-    for s in (0.5, 1, 2, 4, 8, 16, 32, 64):
-        out.append('<line x1="%d" x2="%d" y1="%.1f" y2="%.1f" stroke="#ddd"/>' % (left, left + size, y(s), y(s)))
-        out.append('<text x="%d" y="%.1f" text-anchor="end">%g</text>' % (left - 6, y(s) + 4, s))
-    out.append('<text x="%d" y="%d" text-anchor="middle">machines</text>' % (left + size / 2, top + size + 34))
-    out.append('<text x="14" y="%d" transform="rotate(-90 14 %d)" text-anchor="middle">speed-up, 3 million Gaussians</text>' %
-               (top + size / 2, top + size / 2))
-    out.append('<polyline fill="none" stroke="#aaa" stroke-dasharray="3 3" points="%s"/>' %
-               " ".join("%.1f,%.1f" % (x(n), y(n)) for n in RANKS))
-    for i, (name, factor, network) in enumerate(MACHINES):
-        line = " ".join("%.1f,%.1f" % (x(n), y(speed_up(n, 3e6, STEP * 3e6 * factor, network))) for n in RANKS)
-        out.append('<polyline fill="none" stroke="%s" stroke-width="2" points="%s"/>' % (colors[i], line))
-        out.append('<text x="%d" y="%d" fill="%s">%s, %s</text>' % (left + size + 20, top + 20 + 18 * i, colors[i], name, network))
+    def strong(s):
+        return TOP + SIZE * (1 - log2(max(s, 0.5) / 0.5) / log2(64 / 0.5))
+
+    def part(s):
+        return TOP + SIZE * (1 - s)
+
+    out = ['<svg xmlns="http://www.w3.org/2000/svg" width="720" height="390" font-family="sans-serif" font-size="12">',
+           '<rect width="720" height="390" fill="white"/>']
+    out += panel(60, "speed-up, 3 million Gaussians", [("%g" % s, strong(s)) for s in (0.5, 1, 2, 4, 8, 16, 32, 64)],
+                 [strong(n) for n in RANKS],
+                 [[strong(speed_up(n, 3e6, STEP * 3e6 * factor, network)) for n in RANKS] for _, factor, network in MACHINES])
+    out += panel(430, "part of the ideal, 300,000 Gaussians a machine", [("%.1f" % s, part(s)) for s in (0, 0.2, 0.4, 0.6, 0.8, 1)],
+                 [part(1) for n in RANKS], [[part(weak(n, factor, network)) for n in RANKS] for _, factor, network in MACHINES])
+    for i, (name, _, network) in enumerate(MACHINES):
+        out.append('<text x="%d" y="%d" fill="%s">%s, %s</text>' % (60 + 230 * (i % 3), TOP + SIZE + 66 + 20 * (i // 3), COLORS[i], name, network))
     out.append('</svg>')
     with open(path, "w", encoding="utf-8") as f:
         f.write("\n".join(out) + "\n")

@@ -12,7 +12,8 @@ enum { MOST_RANKS = 8 };
 
 /* What a rank shows to the others between two barriers. */
 typedef struct shown {
-    const char *from;
+    const char *const *from;
+    int arrays;
     size_t send_at[MOST_RANKS], send_bytes[MOST_RANKS];
 } shown;
 
@@ -32,12 +33,12 @@ typedef struct one_rank {
 
 ranks_network ranks_between;
 
-static void travel(const sf_cluster *c, const size_t *send_bytes, const size_t *receive_bytes) {
+static void travel(const sf_cluster *c, const sf_messages *m) {
     size_t sent = 0, received = 0;
     if (!(ranks_between.bandwidth > 0)) return;
     for (int r = 0; r < c->size; r++) {
         if (r == c->rank) continue;
-        sent += send_bytes[r], received += receive_bytes[r];
+        sent += m->send_bytes[r] * (size_t)m->arrays, received += m->receive_bytes[r] * (size_t)m->arrays;
     }
     double seconds =
         ranks_between.latency + (double)(sent > received ? sent : received) / ranks_between.bandwidth;
@@ -45,32 +46,38 @@ static void travel(const sf_cluster *c, const size_t *send_bytes, const size_t *
     while (nanosleep(&left, &left)) continue;
 }
 
-static void exchange(sf_cluster *c, const char *from, const size_t *send_at, const size_t *send_bytes,
-                     char *to, const size_t *receive_at, const size_t *receive_bytes) {
+/* What rank r has for this one. */
+static void take(const sf_cluster *c, const shown *other, int r, const sf_messages *m) {
+    size_t bytes = other->send_bytes[c->rank];
+    if (bytes > m->receive_bytes[r] || (!m->send_most && bytes < m->receive_bytes[r]) ||
+        other->arrays != m->arrays) {
+        fprintf(stderr, "rank %d expects %zu bytes of rank %d, which sends %zu\n", c->rank,
+                m->receive_bytes[r], r, bytes);
+        abort();
+    }
+    for (int a = 0; a < m->arrays && bytes; a++)
+        memcpy(m->to[a] + m->receive_at[r], other->from[a] + other->send_at[c->rank], bytes);
+}
+
+static void exchange(sf_cluster *c, const sf_messages *m) {
     ranks *all = c->state;
     shown *mine = &all->shown[c->rank];
-    mine->from = from;
-    memcpy(mine->send_at, send_at, (size_t)c->size * sizeof *send_at);
-    memcpy(mine->send_bytes, send_bytes, (size_t)c->size * sizeof *send_bytes);
-    travel(c, send_bytes, receive_bytes);
+    mine->from = m->from, mine->arrays = m->arrays;
+    memcpy(mine->send_at, m->send_at, (size_t)c->size * sizeof *m->send_at);
+    memcpy(mine->send_bytes, m->send_bytes, (size_t)c->size * sizeof *m->send_bytes);
+    travel(c, m);
     pthread_barrier_wait(&all->barrier);
-    for (int r = 0; r < c->size; r++) {
-        const shown *other = &all->shown[r];
-        if (other->send_bytes[c->rank] != receive_bytes[r]) {
-            fprintf(stderr, "rank %d expects %zu bytes of rank %d, which sends %zu\n", c->rank,
-                    receive_bytes[r], r, other->send_bytes[c->rank]);
-            abort();
-        }
-        if (receive_bytes[r])
-            memcpy(to + receive_at[r], other->from + other->send_at[c->rank], receive_bytes[r]);
-    }
+    for (int r = 0; r < c->size; r++) take(c, &all->shown[r], r, m);
     pthread_barrier_wait(&all->barrier);
 }
 
 static void gather(sf_cluster *c, const void *from, size_t bytes, void *to) {
     size_t send_at[MOST_RANKS] = {0}, send[MOST_RANKS], at[MOST_RANKS];
+    const char *outgoing = from;
+    char *incoming = to;
     for (int r = 0; r < c->size; r++) send[r] = bytes, at[r] = bytes * (size_t)r;
-    exchange(c, from, send_at, send, to, at, send);
+    const sf_messages messages = {&outgoing, &incoming, 1, send_at, send, at, send, NULL};
+    exchange(c, &messages);
 }
 
 static void end_all(const sf_cluster *c, int exit_code) {

@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "fit/fitter.h"
 
-enum { MOST = 4, VALUES = 100, WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT };
+enum { MOST = 4, VALUES = 100, WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT, MOST_PIXELS = 16 * 4096 };
 
 /* 1. Collectives. */
 
@@ -69,7 +69,8 @@ static sf_status share(sf_context *ctx, int rank, void *user) {
         wanted[2 * r] = r ? begin[r] - 1 : 0, wanted[2 * r + 1] = r < MOST - 1 ? end[r] + 1 : end[r];
     }
     for (size_t k = 0; k < 5; k++) rows[begin[rank] + k] = 100 + (double)(begin[rank] + k);
-    sf_cluster_share(c, sizeof *rows, rows, begin, end, wanted);
+    const sf_shared_ranges ranges = {sizeof *rows, begin, end, wanted};
+    sf_cluster_share(c, &ranges, &(char *){(char *)rows}, 1);
     rows[VALUES - 1] = sums[0], rows[VALUES - 2] = sums[1], rows[VALUES - 3] = sums[2];
     return sf_cluster_most(c, -rank) == 0 && sf_cluster_first(c, 7 + rank) == 7 ? SF_OK : SF_ERR_ARGUMENT;
 }
@@ -94,7 +95,7 @@ typedef struct fit_job {
     sf_fit_options options;
     const char *project;
     double losses[512]; /* of each step */
-    float rgb[MOST][3 * PIXELS];
+    float rgb[MOST][3 * MOST_PIXELS];
     double psnr;
     size_t counts[MOST];
     uint64_t sent, in_steps[MOST];
@@ -106,7 +107,7 @@ typedef struct fit_job {
 } fit_job;
 
 static sf_status view_of(sf_context *ctx, sf_scene *scene, sf_fitter *f, int rank, fit_job *job) {
-    static float truth[MOST][3 * PIXELS];
+    static float truth[MOST][3 * MOST_PIXELS];
     sf_view_info view;
     double squares = 0;
     sf_status status = sf_scene_get_view(scene, 1, &view);
@@ -212,6 +213,21 @@ static void test_first_steps(void **state) {
         free(job);
     }
     free(one);
+}
+
+/* A band of many rows of tiles: their numbers take more bytes. */
+static void test_tall_picture(void **state) {
+    (void)state;
+    static const char project[] = "sim:studio?width=16&height=4096&frames=3";
+    size_t size;
+    fit_job *one = new_job(project, 1), *two = new_job(project, 1);
+    free(fitted(one, 1, 2, &size));
+    free(fitted(two, 2, 1, &size));
+    assert_true(fabs(two->losses[0] - one->losses[0]) < 1e-6 * one->losses[0]);
+    double screen = two->screens[0] + two->screens[1];
+    assert_true(one->screens[0] > 0 && fabs(screen - one->screens[0]) < 1e-5 * one->screens[0]);
+    free(one);
+    free(two);
 }
 
 /* A whole run with growth, validation and selection: as good as one rank's, and the same bytes each time,
@@ -422,9 +438,10 @@ static void test_refusals(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_largest),     cmocka_unit_test(test_sums_and_rows),
-        cmocka_unit_test(test_first_steps), cmocka_unit_test(test_whole_fit),
-        cmocka_unit_test(test_parts),       cmocka_unit_test(test_slow_network),
-        cmocka_unit_test(test_checkpoint),  cmocka_unit_test(test_refusals)};
+        cmocka_unit_test(test_largest),      cmocka_unit_test(test_sums_and_rows),
+        cmocka_unit_test(test_first_steps),  cmocka_unit_test(test_whole_fit),
+        cmocka_unit_test(test_tall_picture), cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_slow_network), cmocka_unit_test(test_checkpoint),
+        cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
