@@ -61,13 +61,13 @@ void args_speak_as(int rank, const char *host) {
 
 int args_error(const command *cmd, const char *format, ...) {
     int colored = args_colored(stderr);
+    char text[4096]; /* written at once: ranks speak at the same time, and one of them may end all */
     va_list values;
     va_start(values, format);
-    fprintf(stderr, "%ssplatfit%s%s:%s %s", colored ? "\033[1;31m" : "", cmd ? " " : "", cmd ? cmd->name : "",
-            colored ? "\033[0m" : "", speaker);
-    vfprintf(stderr, format, values);
-    fprintf(stderr, "\n");
+    vsnprintf(text, sizeof text, format, values);
     va_end(values);
+    fprintf(stderr, "%ssplatfit%s%s:%s %s%s\n", colored ? "\033[1;31m" : "", cmd ? " " : "",
+            cmd ? cmd->name : "", colored ? "\033[0m" : "", speaker, text);
     return EXIT_FAILED;
 }
 

@@ -208,7 +208,8 @@ sf_status sf_densify_step(sf_fitter *f, double fraction) {
     int kind = f->options.densify;
     if (kind == SF_DENSIFY_ERROR && sf_densify_score(f))
         sf_log(f->ctx, SF_LOG_WARNING, "out of memory: densification uses the screen gradient");
-    if (kind == SF_DENSIFY_RELOCATE) return sf_relocate(f, wanted_more(f, fraction, f->model->count));
+    if (kind == SF_DENSIFY_RELOCATE)
+        return sf_relocate(f, sf_part_of_rank(f, wanted_more(f, fraction, f->model->count)));
     if (sf_selects(f) && !f->densify.ended && !f->densify.out_of_memory && sf_select_growth(f, fraction))
         sf_densify_end(f);
     return remove_and_add(f, fraction);

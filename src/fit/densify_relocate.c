@@ -9,6 +9,7 @@
 #include "../base/hash.h"
 #include "local_units.h"
 #include "opacity.h"
+#include "ranks.h"
 #include "remove.h"
 #include "reorder.h"
 
@@ -100,10 +101,11 @@ static uint32_t find_source(const relocation *r, double sum) {
 }
 
 static sf_status relocate(sf_fitter *f, relocation *r, double sum) {
+    sf_rng *rng = sf_rng_of_rank(f);
     for (size_t k = 0; k < r->entries; k++) {
         sf_remap_entry *entry = &r->entry[k];
         if (entry->from == NOT_DRAWN) {
-            entry->from = find_source(r, sum * sf_rng_uniform(&f->rng));
+            entry->from = find_source(r, sum * sf_rng_uniform(rng));
             r->copies[entry->from]++;
         }
         entry->degree = (uint8_t)sf_degree_of(f->model, entry->from);
@@ -131,7 +133,7 @@ sf_status sf_relocate(sf_fitter *f, size_t more) {
 /* The generator of a Gaussian's noise in a step, from seed, step and index: independent of the order of
  * threads. */
 static sf_rng noise_of(const sf_fitter *f, size_t i) {
-    const uint64_t counter[2] = {(uint64_t)f->step, i};
+    const uint64_t counter[2] = {(uint64_t)f->step, sf_place_of(f, i)};
     sf_rng rng;
     sf_rng_seed(&rng, sf_hash((uint64_t)f->options.seed, counter, sizeof counter));
     return rng;

@@ -4,9 +4,10 @@
 
 #include "fitter.h"
 
-/* Moves Gaussians that are too faint or not finite to live ones, and adds `more`: each goes to a Gaussian
- * drawn by opacity, takes its degree, and the opacities and scales there are corrected so that the picture
- * stays. Does nothing where no Gaussian is live. SF_ERR_MEMORY: nothing has changed. */
+/* Moves Gaussians that are too faint or not finite to live ones, and adds `more`; of several ranks each does
+ * so among its own, which are a sample of all: each goes to a Gaussian drawn by opacity, takes its degree,
+ * and the opacities and scales there are corrected so that the picture stays. Does nothing where no Gaussian
+ * is live. SF_ERR_MEMORY: nothing has changed. */
 sf_status sf_relocate(sf_fitter *fitter, size_t more);
 /* Opacity of each of n Gaussians that replace one of `opacity`, 0 < opacity < 1; *shrink: the factor of their
  * scales with which a line through the centre has the same integral. */

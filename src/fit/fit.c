@@ -129,7 +129,7 @@ static sf_status differentiate(sf_fitter *f, const sf_view *view, sf_view_state 
         ws->band_only = 0;
         return status;
     }
-    if (state && !sf_is_shared(f)) sf_note_depth(state, ws, f->extent);
+    if (state) sf_note_depth(state, ws, f->extent);
     sf_stage_loss(ws, f->options.lambda_dssim, f->options.huber_delta, weight_sum, 0, 1, loss);
     if (exposed) sf_expose_bwd(&f->exposure, ws, state, d->exposure);
     status = sf_stage_blend_bwd(ws);

@@ -42,13 +42,7 @@ static sf_status compare_scenes(sf_fitter *f) {
 
 sf_status sf_ranks_check(sf_fitter *f) {
     sf_fit_options *o = &f->options;
-    const char *what = o->refine_poses                     ? "refine_poses"
-                       : o->refine_intrinsics              ? "refine_intrinsics"
-                       : o->densify == SF_DENSIFY_RELOCATE ? "densify relocate"
-                                                           : NULL;
     if (!sf_is_shared(f)) return SF_OK;
-    if (what)
-        return sf_fail(f->ctx, SF_ERR_UNSUPPORTED, "%s: does not work with more than one rank yet", what);
     if (o->merge > 0) {
         o->merge = 0;
         sf_log(f->ctx, SF_LOG_INFO, "merge: off, as it does not work with more than one rank yet");
@@ -101,6 +95,16 @@ double sf_of_first_rank(const sf_fitter *f, double value) {
 
 double sf_most_of_ranks(const sf_fitter *f, double value) {
     return sf_is_shared(f) ? sf_cluster_most(cluster_of(f), value) : value;
+}
+
+size_t sf_part_of_rank(const sf_fitter *f, size_t count) {
+    if (!sf_is_shared(f)) return count;
+    size_t n = (size_t)cluster_of(f)->size;
+    return count / n + ((size_t)cluster_of(f)->rank < count % n);
+}
+
+uint64_t sf_place_of(const sf_fitter *f, size_t i) {
+    return i + ((uint64_t)(sf_is_shared(f) ? cluster_of(f)->rank : 0) << 32);
 }
 
 size_t sf_share_of_largest(const sf_fitter *f, const double *values, size_t n, size_t wanted) {

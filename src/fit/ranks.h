@@ -20,8 +20,8 @@ int sf_is_part(const sf_fitter *fitter, const sf_model *from);
 /* Gaussians of a first model, of all ranks. All must call it. */
 size_t sf_count_from(const sf_fitter *fitter, const sf_model *from);
 
-/* Options that do not work with several ranks: SF_ERR_UNSUPPORTED, or they are switched off and the log says
- * so. */
+/* Options that do not work with several ranks are switched off, and the log says so. SF_ERR_ARGUMENT: the
+ * ranks have different scenes. */
 sf_status sf_ranks_check(sf_fitter *fitter);
 
 /* Seconds of the fit, as rank 0 said at the beginning of the step. */
@@ -38,6 +38,11 @@ size_t sf_total(const sf_fitter *fitter, size_t count);
 double sf_total_of(const sf_fitter *fitter, double value);
 double sf_of_first_rank(const sf_fitter *fitter, double value);
 double sf_most_of_ranks(const sf_fitter *fitter, double value);
+
+/* This rank's part of `count` things. */
+size_t sf_part_of_rank(const sf_fitter *fitter, size_t count);
+/* A number that a Gaussian of one rank alone has: its index, and the rank. */
+uint64_t sf_place_of(const sf_fitter *fitter, size_t i);
 
 /* How many of this rank's values, largest first, are among the `wanted` largest of all. */
 size_t sf_share_of_largest(const sf_fitter *fitter, const double *values, size_t n, size_t wanted);

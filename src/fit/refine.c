@@ -7,6 +7,7 @@
 
 #include "../base/linear.h"
 #include "../base/statistics.h"
+#include "../render/shard.h"
 #include "adam.h"
 #include "follow.h"
 
@@ -85,13 +86,14 @@ void sf_begin_at_neighbours(sf_view_states *views, const uint32_t *ids, size_t c
 
 void sf_note_depth(sf_view_state *view, const sf_workspace *ws, double otherwise) {
     if (view->depth > 0) return;
-    double sum = 0, seen = 0;
-    for (size_t i = 0; i < ws->count; i++) {
-        if (ws->state[i] != SF_SEEN) continue;
-        sum += 1 / (double)ws->splats[i].depth; /* harmonic mean: very distant Gaussians hardly count */
-        seen++;
-    }
-    view->depth = seen > 0 ? ldexp(seen / sum, ws->unit) : otherwise;
+    const sf_splat *splats;
+    const uint8_t *states;
+    double sum[2] = {0}; /* harmonic mean: very distant Gaussians hardly count */
+    size_t count = sf_shard_own(ws, &splats, &states);
+    for (size_t i = 0; i < count; i++)
+        if (states[i] == SF_SEEN) sum[0] += 1 / (double)splats[i].depth, sum[1]++;
+    sf_shard_sum(ws, sum, 2);
+    view->depth = sum[1] > 0 ? ldexp(sum[1] / sum[0], ws->unit) : otherwise;
 }
 
 /* 3. The steps */

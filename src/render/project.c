@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../base/pool.h"
+#include "../cluster/cluster.h"
 #include "in_view.h"
 #include "near_plane.h"
 #include "shard.h"
@@ -202,5 +203,6 @@ sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn tak
         for (size_t k = 0; camera && k < SF_CAMERA_SUMS; k++)
             camera[k] += ws->partial[SF_CAMERA_SUMS * task + k];
     }
+    if (camera && ws->shard) sf_cluster_sum(ws->cluster, camera, SF_CAMERA_SUMS);
     return SF_OK;
 }

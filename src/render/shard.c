@@ -375,6 +375,13 @@ void sf_shard_tile_rows(const sf_workspace *ws, size_t *first, size_t *end) {
     *end = ws->shard->band_begin[rank_of(ws) + 1];
 }
 
+size_t sf_shard_own(const sf_workspace *ws, const sf_splat **splats, const uint8_t **state) {
+    const sf_drawn_arrays *own = ws->shard && ws->shard->drawing ? &ws->shard->other : NULL;
+    *splats = own ? own->splats : ws->splats;
+    *state = own ? own->state : ws->state;
+    return own ? own->count : ws->count;
+}
+
 void sf_shard_sum(const sf_workspace *ws, double *values, size_t n) {
     if (ws->shard && ws->band_only) sf_cluster_sum(ws->cluster, values, n);
 }

@@ -71,6 +71,8 @@ void sf_shard_rows(const sf_workspace *ws, size_t *first, size_t *end);
 void sf_shard_loss_rows(const sf_workspace *ws, size_t *first, size_t *end);
 /* The same for rows of tiles that it draws. */
 void sf_shard_tile_rows(const sf_workspace *ws, size_t *first, size_t *end);
+/* This rank's own Gaussians as they were projected; returns how many. */
+size_t sf_shard_own(const sf_workspace *ws, const sf_splat **splats, const uint8_t **state);
 /* Sums over the ranks what each has of its band; whole pictures are left alone. */
 void sf_shard_sum(const sf_workspace *ws, double *values, size_t n);
 

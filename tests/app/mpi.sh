@@ -90,14 +90,11 @@ watched() {
 }
 check "evaluations, snapshots and a comparison change nothing" watched
 
-# Fails at once, with one line of rank 0 and no model.
-refused() { # WHAT ARGUMENT...
-    local what=$1
-    shift
-    ranks 2 "${fit[@]}" "$@" -o "$scratch/refused.ply" >"$scratch/refused" 2>&1 && return 1
-    grep -q -e "$what" "$scratch/refused" && [ ! -e "$scratch/refused.ply" ]
+refined() {
+    ranks 2 "${fit[@]}" --refine-poses --refine-intrinsics --refine-start 0 --steps 60 -o "$scratch/refined.ply" >"$scratch/refined" &&
+        must 'poses corrected, in the median by 0\.[0-9]* degrees' "$scratch/refined"
 }
-check "what several ranks cannot do is said" refused 'refine_poses: does not work with more than one rank' --refine-poses --steps 5
+check "poses and focal lengths are refined" refined
 
 # The processes of the ranks that write a file of this name.
 ranks_of() { # NAME

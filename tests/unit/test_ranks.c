@@ -91,6 +91,8 @@ static void test_sums_and_rows(void **state) {
 
 /* 2. Fits. */
 
+enum { VALUES_OF_VIEW = 5, SEEN_OF_VIEWS = 4 * VALUES_OF_VIEW };
+
 typedef struct fit_job {
     sf_fit_options options;
     const char *project;
@@ -101,9 +103,10 @@ typedef struct fit_job {
     uint64_t sent, in_steps[MOST];
     double designed[MOST];
     sf_fit_progress progress;
-    int save_at;          /* after this step a checkpoint is written; 0: none */
-    const char *load;     /* NULL, or the checkpoint to go on from */
-    double screens[MOST]; /* sums of the screen gradients of the first step */
+    int save_at;                       /* after this step a checkpoint is written; 0: none */
+    const char *load;                  /* NULL, or the checkpoint to go on from */
+    double screens[MOST];              /* sums of the screen gradients of the first step */
+    double views[MOST][SEEN_OF_VIEWS]; /* what was learned of the first views */
 } fit_job;
 
 static sf_status view_of(sf_context *ctx, sf_scene *scene, sf_fitter *f, int rank, fit_job *job) {
@@ -118,6 +121,16 @@ static sf_status view_of(sf_context *ctx, sf_scene *scene, sf_fitter *f, int ran
         squares += pow((double)job->rgb[rank][i] - (double)truth[rank][i], 2);
     if (!rank) job->psnr = -10 * log10(squares / (3 * PIXELS));
     return status;
+}
+
+/* Displacement, angle and focal length. */
+static void note_views(const sf_fitter *f, double *values) {
+    for (size_t i = 0; i < f->views.count && i < 4; i++, values += VALUES_OF_VIEW) {
+        const sf_view_state *view = &f->views.states[i];
+        for (int k = 0; k < 3; k++) values[k] = view->t_cw[k] - view->given.t_cw[k];
+        values[3] = view->turned_deg;
+        values[4] = f->views.lenses[view->lens].log_focal[0];
+    }
 }
 
 static sf_status fit(sf_context *ctx, int rank, void *user) {
@@ -139,6 +152,7 @@ static sf_status fit(sf_context *ctx, int rank, void *user) {
     if (status == SF_ERR_END) status = SF_OK;
     if (!status) {
         job->counts[rank] = f->model->count;
+        note_views(f, job->views[rank]);
         if (!rank) sf_fitter_get_progress(f, &job->progress);
         status = view_of(ctx, scene, f, rank, job);
     }
@@ -412,36 +426,66 @@ static void test_slow_network(void **state) {
     assert_true(slow.seconds[0] >= network); /* the slowest rank of an exchange sends more than the mean */
 }
 
-static sf_status refused(sf_context *ctx, int rank, void *user) {
-    fit_job *job = user;
-    sf_scene *scene;
-    sf_fitter *f = NULL;
-    sf_status status = sf_scene_load(ctx, job->project, NULL, &scene);
-    if (status) return status;
-    status = sf_fitter_create(ctx, scene, NULL, &job->options, &f);
-    (void)rank;
-    sf_fitter_destroy(&f);
-    sf_scene_destroy(&scene);
-    return status == SF_ERR_UNSUPPORTED && strstr(sf_last_error(ctx), "rank") ? SF_OK : SF_ERR_ARGUMENT;
+/* 5. What is learned of views, and Gaussians that are relocated. */
+
+/* Poses and focal lengths go where those of one rank do, and are the same on all ranks. */
+static void test_refined_views(void **state) {
+    (void)state;
+    fit_job *one = new_job(PROJECT, 12), *two = new_job(PROJECT, 12);
+    size_t size;
+    one->options.refine_poses = one->options.refine_intrinsics = 1;
+    one->options.refine_start = 0;
+    one->options.densify_every = 1000;
+    two->options = one->options;
+    free(fitted(one, 1, 2, &size));
+    free(fitted(two, 3, 1, &size));
+    double moved = 0, off = 0;
+    for (size_t k = 0; k < SEEN_OF_VIEWS; k++) {
+        assert_true(two->views[1][k] == two->views[0][k] && two->views[2][k] == two->views[0][k]);
+        moved += fabs(one->views[0][k]);
+        off += fabs(two->views[0][k] - one->views[0][k]);
+    }
+    print_message("values of views: %g in sum, %g off\n", moved, off);
+    assert_true(moved > 0 && off < 0.05 * moved);
+    free(one);
+    free(two);
 }
 
-static void test_refusals(void **state) {
+/* A fit of two ranks is as good as one's, and the same bytes each time. */
+static void check_whole(const sf_fit_options *options) {
+    size_t size, other_size;
+    fit_job *one = new_job(PROJECT, 200), *two = new_job(PROJECT, 200);
+    one->options = two->options = *options;
+    free(fitted(one, 1, 2, &size));
+    uint8_t *bytes = fitted(two, 2, 1, &size), *same = fitted(two, 2, 2, &other_size);
+    print_message("one rank %.2f dB, %zu Gaussians; two %.2f dB, %zu\n", one->psnr, one->counts[0], two->psnr,
+                  two->progress.gaussians);
+    assert_int_equal(size, other_size);
+    assert_memory_equal(bytes, same, size);
+    assert_true(two->psnr > one->psnr - 0.5);
+    assert_true(two->progress.gaussians > one->counts[0] * 9 / 10);
+    assert_true(two->progress.gaussians <= (size_t)options->max_gaussians);
+    free(bytes);
+    free(same);
+    free(one);
+    free(two);
+}
+
+static void test_relocate(void **state) {
     (void)state;
-    fit_job *job = new_job(PROJECT, 10);
-    job->options.refine_poses = 1;
-    assert_int_equal(ranks_run(2, 1, refused, job), SF_OK);
-    job->options.refine_poses = 0;
+    fit_job *job = new_job(PROJECT, 200);
     job->options.densify = SF_DENSIFY_RELOCATE;
-    assert_int_equal(ranks_run(2, 1, refused, job), SF_OK);
+    job->options.max_gaussians = 3000;
+    check_whole(&job->options);
     free(job);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_largest),      cmocka_unit_test(test_sums_and_rows),
-        cmocka_unit_test(test_first_steps),  cmocka_unit_test(test_whole_fit),
-        cmocka_unit_test(test_tall_picture), cmocka_unit_test(test_parts),
-        cmocka_unit_test(test_slow_network), cmocka_unit_test(test_checkpoint),
-        cmocka_unit_test(test_refusals)};
+        cmocka_unit_test(test_largest),       cmocka_unit_test(test_sums_and_rows),
+        cmocka_unit_test(test_first_steps),   cmocka_unit_test(test_whole_fit),
+        cmocka_unit_test(test_tall_picture),  cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_slow_network),  cmocka_unit_test(test_checkpoint),
+        cmocka_unit_test(test_refined_views), cmocka_unit_test(test_relocate)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
