@@ -183,6 +183,8 @@ sf_status app_write_pair(sf_context *ctx, sf_scene *scene, const sf_view_info *v
  * are in its folder images, else PATH.project. What is there from before
  * stays. 0 or an exit code. */
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project);
+/* Whether they were found before; *project as above. */
+int app_cameras_were_found(const args *a, const char *path, char **project);
 
 /* model_size.c: what a model takes, into the result of a log: gaussians, parameters (floats that describe
  * it), sh_degrees (Gaussians by the degree of their harmonics), and bytes, where the file at `path` (may be

@@ -256,6 +256,16 @@ static int name_folders(job *j, const char *path, int is_video, char **photos, c
     return 0;
 }
 
+int app_cameras_were_found(const args *a, const char *path, char **project) {
+    job j = {.a = a};
+    struct stat st;
+    char known[PATH_MAX], *photos = NULL;
+    int error = name_folders(&j, path, sf_film_is(path), &photos, project);
+    free(photos);
+    snprintf(known, sizeof known, "%s/sparse/0/images.bin", *project ? *project : "");
+    return !error && !stat(known, &st);
+}
+
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
     job j = {.a = a, .ctx = ctx, .out = out};
     struct stat st;

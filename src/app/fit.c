@@ -359,12 +359,8 @@ static int load_scene(fit_run *r) {
     const char *path = r->a->positional[0];
     char *found = NULL;
     int known = !sf_sfm_find_photos(path) && !sf_film_is(path), error = 0;
-    if (!known && app_has_ranks(r->ctx))
-        error = app_say(r->a, path,
-                        "cameras are not found by more than one rank yet: run splatfit cameras first");
-    else if (!known)
-        error = app_find_cameras(r->a, r->ctx, path, r->out, &found);
-    else if (args_value(r->a, "lens"))
+    if (!known || app_has_ranks(r->ctx)) error = app_find_cameras_once(r->a, r->ctx, known, r->out, &found);
+    if (!error && known && args_value(r->a, "lens"))
         error = app_say(r->a, path, "--lens is for photos or a video without cameras, which this is not");
     if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
     free(found);

@@ -1,8 +1,10 @@
 /* ranks.c - see ranks.h. */
+#define _POSIX_C_SOURCE 200809L /* nanosleep */
 #include "ranks.h"
 
 #include <math.h>
 #include <stdlib.h>
+#include <time.h>
 
 int app_has_ranks(const sf_context *ctx) {
     sf_cluster_info info;
@@ -58,6 +60,29 @@ int app_load_from(const args *a, sf_context *ctx, const char *path, sf_model **f
     app_sum_over_ranks(ctx, &all, 1);
     *count = (size_t)all;
     return *count ? 0 : app_say(a, path, "holds no Gaussian to go on from");
+}
+
+/* Whether rank 0's cameras are on this host, too; another host's files may be seen a little later. */
+static int are_here(const args *a, const char *path, char **project) {
+    enum { LOOKS = 20 };
+    const struct timespec pause = {0, 250000000};
+    for (int look = 0; look < LOOKS; look++) {
+        if (app_cameras_were_found(a, path, project)) return 1;
+        free(*project);
+        *project = NULL;
+        nanosleep(&pause, NULL);
+    }
+    return 0;
+}
+
+int app_find_cameras_once(const args *a, sf_context *ctx, int known, FILE *out, char **project) {
+    const char *path = a->positional[0];
+    int first = app_is_first_rank(ctx), error = 0;
+    if (!(app_most_of_ranks(ctx, !known) > 0)) return 0;
+    if (first && !known) error = app_find_cameras(a, ctx, path, out, project);
+    error = (int)app_most_of_ranks(ctx, error);
+    if (error || first || known || are_here(a, path, project)) return error;
+    return app_say(a, path, "the cameras that rank 0 found are not on this host: copy the project here");
 }
 
 FILE *app_rank_out(const sf_context *ctx, FILE *out) {

@@ -16,6 +16,10 @@ void app_sum_over_ranks(sf_context *ctx, double *values, int n);
 /* Reads the model that a fit starts from, of several ranks each its part; *count: Gaussians of all. 0 or an
  * exit code, where there is none, too. */
 int app_load_from(const args *a, sf_context *ctx, const char *path, sf_model **from, size_t *count);
+/* Finds the cameras of photos or a video, once, where a rank says that they are not known; of several ranks
+ * rank 0 does, and the others wait and look for what it wrote. *project, which the caller frees: as
+ * app_find_cameras; NULL: the cameras were known. 0 or an exit code, the same on all where rank 0 fails. */
+int app_find_cameras_once(const args *a, sf_context *ctx, int known, FILE *out, char **project);
 /* Where people read: nowhere on ranks other than 0. */
 FILE *app_rank_out(const sf_context *ctx, FILE *out);
 /* Memory and bytes sent of each rank. All must call it. */

@@ -96,6 +96,25 @@ refined() {
 }
 check "poses and focal lengths are refined" refined
 
+# Photos whose cameras nobody knows: rank 0 finds them, once, and all fit them.
+photos() {
+    splatfit capture 'sim:studio?width=320&height=240&frames=24' --frames 6 --format png -q -o "$scratch/taken" &&
+        mv "$scratch/taken/images" "$scratch/photos" &&
+        ranks 2 fit "$scratch/photos" --seed 1 --steps 20 --threads 1 --progress none -o "$scratch/photos.ply" >"$scratch/found" 2>&1 &&
+        [ "$(grep -c 'of 6 photos placed' "$scratch/found")" = 1 ] && [ -s "$scratch/photos.project/sparse/0/images.bin" ] &&
+        ranks 2 fit "$scratch/photos" --seed 1 --steps 20 --threads 1 --progress none -o "$scratch/photos-again.ply" >"$scratch/found" 2>&1 &&
+        [ "$(grep -c 'found before' "$scratch/found")" = 1 ] && cmp "$scratch/photos.ply" "$scratch/photos-again.ply" && return
+    cat -v "$scratch/found"
+    return 1
+}
+check "one rank finds the cameras of photos for all" photos
+no_photos() { # what rank 0 says, and all end
+    mkdir "$scratch/none" && echo "no picture" | tee "$scratch/none/a.jpg" >"$scratch/none/b.jpg"
+    ranks 2 fit "$scratch/none" -o "$scratch/none.ply" >"$scratch/said" 2>&1 && return 1
+    must 'photo' "$scratch/said" && [ ! -e "$scratch/none.ply" ]
+}
+check "a folder without a photo that can be read ends all ranks" no_photos
+
 # The processes of the ranks that write a file of this name.
 ranks_of() { # NAME
     pgrep -f -- "-o $scratch/$1" | while read -r pid; do [ "$(readlink "/proc/$pid/exe")" = "$program" ] && echo "$pid"; done
