@@ -27,6 +27,14 @@ $$(O)/splatfit-$(1): $$(MPI_SRC:%.c=$$(O)/$(1)/%.o) $$(PROGRAM_PARTS) $$(LIB) $$
 endef
 $(foreach kind,$(MPI),$(eval $(call mpi_rules,$(kind))))
 
+MPI_PAGES := $(MPI:%=$(O)/man/splatfit-%.1)
+MAN += $(MPI_PAGES)
+man: $(MPI_PAGES)
+$(MPI_PAGES): $(O)/man/splatfit-%.1: src/app/man/mpi.sh src/app/man/mpi.in include/splatfit/context.h
+	$(say) MAN $@
+	@mkdir -p $(@D)
+	$(Q)src/app/man/mpi.sh $* $(VERSION) >$@.new && mv $@.new $@
+
 .PHONY: mpi test-mpi
 mpi: $(MPI_PROGRAMS)
 ifneq ($(MPI),)

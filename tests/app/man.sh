@@ -42,6 +42,18 @@ for command in '' $commands; do
     if command -v mandoc >/dev/null; then check "$name.1 is as mandoc wants it" clean "$name"; fi
 done
 
+# The programs that mpirun starts are made by the same tables: their pages are written by hand, and name the launcher of each.
+of_mpi() { # KIND
+    local file=$scratch/splatfit-$1.1 section
+    "$pages/mpi.sh" "$1" "$(splatfit --version | sed 's/.* //')" >"$file" || return
+    for section in NAME SYNOPSIS DESCRIPTION HOSTS LIMITS 'EXIT STATUS' EXAMPLES 'SEE ALSO'; do
+        [ "$(grep -c "^\.SH $section\$" "$file")" = 1 ] || { echo "$file: not one section $section"; return 1; }
+    done
+    ! grep -n '@[A-Z_]*@' "$file" && [ "$(words "$file" | grep -c "^mpirun\.$1\$")" -ge 4 ] || return 1
+    ! command -v mandoc >/dev/null || clean "splatfit-$1"
+}
+for kind in openmpi mpich; do check "splatfit-$kind.1 has its sections and names its launcher" of_mpi $kind; done
+
 # The help, the page and a run agree about exit codes.
 codes() {
     splatfit --help | sed -n '/^Exit codes:/,$s/^ *\([0-9][0-9]*\)  .*/\1/p' >"$scratch/help"

@@ -113,7 +113,7 @@ if [ -n "${MPI:-}" ]; then
     needed=
     for kind in $MPI; do
         "$strip" --strip-unneeded -R .comment -R .note "$stage/all/usr/bin/splatfit-$kind"
-        move splatfit-mpi "usr/bin/splatfit-$kind"
+        move splatfit-mpi "usr/bin/splatfit-$kind" "usr/share/man/man1/splatfit-$kind.1.gz"
         needed+="$(depends_of "$stage/splatfit-mpi/usr/bin/splatfit-$kind"), "
     done
     needed=$(sort -u <<<"${needed//, /$'\n'}" | sed '/^$/d' | paste -sd, | sed 's/,/, /g')

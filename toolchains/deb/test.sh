@@ -48,6 +48,7 @@ splatfit fit 'sim:studio?width=64&height=48&frames=9' --steps 3 --max-gaussians 
 for kind in ${MPI:-}; do
     ${RUN_IN:+$RUN_IN "$work/root"} "$work/root/usr/bin/splatfit-$kind" info --build >"$work/build" || fail "splatfit-$kind info --build: fails"
     grep -qE '^(ompi-c|mpich) +[0-9]' "$work/build" || fail "splatfit-$kind: $(cat "$work/build")"
+    zcat "$work/root/usr/share/man/man1/splatfit-$kind.1.gz" | grep -q '^.SH HOSTS' || fail "splatfit-$kind: has no page of the manual"
 done
 man=$work/root/usr/share/man/man1/splatfit-fit.1.gz
 zcat "$man" | grep -q '^.SH OPTIONS' || fail "$man: is no page of the manual"
