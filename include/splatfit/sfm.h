@@ -22,6 +22,8 @@ typedef enum sf_photos_place {
 /* Looks for photos (.jpg, .jpeg, .png) in a folder and in its folder images; where one holds none itself, in
  * the folders in it, up to four deep, but for hidden ones, those named masks, and projects. */
 SF_API sf_photos_place sf_sfm_find_photos(const char *folder);
+/* When a photo of a folder was last written, added or removed, in seconds since 1970; 0: it holds none. */
+SF_API int64_t sf_sfm_photos_changed(const char *folder);
 
 /* The cameras of a folder of photos. */
 typedef struct sf_reconstruction sf_reconstruction;

@@ -266,6 +266,22 @@ int app_cameras_were_found(const args *a, const char *path, char **project) {
     return !error && !stat(known, &st);
 }
 
+/* Of photos or a video that were changed after their cameras were found, at `found`: the user decides what
+ * holds. */
+static void tell_found(const job *j, const char *path, int is_video, time_t found) {
+    struct stat st = {0};
+    int64_t changed = is_video ? 0 : sf_sfm_photos_changed(j->photos);
+    if (is_video && !stat(path, &st)) changed = (int64_t)st.st_mtime;
+    if (args_value(j->a, "quiet")) return;
+    fprintf(stderr, "cameras of %s, found before: %s\n", path, j->project);
+    if (changed > (int64_t)found)
+        fprintf(stderr,
+                "warning: %s was changed after they were found, and what was added has no camera: remove %s "
+                "to find "
+                "them anew\n",
+                path, j->project);
+}
+
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
     job j = {.a = a, .ctx = ctx, .out = out};
     struct stat st;
@@ -283,8 +299,7 @@ int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out
         if (!error) error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
     }
     if (found) error = check_lens(&j);
-    if (found && !error && !args_value(a, "quiet"))
-        fprintf(stderr, "cameras of %s, found before: %s\n", path, *project);
+    if (found && !error) tell_found(&j, path, is_video, st.st_mtime);
     sf_reconstruction_destroy(&j.result);
     free(photos);
     return error;

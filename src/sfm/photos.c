@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "../base/pool.h"
 #include "../io/dataset.h"
@@ -35,6 +36,34 @@ sf_photos_place sf_sfm_find_photos(const char *folder) {
     int size = snprintf(images, sizeof images, "%s/images", folder);
     if (size > 0 && (size_t)size < sizeof images && holds_two_photos(images)) return SF_PHOTOS_IMAGES;
     return holds_two_photos(folder) ? SF_PHOTOS_HERE : SF_PHOTOS_NONE;
+}
+
+typedef struct last_change {
+    const char *folder;
+    int64_t at;
+} last_change;
+
+static void see_change(last_change *c, const char *path) {
+    struct stat st;
+    if (!stat(path, &st) && (int64_t)st.st_mtime > c->at) c->at = (int64_t)st.st_mtime;
+}
+
+/* A folder changes when something in it is added, removed or renamed. */
+static int see_photo(void *user, const char *name) {
+    last_change *c = user;
+    char path[PATH_MAX];
+    int size = snprintf(path, sizeof path, "%s/%s", c->folder, name);
+    if (size < 0 || (size_t)size >= sizeof path) return 0;
+    see_change(c, path);
+    *strrchr(path, '/') = 0;
+    see_change(c, path);
+    return 0;
+}
+
+int64_t sf_sfm_photos_changed(const char *folder) {
+    last_change c = {.folder = folder};
+    sf_photo_folder_walk(folder, see_photo, &c);
+    return c.at;
 }
 
 static int by_name(const void *a, const void *b) {

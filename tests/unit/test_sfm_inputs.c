@@ -2,6 +2,7 @@
  * what is said of them. */
 #include "testing.h"
 
+#include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -92,6 +93,24 @@ static void test_folders(void **state) {
     assert_int_equal(list.count, 2);
     assert_string_equal(list.photos[0].name, "1.jpeg");
     sf_photos_free(context, &list);
+}
+
+static void set_time(const char *name, time_t at) {
+    const struct timespec times[2] = {{.tv_sec = at}, {.tv_sec = at}};
+    assert_int_equal(utimensat(AT_FDCWD, test_path(name), times, 0), 0);
+}
+
+/* Photos that are written, and folders that get or lose some. */
+static void test_changes(void **state) {
+    (void)state;
+    mkdir(test_path("changed"), 0777), mkdir(test_path("changed/in"), 0777);
+    assert_int_equal(sf_sfm_photos_changed(test_path("changed")), 0);
+    touch("changed/in/1.jpg"), touch("changed/in/2.jpg"), touch("changed/notes");
+    set_time("changed/in/1.jpg", 1000), set_time("changed/in/2.jpg", 3000), set_time("changed/in", 2000);
+    set_time("changed/notes", 9000);
+    assert_int_equal(sf_sfm_photos_changed(test_path("changed")), 3000);
+    set_time("changed/in", 4000);
+    assert_int_equal(sf_sfm_photos_changed(test_path("changed")), 4000);
 }
 
 /* What phones and raw converters write, and what is to be done with it. */
@@ -229,9 +248,9 @@ static int tear_down(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_folders), cmocka_unit_test(test_other_kinds), cmocka_unit_test(test_rig),
-        cmocka_unit_test(test_lens),    cmocka_unit_test(test_masks),       cmocka_unit_test(test_reasons),
-        cmocka_unit_test(test_none),
+        cmocka_unit_test(test_folders), cmocka_unit_test(test_changes), cmocka_unit_test(test_other_kinds),
+        cmocka_unit_test(test_rig),     cmocka_unit_test(test_lens),    cmocka_unit_test(test_masks),
+        cmocka_unit_test(test_reasons), cmocka_unit_test(test_none),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
