@@ -31,13 +31,15 @@ FLAGS_exp6 := -DSF_EXP_DEGREE=6
 FLAGS_cull := -DSF_BLEND_CULL_ONLY=1
 VARIANT_OBJ := $(foreach l,$(LEVELS),$(O)/arch/vector/roof.$(l).o $(VARIANTS:%=$(O)/arch/vector/blend.%.$(l).o))
 
+# The levels whose kernels have the sanitizers, which make clang take several times as long.
+SAN_LEVELS ?= $(LEVELS) $(ADDED)
 # Given another KERNELS_O alone, nothing is built anew.
 KERNELS_O := $(if $(filter 1,$(DEBUG)),0,$(if $(SAN)$(filter 1,$(COVERAGE)),1,3))
 define level_rule
 $(O)/arch/vector/%.$(1).o: arch/vector/%.c $(O)/flags
 	$(say) CC '$$< ($(1))'
 	@mkdir -p $$(@D)
-	$(Q)$(CC) $$(filter-out $(WITHOUT_$(1)),$$(ALL_CFLAGS)) -O$(KERNELS_O) $(FLAGS_$(1)) \
+	$(Q)$(CC) $$(filter-out $(WITHOUT_$(1)) $(if $(filter $(1),$(SAN_LEVELS)),,$$(SANITIZE)),$$(ALL_CFLAGS)) -O$(KERNELS_O) $(FLAGS_$(1)) \
 	    -DSF_LEVEL=$(1) -DSF_LEVEL_$(firstword $(subst _, ,$(1))) -MMD -MP -c -o $$@ $$<
 endef
 $(foreach l,$(LEVELS) $(ADDED),$(eval $(call level_rule,$(l))))

@@ -11,8 +11,25 @@ mkdir -p $logs
 : >$logs/times
 sums='[0-9]+ passed, [0-9]+ failed, [0-9]+ skipped'
 make=(env WERROR=1 "${MAKE:-make}" --no-print-directory "-j$(nproc)")
-# An emulated or instrumented program sees no real scenes, and slow tests do less. CFLAGS=-g0 or -g1 builds a fifth faster.
+# An emulated or instrumented program sees no real scenes, and slow tests do less.
 quick=(env -u SPLATFIT_DATA SPLATFIT_QUICK=1)
+
+# What a debugger alone reads takes a quarter of the compiler's time, and up to half of it for kernels.
+export CFLAGS=-g1
+# A file that was compiled before with these flags comes out of ccache's folder, which is empty at first. The programs of tests
+# hold the library each; mold links one in an eighth of ld's time. What is installed, and all that the step fresh builds, ld links.
+tools=$PWD/$logs/tools
+mkdir -p $logs/linker "$tools"
+if program=$(command -v mold); then
+    ln -sfn "$program" $logs/linker/ld
+    export TEST_LDFLAGS=-B$PWD/$logs/linker
+fi
+if program=$(command -v ccache); then
+    for compiler in {,aarch64-linux-gnu-,arm-linux-gnueabihf-}{gcc,g++} clang clang++; do
+        if command -v "$compiler" >/dev/null; then ln -sfn "$program" "$tools/$compiler"; fi
+    done
+    export PATH=$tools:$PATH CCACHE_DIR=$PWD/$logs/ccache
+fi
 
 step() { # NAME COMMAND...
     local name=$1 log=$logs/$1.log began=$SECONDS status
@@ -71,15 +88,16 @@ emulated() { # NAME TOOLCHAIN TESTS-TO-LEAVE-OUT
 
 # clang builds all tests with sanitizers for memory and undefined behaviour; that for threads runs those whose code has threads.
 group_threads() {
-    local -x CFLAGS=-g1
     step thread "${quick[@]}" TIMEOUT=900 SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="$threaded" test
 }
-group_addresses() {
-    local -x CFLAGS=-g1
-    step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
+group_addresses() { step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test; }
+# As many targets at a time as there are processors. One level of kernels has the sanitizers and is used; the step address, whose
+# test_hostile takes the same targets through all kept inputs, has them at every level.
+group_fuzz() {
+    local level=()
+    [ "$(uname -m)" != x86_64 ] || level=(SPLATFIT_ISA=sse4 SAN_LEVELS=sse4)
+    step fuzz env FUZZ_SECONDS=5 "${level[@]}" "${make[@]}" fuzz
 }
-# As many targets at a time as there are processors.
-group_fuzz() { step fuzz env CFLAGS=-g1 FUZZ_SECONDS=5 "${make[@]}" fuzz; }
 group_armhf() {
     local -x CFLAGS=-g0
     emulated armhf arm-linux-gnueabihf "$only_64"
@@ -97,20 +115,23 @@ group_aarch64() {
         step board-$board "${make[@]}" TOOLCHAIN=$board build/$board/src/base/create_context.o
     done
 }
-# The README's commands on two bare systems, with the compilers of Debian 12 and 13; tests are for that they compile and run
-# there, and the step gcc runs them all. The step address builds with Debian 12's clang.
+# The README's commands on two bare systems, with the compilers of Debian 12 and 13; the tests and the demo are for that they
+# compile and run there, the step gcc runs all tests and the step scenes holds the demo's fit to its quality. The step address
+# builds with Debian 12's clang.
 group_fresh() {
-    step fresh env SPLATFIT_QUICK=1 MAKEFLAGS_IN_ROOT="-j$(nproc)" COMPILERS=trixie SOME_TESTS="cli fit golden inputs ply render" \
+    local -x SOME_TESTS='cli fit golden inputs ply render' NO_TESTS='cli_freeze cli_interrupted cli_live cli_refusals'
+    step fresh env SPLATFIT_QUICK=1 MAKEFLAGS_IN_ROOT="-j$(nproc)" COMPILERS=trixie DEMO_FLAGS='--steps 200' \
         "${make[@]}" test-fresh TESTS="bookworm/bare trixie/desktop"
 }
 group_mutants() { step mutants "${make[@]}" mutants; }
 # What is for who writes code.
 group_debug() {
+    local -x CFLAGS=
     step debug "${make[@]}" DEBUG=1 TESTS="$debugged" test
     step commands "${make[@]}" compile_commands.json
 }
 group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
-# These, crash and scenes use build/native, which the step gcc builds.
+# These and scenes use build/native, which the step gcc builds.
 group_native() {
     step lint "${make[@]}" lint
     step levels "${make[@]}" check
@@ -125,12 +146,11 @@ group_native() {
     step charts "${make[@]}" charts-quick
     step demo "${make[@]}" demo DEMO_FLAGS="--steps 20"
 }
-group_crash() { step crash "${make[@]}" crash KILLS=50 EVERY=15; }
 group_scenes() { step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes; }
 
 # Most steps keep little more than one CPU busy, so two workers take the groups in turn, the longest first. A group's output is
 # printed at its end. No two groups build in the same folder, except build/native, which is complete before its groups begin.
-groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static debug crash)
+groups=(aarch64 addresses threads armhf fresh native mutants scenes fuzz static debug)
 next() {
     flock $logs/taken.lock sh -c "echo >>$logs/taken; wc -l <$logs/taken"
 }
@@ -139,7 +159,7 @@ work() {
     while n=$(next) && [ "$n" -le ${#groups[@]} ]; do
         group=${groups[n - 1]}
         case $group in
-        native | scenes | crash) until [ -e $logs/built ]; do sleep 1; done ;;
+        native | scenes) until [ -e $logs/built ]; do sleep 1; done ;;
         esac
         "group_$group" >"$logs/group-$group.out" 2>&1
         echo "$group" >>$logs/ended
@@ -149,7 +169,8 @@ work() {
 rm -f $logs/taken $logs/ended $logs/built
 work &
 other=$!
-step gcc "${make[@]}" test
+# Its scripts of tests/crash do what make crash does, at more moments and calls than they choose themselves.
+step gcc env KILLS=50 EVERY=15 "${make[@]}" test
 touch $logs/built
 work
 wait $other

@@ -92,6 +92,9 @@ need_cross() { # TRIPLE CPU
 }
 
 need_ci() {
+    # Both make it faster, no more.
+    want ccache program ccache
+    want mold program mold
     need libopenmpi-dev pkg-config --exists ompi-c
     need openmpi-bin program mpirun.openmpi
     need libmpich-dev pkg-config --exists mpich

@@ -8,7 +8,8 @@
 #   desktop   that with g++ and pkg-config
 #   user      build-essential and git, and a user without root and sudo; the line that the command prints is typed as root
 # CACHE is where packages and roots are kept; MIRROR another mirror than this system's; COMPILERS names
-# the suites whose clang builds too, with warnings as errors; SOME_TESTS the tests that are enough. Needs root.
+# the suites whose clang builds too, with warnings as errors; SOME_TESTS the tests that are enough, but for NO_TESTS; DEMO_FLAGS
+# is passed on to make demo. Needs root.
 set -euo pipefail
 
 cd "$(dirname "$0")/../.."
@@ -43,7 +44,7 @@ remove() { # ROOT
 in_root() { # COMMAND...: as root, or as $as
     chroot ${as:+--userspec="$as:$as"} "$root" /usr/bin/env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         HOME="${as:+/home/}${as:-/root}" LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive ${SPLATFIT_QUICK:+SPLATFIT_QUICK=1} \
-        MAKEFLAGS="${MAKEFLAGS_IN_ROOT:-}${tests:+ -- TESTS=${tests// /\\ }}" "$@"
+        MAKEFLAGS="${MAKEFLAGS_IN_ROOT:-} -- ${variables[*]// /\\ }" "$@"
 }
 
 serves() { # SUITE
@@ -133,7 +134,9 @@ check_parts() {
     diff "$work/parts" "$root.parts"
 }
 
-passed=0 failed=0 skipped=0 tests=${SOME_TESTS:-}
+# What make is told beside the README's words.
+variables=(${SOME_TESTS:+"TESTS=$SOME_TESTS"} ${NO_TESTS:+"BUT=$NO_TESTS"} ${DEMO_FLAGS:+"DEMO_FLAGS=$DEMO_FLAGS"})
+passed=0 failed=0 skipped=0
 one() { # SUITE/START
     suite=${1%/*} start=${1#*/} began=$SECONDS as='' result=
     log=$work/$suite-$start.log
