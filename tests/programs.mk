@@ -3,7 +3,8 @@
 
 # A name stands for all programs that begin with it: "ply" for test_ply.c and test_ply_values.c.
 named     = $(foreach t,$(2),tests/$(1)/test_$(t).c tests/$(1)/test_$(t)_*.c)
-tests_in  = $(sort $(filter-out $(wildcard $(call named,$(1),$(BUT))),$(wildcard $(if $(TESTS),$(call named,$(1),$(TESTS)),tests/$(1)/test_*.c))))
+tests_in  = $(sort $(filter-out $(wildcard $(call named,$(1),$(BUT))),\
+                $(wildcard $(if $(TESTS),$(call named,$(1),$(TESTS)),tests/$(1)/test_*.c))))
 UNIT_SRC  := $(call tests_in,unit)
 GOLD_SRC  := $(call tests_in,golden)
 CHECK_SRC := $(call tests_in,check)
