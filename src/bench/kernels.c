@@ -190,7 +190,9 @@ static sf_status run_loss(bench_lab *lab) {
     return SF_OK;
 }
 
-static sf_status run_blend_importance(bench_lab *lab) { return sf_stage_blend_importance(&lab->ws); }
+static sf_status run_blend_importance(bench_lab *lab) {
+    return sf_stage_blend_importance(&lab->ws, NULL, NULL);
+}
 static sf_status run_blend_bwd(bench_lab *lab) { return sf_stage_blend_bwd(&lab->ws); }
 
 static void take_nothing(void *user, const sf_params *grads, size_t first, size_t end) {

@@ -313,7 +313,10 @@ static void record_progress(sf_fitter *f, double loss) {
 static sf_status validate(sf_fitter *f, double fraction) {
     int merged = f->validation.merged;
     sf_status status = sf_validation_step(f, fraction);
-    if (f->end) sf_merges_undo_all(f);
+    if (f->end) {
+        sf_merges_undo_all(f);
+        f->merges.on_ranks = 0;
+    }
     if (f->validation.merged && !merged) sf_sampler_restart(&f->sampler);
     return status;
 }
@@ -346,7 +349,7 @@ void sf_select_and_densify(sf_fitter *f, double fraction) {
     if (changed) sf_forget_best_model(&f->validation);
     int densifying = !selecting || (sf_densification_is_due(f, fraction) && !f->densify.ended);
     /* during tentative merges the Gaussians keep their indices */
-    if (densifying && !status && !f->merges.count) {
+    if (densifying && !status && !sf_has_merges(f)) {
         status = sf_densify_step(f, fraction);
         if (!status) (void)sf_fitter_sort(f); /* without memory for sorting only the speed suffers */
     }

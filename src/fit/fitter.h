@@ -39,6 +39,7 @@ typedef struct sf_merges {
     double squares; /* sum of `tiles` */
     double part;    /* part of the Gaussians to merge in the next round */
     int in_vain;    /* rounds one after another that removed nothing */
+    int on_ranks;   /* of several ranks: whether one of them has any, since the round began */
 } sf_merges;
 
 /* The golden ratio's fraction: multiples of it leave no large gap in 0..1. */

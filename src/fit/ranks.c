@@ -40,15 +40,7 @@ static sf_status compare_scenes(sf_fitter *f) {
     return status;
 }
 
-sf_status sf_ranks_check(sf_fitter *f) {
-    sf_fit_options *o = &f->options;
-    if (!sf_is_shared(f)) return SF_OK;
-    if (o->merge > 0) {
-        o->merge = 0;
-        sf_log(f->ctx, SF_LOG_INFO, "merge: off, as it does not work with more than one rank yet");
-    }
-    return compare_scenes(f);
-}
+sf_status sf_ranks_check(sf_fitter *f) { return sf_is_shared(f) ? compare_scenes(f) : SF_OK; }
 
 int sf_is_first_rank(const sf_fitter *f) { return !sf_is_shared(f) || !cluster_of(f)->rank; }
 

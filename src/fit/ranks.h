@@ -20,8 +20,12 @@ int sf_is_part(const sf_fitter *fitter, const sf_model *from);
 /* Gaussians of a first model, of all ranks. All must call it. */
 size_t sf_count_from(const sf_fitter *fitter, const sf_model *from);
 
-/* Options that do not work with several ranks are switched off, and the log says so. SF_ERR_ARGUMENT: the
- * ranks have different scenes. */
+/* Whether there are tentative merges, on any rank. */
+static inline int sf_has_merges(const sf_fitter *fitter) {
+    return sf_is_shared(fitter) ? fitter->merges.on_ranks : fitter->merges.count > 0;
+}
+
+/* SF_ERR_ARGUMENT: the ranks have different scenes. */
 sf_status sf_ranks_check(sf_fitter *fitter);
 
 /* Seconds of the fit, as rank 0 said at the beginning of the step. */

@@ -77,15 +77,42 @@ sf_status sf_ranks_divide(sf_fitter *f, const sf_model *from) {
     return SF_OK;
 }
 
-sf_status sf_ranks_divide_restored(sf_fitter *f, const uint64_t *had, const uint64_t *had_best) {
-    size_t n;
-    if (!sf_is_shared(f)) return SF_OK;
-    sf_merges_undo_all(f); /* of one rank's checkpoint */
-    sf_remap_entry *entries = sf_alloc(f->ctx, f->model->count + 1, sizeof *entries);
-    if (!entries) return SF_ERR_MEMORY;
-    sf_status status = list_part(f, f->model, had, entries, &n);
-    if (!status) status = sf_reorder(f, entries, n, NULL);
+/* Keeps the tentative merges of this rank's part: entry k went to moved_to[k]. */
+static sf_status keep_merges(sf_fitter *f, size_t had, const sf_remap_entry *entries, size_t n,
+                             const uint32_t *moved_to) {
+    sf_merges *t = &f->merges;
+    size_t kept = 0;
+    uint32_t *now = t->count ? sf_alloc(f->ctx, had, sizeof *now) : NULL;
+    if (t->count && !now) return SF_ERR_MEMORY;
+    for (size_t i = 0; now && i < had; i++) now[i] = UINT32_MAX;
+    for (size_t k = 0; now && k < n; k++) now[entries[k].from] = moved_to[k];
+    for (size_t k = 0; k < t->count; k++) {
+        sf_merge m = t->list[k];
+        m.a = now[m.a], m.b = now[m.b], m.leader = now[m.leader];
+        if (m.a != UINT32_MAX) t->list[kept++] = m; /* a rank has all three */
+    }
+    t->count = kept;
+    sf_free(f->ctx, now);
+    return SF_OK;
+}
+
+static sf_status divide_fit(sf_fitter *f, const uint64_t *had) {
+    size_t n, count = f->model->count;
+    if (!had) sf_merges_undo_all(f); /* their Gaussians may go to different ranks */
+    sf_remap_entry *entries = sf_alloc(f->ctx, count + 1, sizeof *entries);
+    uint32_t *moved_to = sf_alloc(f->ctx, count + 1, sizeof *moved_to);
+    sf_status status = entries && moved_to ? list_part(f, f->model, had, entries, &n) : SF_ERR_MEMORY;
+    if (!status) status = sf_reorder(f, entries, n, moved_to);
+    if (!status) status = keep_merges(f, count, entries, n, moved_to);
     sf_free(f->ctx, entries);
+    sf_free(f->ctx, moved_to);
+    return status;
+}
+
+sf_status sf_ranks_divide_restored(sf_fitter *f, const uint64_t *had, const uint64_t *had_best) {
+    if (!sf_is_shared(f)) return SF_OK;
+    sf_status status = divide_fit(f, had);
+    f->merges.on_ranks = sf_total(f, f->merges.count) > 0;
     f->shared_count = sf_total(f, f->model->count);
     f->shared_seconds = sf_of_first_rank(f, sf_clock() - f->start);
     if (!status) status = sf_fitter_set_room(f, sf_room_of_rank(f, sf_planned_count(f, 1)));

@@ -149,6 +149,46 @@ sf_status sf_ranks_gather(const sf_fitter *f, const sf_model *part, uint64_t *ba
     return status;
 }
 
+/* The index in the whole model of rank r's Gaussian i. */
+static uint32_t whole_index(const sf_model *whole, const uint64_t *banded, size_t r, uint32_t i) {
+    const uint64_t *own = banded + SF_BANDS * r;
+    int degree = SF_MAX_SH_DEGREE;
+    while (degree > 0 && i >= own[degree]) degree--;
+    size_t at = degree < SF_MAX_SH_DEGREE ? whole->banded[degree + 1] : 0;
+    for (size_t before = 0; before < r; before++) at += of_degree(banded + SF_BANDS * before, degree);
+    return (uint32_t)(at + i - (degree < SF_MAX_SH_DEGREE ? own[degree + 1] : 0));
+}
+
+/* The tentative merges of all ranks, by rank; their tiles are the same on all. */
+static sf_status gather_merges(const sf_fitter *f, const uint64_t *banded, sf_fitter *whole) {
+    sf_cluster *c = sf_cluster_of(f->ctx);
+    size_t n = (size_t)c->size, all = 0, *counts = sf_calloc(f->ctx, 2 * n, sizeof *counts),
+           *send = counts + n;
+    uint64_t mine = f->merges.count, *of_ranks = sf_alloc(f->ctx, n, sizeof *of_ranks);
+    sf_status status = counts && of_ranks ? SF_OK : SF_ERR_MEMORY;
+    if (!status) {
+        sf_cluster_gather_bytes(c, &mine, sizeof mine, of_ranks);
+        for (size_t r = 0; r < n; r++) all += of_ranks[r], counts[r] = c->rank ? 0 : of_ranks[r];
+        send[0] = mine;
+        whole->merges.list = sf_alloc(f->ctx, c->rank ? 1 : all + 1, sizeof *whole->merges.list);
+        if (!whole->merges.list) status = SF_ERR_MEMORY;
+    }
+    if (!status) {
+        sf_cluster_exchange(c, sizeof *f->merges.list, f->merges.list, send, whole->merges.list, counts);
+        whole->merges.count = c->rank ? 0 : all;
+        for (size_t r = 0, k = 0; r < n; r++)
+            for (size_t end = k + counts[r]; k < end; k++) {
+                sf_merge *m = &whole->merges.list[k];
+                m->a = whole_index(whole->model, banded, r, m->a);
+                m->b = whole_index(whole->model, banded, r, m->b);
+                m->leader = whole_index(whole->model, banded, r, m->leader);
+            }
+    }
+    sf_free(f->ctx, counts);
+    sf_free(f->ctx, of_ranks);
+    return status;
+}
+
 sf_status sf_ranks_gather_all(const sf_fitter *f, uint64_t *banded, uint64_t *banded_best, sf_fitter *whole) {
     sf_context *ctx = f->ctx;
     memcpy(whole, f, sizeof *whole);
@@ -156,6 +196,7 @@ sf_status sf_ranks_gather_all(const sf_fitter *f, uint64_t *banded, uint64_t *ba
     whole->moments = sf_optimizer_moments((int)f->options.moments, f->options.ema_steps);
     whole->densify.gradient_sum = NULL, whole->densify.visible_count = NULL;
     whole->units.inverse = NULL;
+    whole->merges.list = NULL, whole->merges.count = 0;
     whole->skipped_values = sf_total(f, f->skipped_values);
     sf_status status = make_whole(f, f->model, banded, &whole->model);
     if (status) return status;
@@ -171,6 +212,7 @@ sf_status sf_ranks_gather_all(const sf_fitter *f, uint64_t *banded, uint64_t *ba
         columns from = columns_of_fitter(f), to = columns_of_fitter(whole);
         status = send_rows(f, f->model, &from, banded, whole->model, &to);
     }
+    if (!status) status = gather_merges(f, banded, whole);
     if (!status && f->restore.model)
         status = sf_ranks_gather(f, f->restore.model, banded_best, &whole->restore.model);
     return status;
@@ -183,4 +225,5 @@ void sf_ranks_free_gathered(sf_fitter *whole) {
     sf_free(whole->ctx, whole->densify.gradient_sum);
     sf_free(whole->ctx, whole->densify.visible_count);
     sf_free(whole->ctx, whole->units.inverse);
+    sf_free(whole->ctx, whole->merges.list);
 }

@@ -50,7 +50,7 @@ sf_status sf_go_to_restore_point(sf_fitter *f) {
     const sf_restore_point *from = &f->restore;
     sf_status status = sf_fitter_room(f, from->model ? from->model->banded : from->half.banded);
     if (status) return status;
-    f->merges.count = 0; /* the restore point has none */
+    f->merges.count = 0, f->merges.on_ranks = 0; /* the restore point has none */
     if (from->model)
         sf_model_assign(f->model, from->model);
     else

@@ -82,7 +82,7 @@ int sf_selection_is_due(const sf_fitter *f, double fraction) {
     if (!sf_selects(f)) return 0;
     if (prune_is_due(f, fraction)) return 1;
     if (!sf_merges_promise(&f->merges) || f->step % SF_MERGE_STEPS) return 0;
-    return f->merges.count || may_merge(f, fraction);
+    return sf_has_merges(f) || may_merge(f, fraction);
 }
 
 /* Noise variance of a value. The minimum so far is kept: pruning raises residuals, and must not make the rest
@@ -240,7 +240,7 @@ static void lower_degrees(const sf_importance *w, double threshold, uint8_t *deg
  * round. Then only floaters are removed. */
 static int skip(sf_fitter *f, double fraction) {
     sf_errors errors;
-    if (prune_is_due(f, fraction) || f->merges.count) return 0;
+    if (prune_is_due(f, fraction) || sf_has_merges(f)) return 0;
     if (sf_measure_errors(f, 0, ERROR_VIEWS, &errors) || is_invisible(&errors)) return 0;
     f->merges.in_vain++;
     return 1;
@@ -252,7 +252,7 @@ sf_status sf_select_mark(sf_fitter *f, double fraction, sf_importance *w, uint8_
     if (w->views) update_noise_variance(f, &w->errors);
     double threshold = prune_threshold(f);
     int pruning = prune_is_due(f, fraction);
-    if (f->merges.count) sf_merges_decide(f, w, threshold, VISIBLE * VISIBLE);
+    if (sf_has_merges(f)) sf_merges_decide(f, w, threshold, VISIBLE * VISIBLE);
     if (!w->views) return SF_OK;
     if (pruning) status = mark_pruned(f, fraction, threshold, w);
     if (pruning && fraction <= prune_until(f))
@@ -273,7 +273,8 @@ static sf_status merge(sf_fitter *f, double fraction, size_t removed, sf_importa
         f->merges.in_vain++;
         return SF_OK;
     }
-    if (removed > f->model->count / CHANGED_PART) { /* the importance of the larger model no longer holds */
+    if (sf_total(f, removed) > sf_total(f, f->model->count) /
+                                   CHANGED_PART) { /* the importance of the larger model no longer holds */
         if (!sf_merges_promise(&f->merges)) return SF_OK;
         sf_importance_free(f->ctx, w);
         status = sf_measure_importance(f, IMPORTANCE_VIEWS, w);

@@ -11,6 +11,8 @@
 #include "../base/pool.h"
 #include "../base/statistics.h"
 #include "../kernels/sh.h"
+#include "../render/shard.h"
+#include "ranks.h"
 #include "sample_views.h"
 
 enum {
@@ -43,6 +45,8 @@ typedef struct importance_job {
     float gain[SF_CHANNELS];         /* learned exposure gain of the view, else 1 */
     double pixels;                   /* of the full resolution in one pixel of the render */
     uint8_t *merged;                 /* [count] 1: a tentatively merged Gaussian; NULL: there is none */
+    uint8_t *drawn; /* the same of the Gaussians that are drawn: of several ranks the band's */
+    size_t drawn_capacity;
     const float *before; /* [before_count] squared errors, before the merges, of the tiles of the views not
                             yet measured */
     size_t before_count;
@@ -143,7 +147,7 @@ static sf_status measure_residuals(importance_job *job, double pixels) {
 
 static double slot_weight(const importance_job *job, uint32_t entry) {
     const sf_workspace *ws = job->ws;
-    if (!job->merged[ws->entries[entry]]) return 0;
+    if (!job->drawn[ws->entries[entry]]) return 0;
     return (double)ws->sums[(size_t)ws->entry_slots[entry] * SF_SUMS + 7];
 }
 
@@ -183,7 +187,8 @@ static void tile_task(void *job_pointer, size_t tile, int thread) {
 }
 
 /* The squared error of each tile. */
-static sf_status measure_tiles(importance_job *job) {
+static sf_status measure_tiles(void *job_pointer) {
+    importance_job *job = job_pointer;
     sf_importance *w = job->importance;
     const sf_workspace *ws = job->ws;
     size_t tiles = ws->stride / SF_TILE * (ws->plane_rows / SF_TILE);
@@ -192,6 +197,10 @@ static sf_status measure_tiles(importance_job *job) {
         return SF_ERR_MEMORY;
     if (job->merged && job->before_count < tiles)
         job->merged = NULL; /* views were added: their errors before the merges are unknown */
+    if (job->merged) {
+        sf_status status = sf_shard_flags(job->ws, job->merged, &job->drawn, &job->drawn_capacity);
+        if (status) return status;
+    }
     sf_pool_run(ws->ctx->pool, tiles, tile_task, job);
     w->tile_count += tiles;
     if (job->merged) job->before += tiles, job->before_count -= tiles;
@@ -289,8 +298,7 @@ static sf_status add_view_importance(sf_fitter *f, sf_view_state *state, double 
     importance_job *job = job_pointer;
     sf_status status = measure_residuals(job, pixels);
     if (!status) apply_exposure(f, state, job);
-    if (!status) status = sf_stage_blend_importance(job->ws);
-    if (!status) status = measure_tiles(job);
+    if (!status) status = sf_stage_blend_importance(job->ws, measure_tiles, job);
     if (!status) sf_pool_run(f->ctx->pool, (job->importance->count + GATHER - 1) / GATHER, gather_task, job);
     return status;
 }
@@ -361,10 +369,11 @@ sf_status sf_measure_importance(sf_fitter *f, size_t views, sf_importance *w) {
     importance_job job = {.ws = &f->workspace, .importance = w};
     sf_status status = make_arrays(f, w);
     size_t there = 0;
-    if (!status && f->merges.count) status = attribute_to_merged(f, &job);
+    if (!status && sf_has_merges(f)) status = attribute_to_merged(f, &job);
     uint8_t *merged = job.merged;
     if (!status) status = sample_at_level(f, 0, views, add_view_importance, &job, &there);
     sf_free(f->ctx, merged);
+    sf_free(f->ctx, job.drawn);
     w->whole = !views || views >= there;
     if (!status && w->views && w->views < there) scale_up(w, (double)there / (double)w->views);
     return status;

@@ -1,4 +1,5 @@
-/* select_merge.c - tentative merges of two Gaussians.
+/* select_merge.c - tentative merges of two Gaussians; of several ranks each merges its own, and all decide on
+ * them together.
  *
  * The rise of the error by a merge is known only after the neighbours have adapted to it. Until then the
  * second Gaussian stays in the model, invisible, and the parameters of the first before the merge are kept
@@ -8,6 +9,7 @@
 
 #include <math.h>
 
+#include "ranks.h"
 #include "select_merge_candidates.h"
 
 /* Part of the Gaussians to merge: in the first round, at least, at most; and the factors by which it changes
@@ -116,12 +118,13 @@ sf_status sf_merges_begin(sf_fitter *f, sf_importance *w) {
         status = merge_some(f, most - t->count, w->score, &merged);
     if (!status) status = find_leaders(f);
     if (status) sf_merges_undo_all(f);
-    if (status || !t->count) return status;
+    t->on_ranks = sf_is_shared(f) && sf_total(f, t->count) > 0;
+    if (!sf_has_merges(f)) return status;
     sf_free(f->ctx, t->tiles);
     t->tiles = w->tiles, t->tile_count = w->tile_count, t->tile_capacity = w->tile_capacity;
     w->tiles = NULL;
     t->squares = w->errors.squares;
-    return SF_OK;
+    return status;
 }
 
 /* Rise of the squared error that is attributed to a merged Gaussian. The error before is scaled by `fell`,
@@ -155,9 +158,10 @@ void sf_merges_decide(sf_fitter *f, sf_importance *w, double threshold, double i
     sf_merges *t = &f->merges;
     uint32_t *members = count_members(f);
     double fell = fmin(w->errors.squares / t->squares, 1), all = 0;
-    size_t n = t->count, holding = 0;
+    size_t n = t->count, holding = 0, of_all = sf_total(f, n);
+    t->on_ranks = 0;
     /* where views were added or removed the errors are not comparable */
-    if (!members || w->tile_count != t->tile_count) {
+    if (sf_most_of_ranks(f, !members || w->tile_count != t->tile_count) > 0) {
         sf_free(f->ctx, members);
         for (size_t k = 0; k < n; k++) exclude(&t->list[k], w);
         sf_merges_undo_all(f);
@@ -165,7 +169,7 @@ void sf_merges_decide(sf_fitter *f, sf_importance *w, double threshold, double i
     }
     for (size_t i = 0; i < w->count; i++)
         if (members[i]) all += rise_of(&w->attributed[i], fell, invisible);
-    int failed = all > threshold * (double)n;
+    int failed = sf_total_of(f, all) > threshold * (double)of_all;
     for (size_t k = n; k-- > 0;) {
         const sf_merge *m = &t->list[k];
         double most = threshold * (double)members[m->leader];
@@ -177,7 +181,9 @@ void sf_merges_decide(sf_fitter *f, sf_importance *w, double threshold, double i
             exclude(m, w);
         }
     }
-    adapt_part(t, failed, (double)holding / (double)n, (double)holding >= WORTH_MEASURING * (double)w->count);
+    holding = sf_total(f, holding);
+    adapt_part(t, failed, (double)holding / fmax((double)of_all, 1),
+               (double)holding >= WORTH_MEASURING * (double)sf_total(f, w->count));
     t->count = 0;
     sf_free(f->ctx, members);
 }

@@ -72,16 +72,19 @@ static void blend_importance_task(void *job_pointer, size_t task, int thread) {
 }
 
 /* A task for each tile, which fills the sums of its slots. */
-static sf_status fill_slots(sf_workspace *ws, sf_task_fn task) {
+static sf_status fill_slots(sf_workspace *ws, sf_task_fn task, sf_status (*filled)(void *), void *user) {
     size_t slots = ws->slot[ws->count];
     sf_status status = sf_grow(ws->ctx, &ws->sums, &ws->sums_capacity, 0, slots, SF_SUMS * sizeof(float));
     if (status) return status;
     run_tiles(ws, 0, task);
-    return sf_shard_return(ws);
+    status = filled ? filled(user) : SF_OK;
+    return status ? status : sf_shard_return(ws);
 }
 
-sf_status sf_stage_blend_bwd(sf_workspace *ws) { return fill_slots(ws, blend_bwd_task); }
-sf_status sf_stage_blend_importance(sf_workspace *ws) { return fill_slots(ws, blend_importance_task); }
+sf_status sf_stage_blend_bwd(sf_workspace *ws) { return fill_slots(ws, blend_bwd_task, NULL, NULL); }
+sf_status sf_stage_blend_importance(sf_workspace *ws, sf_status (*filled)(void *), void *user) {
+    return fill_slots(ws, blend_importance_task, filled, user);
+}
 
 static void background_task(void *ws_pointer, size_t task, int thread) {
     (void)thread;

@@ -61,6 +61,9 @@ void sf_shard_picture(sf_workspace *ws, int with_depth);
 /* shard_return.c: after the slots were filled: the sums of each own Gaussian, one slot a band. */
 sf_status sf_shard_return(sf_workspace *ws);
 
+/* A byte of each own Gaussian to the bands that it touches: *drawn, of those that this rank draws, grown to
+ * at least their number; without a shard a copy. SF_ERR_MEMORY. */
+sf_status sf_shard_flags(const sf_workspace *ws, const uint8_t *own, uint8_t **drawn, size_t *capacity);
 /* Changes the workspace's arrays for the others. */
 void sf_shard_swap(sf_workspace *ws);
 

@@ -100,6 +100,27 @@ static size_t words_of_all(const size_t *counts, size_t n) {
     return words;
 }
 
+sf_status sf_shard_flags(const sf_workspace *ws, const uint8_t *own, uint8_t **drawn, size_t *capacity) {
+    sf_shard *s = ws->shard;
+    sf_status status = sf_grow(ws->ctx, drawn, capacity, 0, ws->count + 1, 1);
+    if (status) return status;
+    if (!s) {
+        memcpy(*drawn, own, ws->count);
+        return SF_OK;
+    }
+    const sf_drawn_arrays *mine = &s->other; /* while the workspace has the band's */
+    size_t n = ranks_of(ws), sent = 0, *at = s->ranges;
+    for (size_t r = 0; r < n; sent += s->send[r], r++) at[r] = sent;
+    status = sf_grow(ws->ctx, &s->outgoing, &s->outgoing_capacity, 0, sent + 1, 1);
+    if (status) return status;
+    for (size_t i = 0; i < mine->count; i++) {
+        if (!mine->rows[i]) continue;
+        SF_FOR_BANDS(mine, s, n, i, r, begin, end) s->outgoing[at[r]++] = (char)own[i];
+    }
+    sf_cluster_exchange(ws->cluster, 1, s->outgoing, s->send, *drawn, s->receive);
+    return SF_OK;
+}
+
 sf_status sf_shard_return(sf_workspace *ws) {
     sf_shard *s = ws->shard;
     if (!s) return SF_OK;

@@ -112,8 +112,9 @@ void sf_stage_loss(sf_workspace *ws, double lambda, double delta, double weight_
 
 sf_status sf_stage_blend_bwd(sf_workspace *ws);
 /* Runs blend_importance: its sums go to the slots; it reads ws->d_rgb and ws->weight, which is 0 outside the
- * picture. */
-sf_status sf_stage_blend_importance(sf_workspace *ws);
+ * picture. filled: called when the slots are filled, while those of several ranks are of the band that this
+ * one draws; NULL: nothing. */
+sf_status sf_stage_blend_importance(sf_workspace *ws, sf_status (*filled)(void *user), void *user);
 /* Receives the gradients of blocks first .. end-1 while they are in the cache: at the start of the arrays of
  * grads. The array of a band is NULL if none of these blocks has it; lanes that lack a band have 0. Called on
  * the pool's threads, once for each block. */
