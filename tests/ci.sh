@@ -90,7 +90,10 @@ emulated() { # NAME TOOLCHAIN TESTS-TO-LEAVE-OUT
 group_threads() {
     step thread "${quick[@]}" TIMEOUT=900 SPLATFIT_EMULATED=1 "${make[@]}" SAN=thread TESTS="$threaded" test
 }
-group_addresses() { step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test; }
+group_addresses() {
+    step address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined test
+    step mpi-address "${quick[@]}" "${make[@]}" CC=clang SAN=address,undefined MPI=mpich test-mpi
+}
 # As many targets at a time as there are processors. One level of kernels has the sanitizers and is used; the step address, whose
 # test_hostile takes the same targets through all kept inputs, has them at every level.
 group_fuzz() {

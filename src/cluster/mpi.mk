@@ -40,7 +40,8 @@ mpi: $(MPI_PROGRAMS)
 ifneq ($(MPI),)
 all: mpi
 endif
-# Sanitizers find leaks in MPI's own libraries.
+# Open MPI keeps what it made until the process ends. MPICH's only leaks are those of hwloc's plugins, which it can do without.
 test-mpi: mpi
 	@set -e; for kind in $(MPI); do \
-	    ASAN_OPTIONS=detect_leaks=0 RUN='$(RUN)' SPLATFIT_PROGRAM=$(O)/splatfit-$$kind tests/run.sh tests/app/mpi.sh; done
+	    if [ $$kind = openmpi ]; then export ASAN_OPTIONS=detect_leaks=0; else export HWLOC_PLUGINS_PATH=/none; unset ASAN_OPTIONS; fi; \
+	    RUN='$(RUN)' SPLATFIT_PROGRAM=$(O)/splatfit-$$kind tests/run.sh tests/app/mpi.sh; done
