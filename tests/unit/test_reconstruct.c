@@ -107,6 +107,7 @@ static void test_studio(void **state) {
  * through a long lens vote for half of its focal length. */
 static void test_other_lenses(void **state) {
     (void)state;
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and what runs is the studio's");
     static const char *const lenses[] = {STUDIO "&fov=110", STUDIO "&fov=30"};
     for (size_t i = 0; i < sizeof lenses / sizeof *lenses; i++) {
         sf_context *ctx = test_context();
@@ -126,6 +127,7 @@ static void test_uneven_frames(void **state) {
     (void)state;
     static const size_t frames[] = {2,  4,  9,  12, 13, 15, 16, 18, 19, 22, 23, 24, 25, 26, 27,
                                     28, 29, 32, 33, 34, 36, 38, 39, 40, 47, 48, 51, 52, 56, 59};
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and what runs is the studio's");
     sf_context *ctx = test_context();
     sf_scene *scene = test_load_scene(ctx, "sim:studio?width=320&height=240&frames=60", NULL);
     sf_reconstruction *r;
