@@ -28,6 +28,8 @@ struct sf_frame_grabber {
     float *planes; /* of a frame, before it is remapped */
     size_t plane_capacity;
     sf_camera pinhole;
+    int32_t width, height; /* px, of the first frame, and so of all that are taken */
+    int other_sizes;       /* frames of another size */
     pthread_t thread;
 
     pthread_mutex_t lock; /* guards all below */
@@ -69,9 +71,23 @@ static void find_lens(sf_frame_grabber *g, const sf_frame *frame) {
     g->is_lens_guessed = 1;
 }
 
+/* One camera, one size: folders and pipes may bring others. It is said once. */
+static sf_status check_size(sf_frame_grabber *g, const sf_frame *frame) {
+    if (frame->width == g->width && frame->height == g->height) return SF_OK;
+    if (!g->other_sizes++)
+        sf_log(g->ctx, SF_LOG_WARNING,
+               "frame %llu: %d x %d px after frames of %d x %d: it and others like it are passed over, since "
+               "one camera has "
+               "one size",
+               (unsigned long long)frame->sequence, (int)frame->width, (int)frame->height, (int)g->width,
+               (int)g->height);
+    return SF_ERR_FORMAT;
+}
+
 static sf_status prepare(sf_frame_grabber *g, const sf_frame *frame) {
-    if (g->remap) return SF_OK;
+    if (g->remap) return check_size(g, frame);
     find_lens(g, frame);
+    g->width = frame->width, g->height = frame->height;
     sf_status status =
         sf_remap_create(g->own, &g->lens, frame->width, frame->height, g->downscale, &g->remap);
     if (!status) sf_remap_camera(g->remap, &g->pinhole);
