@@ -157,6 +157,7 @@ typedef struct sf_view_info {
     const char *lens; /* static: the project's camera model, for example "OPENCV"; NULL: not known */
     int undistorted;  /* resampled from that model to a pinhole camera */
     double field_seen, field_kept; /* degrees across the middle: by the lens, by the pinhole; 0: not known */
+    const char *file;              /* of its picture, valid as the name is; NULL: it was added without one */
 } sf_view_info;
 
 /* The index-th view in order of adding (projects: in name order). SF_ERR_ARGUMENT: index >= views. */

@@ -105,7 +105,7 @@ typedef struct sf_reconstruction_photo {
     double R_cw[9], t_cw[3]; /* as of sf_camera, in an arbitrary frame and unit */
 } sf_reconstruction_photo;
 
-/* Photo 0 .. photos-1, by name. SF_ERR_ARGUMENT: there is none of that index. */
+/* Photo 0 .. photos-1, by name, numbers in it by value. SF_ERR_ARGUMENT: there is none of that index. */
 SF_API sf_status sf_reconstruction_get_photo(const sf_reconstruction *reconstruction, size_t index,
                                              sf_reconstruction_photo *photo);
 

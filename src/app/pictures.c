@@ -111,6 +111,8 @@ static char *file_name(const pictures *p, const char *name, const char *end) {
     return path;
 }
 
+char *pictures_path(const pictures *p, const char *name) { return file_name(p, name, ".png"); }
+
 /* The mean depth: the sum of w z, by the sum of w. */
 static void fill_depth(pictures *p, size_t pixels) {
     const float *light = p->values + 3 * pixels, *sum = p->values + 4 * pixels;

@@ -30,6 +30,9 @@ int pictures_begin(const args *a, sf_context *ctx, int rate, pictures *p);
 int pictures_add(pictures *p, sf_renderer *renderer, const sf_model *model, const sf_camera *camera,
                  const sf_render_options *options, const char *name);
 
+/* Where pictures_add writes a picture of that name, of no stream; the caller's to free. NULL: no memory. */
+char *pictures_path(const pictures *p, const char *name);
+
 /* A file beside the pictures, in the folder, of text. 0 or an exit code. */
 int pictures_note(const pictures *p, const char *name, const char *text);
 

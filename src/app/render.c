@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "pictures.h"
 #include "camera_path.h"
@@ -17,38 +18,105 @@ typedef struct job {
     pictures to;
 } job;
 
-/* A view's picture takes its name. */
-static int render_view(job *j, const sf_view_info *view) {
+/* The views that --split wants. */
+typedef struct wanted {
+    sf_view_info *views;
+    char **names; /* each one's picture, within the folder and without .png: the view's, without its ending */
+    size_t count;
+} wanted;
+
+static void free_wanted(wanted *w) {
+    for (size_t i = 0; w->names && i < w->count; i++) free(w->names[i]);
+    free(w->names);
+    free(w->views);
+}
+
+static char *name_of(const sf_view_info *view) {
     const char *dot = strrchr(view->name, '.'), *slash = strrchr(view->name, '/');
     size_t stem = dot && (!slash || dot > slash) ? (size_t)(dot - view->name) : strlen(view->name);
     char *name = malloc(stem + 1);
-    if (!name) return app_say(j->a, view->name, "out of memory");
+    if (!name) return NULL;
     memcpy(name, view->name, stem);
     name[stem] = 0;
-    int error = pictures_add(&j->to, j->renderer, j->model, &view->camera, &j->options, name);
-    free(name);
+    return name;
+}
+
+static int list_wanted(const job *j, wanted *w) {
+    sf_scene_info info;
+    sf_scene_get_info(j->scene, &info);
+    w->views = calloc(info.views + 1, sizeof *w->views);
+    w->names = calloc(info.views + 1, sizeof *w->names);
+    if (!w->views || !w->names) return app_say(j->a, "views", "out of memory");
+    for (size_t i = 0; i < info.views; i++) {
+        sf_view_info *view = &w->views[w->count];
+        if (sf_scene_get_view(j->scene, i, view)) return app_fail(j->a, j->ctx);
+        if (!app_split_wants(j->a, "all", view->split)) continue;
+        w->names[w->count] = name_of(view);
+        if (!w->names[w->count++]) return app_say(j->a, view->name, "out of memory");
+    }
+    return 0;
+}
+
+static int by_text(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
+
+/* 0.jpg and 0.png would both be 0.png. */
+static int check_names(const job *j, const wanted *w) {
+    char **sorted = calloc(w->count + 1, sizeof *sorted);
+    int error = sorted ? 0 : app_say(j->a, "views", "out of memory");
+    for (size_t i = 0; sorted && i < w->count; i++) sorted[i] = w->names[i];
+    if (sorted) qsort(sorted, w->count, sizeof *sorted, by_text);
+    for (size_t i = 1; i < w->count && !error; i++)
+        if (!strcmp(sorted[i - 1], sorted[i]))
+            error = app_say(
+                j->a, sorted[i],
+                "two pictures of the project have this name but for the ending, and would be one .png: "
+                "rename one of them");
+    free(sorted);
+    return error;
+}
+
+/* A picture of the project is not written over, by whatever path it is named. */
+static int check_photos(const job *j, const wanted *w) {
+    sf_scene_info info;
+    sf_scene_get_info(j->scene, &info);
+    for (size_t i = 0; i < w->count; i++) {
+        struct stat there, photo;
+        char *path = pictures_path(&j->to, w->names[i]);
+        int found = path && !stat(path, &there),
+            error = path ? 0 : app_say(j->a, w->names[i], "out of memory");
+        for (size_t k = 0; found && !error && k < info.views; k++) {
+            sf_view_info view;
+            if (sf_scene_get_view(j->scene, k, &view) || !view.file || stat(view.file, &photo)) continue;
+            if (photo.st_dev == there.st_dev && photo.st_ino == there.st_ino)
+                error =
+                    app_say(j->a, path,
+                            "is a picture of the project, and would be written over: name another folder");
+        }
+        free(path);
+        if (error) return error;
+    }
+    return 0;
+}
+
+static int save_cameras(const job *j) {
+    size_t room = strlen(j->to.out) + 16;
+    char *path = malloc(room);
+    if (path) snprintf(path, room, "%s/cameras.json", j->to.out);
+    int error = app_make_folders(j->a, path ? path : "");
+    if (!error && (!path || sf_scene_save_cameras(j->scene, path, 0))) error = app_fail(j->a, j->ctx);
+    free(path);
     return error;
 }
 
 static int render_views(job *j) {
-    sf_scene_info info;
-    sf_scene_get_info(j->scene, &info);
-    int error = 0;
-    for (size_t i = 0; i < info.views && !error; i++) {
-        sf_view_info view;
-        if (sf_scene_get_view(j->scene, i, &view))
-            error = app_fail(j->a, j->ctx);
-        else if (app_split_wants(j->a, "all", view.split))
-            error = render_view(j, &view);
-    }
-    if (error || j->to.streams) return error;
-    size_t room = strlen(j->to.out) + 16;
-    char *path = malloc(room);
-    if (path) snprintf(path, room, "%s/cameras.json", j->to.out);
-    error = app_make_folders(j->a, path ? path : "");
-    if (!error && (!path || sf_scene_save_cameras(j->scene, path, 0))) error = app_fail(j->a, j->ctx);
-    free(path);
-    return error;
+    wanted w = {0};
+    int error = list_wanted(j, &w);
+    if (!error && !j->to.streams) error = check_names(j, &w);
+    if (!error && !j->to.streams) error = check_photos(j, &w);
+    for (size_t i = 0; i < w.count && !error; i++)
+        error = pictures_add(&j->to, j->renderer, j->model, &w.views[i].camera, &j->options, w.names[i]);
+    free_wanted(&w);
+    return error || j->to.streams ? error : save_cameras(j);
 }
 
 static int render_path(job *j) {

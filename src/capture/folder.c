@@ -50,33 +50,6 @@ typedef struct folder_source {
 
 /* 1. Names */
 
-static int is_digit(char c) { return c >= '0' && c <= '9'; }
-
-/* Two runs of digits by their values; both pointers are moved behind them. */
-static int compare_runs(const char **a, const char **b) {
-    while (**a == '0') ++*a;
-    while (**b == '0') ++*b;
-    size_t n = strspn(*a, "0123456789"), m = strspn(*b, "0123456789");
-    int order = n != m ? (n < m ? -1 : 1) : memcmp(*a, *b, n);
-    *a += n;
-    *b += m;
-    return order;
-}
-
-int sf_natural_order(const char *a, const char *b) {
-    const char *x = a, *y = b;
-    while (*x && *y) {
-        int order = 0;
-        if (is_digit(*x) && is_digit(*y))
-            order = compare_runs(&x, &y);
-        else
-            order = (unsigned char)*x++ - (unsigned char)*y++;
-        if (order) return order;
-    }
-    if (*x || *y) return *x ? 1 : -1;
-    return strcmp(a, b); /* 01 and 1 */
-}
-
 static int in_order(const void *a, const void *b) {
     return sf_natural_order(((const picture_file *)a)->path, ((const picture_file *)b)->path);
 }

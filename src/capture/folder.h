@@ -7,7 +7,4 @@
 /* Opens the source for sf_source_open. Options: fps, loop, decode. */
 sf_status sf_folder_open(sf_context *ctx, const char *name, sf_source *source);
 
-/* The order of file names: runs of digits are compared as numbers, all else by bytes. */
-int sf_natural_order(const char *a, const char *b);
-
 #endif

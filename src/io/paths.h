@@ -15,5 +15,7 @@ int sf_is_folder(const char *path);
 int sf_holds_file(const char *folder, const char *name);
 int sf_is_file(const char *path);
 int sf_name_stays_inside(const char *name);
+/* The order of file names: runs of digits are compared as numbers, all else by bytes. */
+int sf_natural_order(const char *a, const char *b);
 
 #endif

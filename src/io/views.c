@@ -5,6 +5,7 @@
 #include "../base/statistics.h"
 #include "../scene/pixels.h"
 #include "mask.h"
+#include "paths.h"
 #include "picture_memory.h"
 #include "undistort.h"
 
@@ -228,6 +229,8 @@ static sf_status take_result(const loading *l, size_t i, sf_scene *scene) {
         scene->undistorted_views += (size_t)r->undistorted;
         scene->rotated_views += (size_t)r->rotated;
         sf_view *view = r->view;
+        view->file = sf_text_copy(l->ctx, l->project->entries[i].path);
+        if (!view->file) return SF_ERR_MEMORY;
         r->view = NULL;
         return sf_scene_take_view(scene, view);
     }

@@ -60,6 +60,7 @@ void sf_view_release(sf_view *view) {
     if (!view || atomic_fetch_sub(&view->references, 1) > 1) return;
     sf_context *ctx = view->ctx;
     sf_free(ctx, view->name);
+    sf_free(ctx, view->file);
     sf_free(ctx, view->rgb);
     sf_free(ctx, view->weight);
     sf_pixel_cache_release(view->cache);
@@ -307,7 +308,8 @@ sf_status sf_scene_get_view(sf_scene *scene, size_t index, sf_view_info *info) {
                                .lens = view->lens.model,
                                .undistorted = view->lens.undistorted,
                                .field_seen = view->lens.seen,
-                               .field_kept = view->lens.kept};
+                               .field_kept = view->lens.kept,
+                               .file = view->file};
     }
     pthread_mutex_unlock(&scene->lock);
     if (index < count) return SF_OK;

@@ -26,6 +26,7 @@ typedef struct sf_view {
     sf_split split;
     sf_camera camera;
     char *name;
+    char *file; /* path of the picture; NULL: there is none */
     sf_lens_note lens;
     int masked, alpha;          /* whether there was a mask file, an alpha channel */
     uint8_t *rgb;               /* [3][height][width], 8-bit sRGB values, planar */

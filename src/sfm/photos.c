@@ -67,7 +67,7 @@ int64_t sf_sfm_photos_changed(const char *folder) {
 }
 
 static int by_name(const void *a, const void *b) {
-    return strcmp(((const sf_photo_file *)a)->name, ((const sf_photo_file *)b)->name);
+    return sf_natural_order(((const sf_photo_file *)a)->name, ((const sf_photo_file *)b)->name);
 }
 
 typedef struct listing {

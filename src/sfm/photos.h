@@ -17,13 +17,13 @@ typedef struct sf_photo_file {
 } sf_photo_file;
 
 typedef struct sf_photo_list {
-    sf_photo_file *photos; /* by name */
+    sf_photo_file *photos; /* by name, numbers in it by value: 9 before 10 */
     size_t count;
     char *masks; /* the folder of their masks; NULL: all pixels count */
 } sf_photo_list;
 
-/* Lists the photos of a folder (photo_folder.h), by name, and logs that it has pictures that are not read.
- * SF_ERR_IO; SF_ERR_EMPTY: it has none; SF_ERR_MEMORY. */
+/* Lists the photos of a folder (photo_folder.h) in that order, and logs that it has pictures that are not
+ * read. SF_ERR_IO; SF_ERR_EMPTY: it has none; SF_ERR_MEMORY. */
 sf_status sf_photos_list(sf_context *ctx, const char *folder, sf_photo_list *list);
 /* Refuses photos that take more than `memory` bytes of the whole process (0: 4/5 of what is free) until their
  * cameras are found, by the sizes in their headers: SF_ERR_MEMORY, with what to do. */

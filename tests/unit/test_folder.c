@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "../../src/capture/folder.h"
+#include "../../src/io/paths.h"
 #include "../../src/capture/pace.h"
 
 enum { WIDTH = 9, HEIGHT = 5 };

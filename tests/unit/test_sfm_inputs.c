@@ -88,10 +88,10 @@ static void test_folders(void **state) {
     assert_string_equal(list.photos[1].name, "left/day/a.jpg");
     sf_photos_free(context, &list);
     /* where the folder has photos itself, these alone */
-    touch("both/2.jpg"), touch("both/1.jpeg"), touch("both/more/3.jpg");
+    touch("both/IMG_10.jpg"), touch("both/IMG_9.jpeg"), touch("both/more/3.jpg");
     assert_ok(context, sf_photos_list(context, test_path("both"), &list));
     assert_int_equal(list.count, 2);
-    assert_string_equal(list.photos[0].name, "1.jpeg");
+    assert_string_equal(list.photos[0].name, "IMG_9.jpeg"); /* as they were taken */
     sf_photos_free(context, &list);
 }
 
