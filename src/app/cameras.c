@@ -256,14 +256,20 @@ static int name_folders(job *j, const char *path, int is_video, char **photos, c
     return 0;
 }
 
+/* Whether a project has cameras; st: of the file that holds them. */
+static int has_cameras(const char *project, struct stat *st) {
+    char known[PATH_MAX];
+    snprintf(known, sizeof known, "%s/sparse/0/images.bin", project);
+    return !stat(known, st);
+}
+
 int app_cameras_were_found(const args *a, const char *path, char **project) {
     job j = {.a = a};
     struct stat st;
-    char known[PATH_MAX], *photos = NULL;
+    char *photos = NULL;
     int error = name_folders(&j, path, sf_film_is(path), &photos, project);
     free(photos);
-    snprintf(known, sizeof known, "%s/sparse/0/images.bin", *project ? *project : "");
-    return !error && !stat(known, &st);
+    return !error && has_cameras(*project, &st);
 }
 
 /* Of photos or a video that were changed after their cameras were found, at `found`: the user decides what
@@ -276,20 +282,18 @@ static void tell_found(const job *j, const char *path, int is_video, time_t foun
     fprintf(stderr, "cameras of %s, found before: %s\n", path, j->project);
     if (changed > (int64_t)found)
         fprintf(stderr,
-                "warning: %s was changed after they were found, and what was added has no camera: remove %s "
-                "to find "
-                "them anew\n",
+                "warning: %s was changed after they were found, and what was added has no camera: "
+                "remove %s to find them anew\n",
                 path, j->project);
 }
 
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
     job j = {.a = a, .ctx = ctx, .out = out};
     struct stat st;
-    char known[PATH_MAX], *photos = NULL;
+    char *photos = NULL;
     int is_video = sf_film_is(path);
     int error = name_folders(&j, path, is_video, &photos, project);
-    snprintf(known, sizeof known, "%s/sparse/0/images.bin", *project ? *project : "");
-    int found = !error && !stat(known, &st);
+    int found = !error && has_cameras(*project, &st);
     if (!error && !found) error = progress_start(&j.line, a, out);
     if (!error && !found) {
         sf_sfm_options options = sf_sfm_options_default();

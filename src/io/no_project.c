@@ -19,10 +19,9 @@ static const char *const videos[] = {".mp4",  ".mov", ".m4v", ".mkv",  ".webm", 
                                      ".m2ts", ".3gp", ".mpg", ".mpeg", ".wmv",  ".y4m", NULL};
 
 static int is_video_name(const char *name) {
-    const char *const *endings = videos;
     const char *dot = strrchr(name, '.');
-    for (; dot && *endings; endings++)
-        if (!strcasecmp(dot, *endings)) return 1;
+    for (const char *const *ending = videos; dot && *ending; ending++)
+        if (!strcasecmp(dot, *ending)) return 1;
     return 0;
 }
 
