@@ -386,6 +386,12 @@ SF_API sf_status sf_fitter_save_model(const sf_fitter *fitter, const char *path,
  * sf_render. */
 SF_API sf_status sf_fitter_render(sf_fitter *fitter, const sf_camera *camera, const sf_image_out *out);
 
+/* The quality of that render of view `id`, a training or a held-out one, from the camera that
+ * sf_fitter_get_camera tells. Takes less memory than sf_fitter_render and sf_compare: of several ranks (all
+ * must call it) each draws and measures a band of the picture. SF_ERR_ARGUMENT: no such view, or its pixels
+ * were not read; SF_ERR_EMPTY: it is wholly masked. */
+SF_API sf_status sf_fitter_compare(sf_fitter *fitter, uint32_t id, sf_quality *quality);
+
 /* The camera of view `id` as the fit has refined it. A training view has its refined pose and focal lengths.
  * A held-out view is moved by what the corrections of the training views next to it have in common, without a
  * look at its picture, and has the refined focal lengths of the training views whose given intrinsics equal

@@ -156,6 +156,8 @@ typedef struct evaluation {
 
 /* Renders what a view sees into rgb [H][W][3]. */
 typedef sf_status (*app_draw)(void *user, const sf_view_info *view, float *rgb);
+/* Measures the render of a view against its picture. SF_ERR_EMPTY: it is wholly masked. */
+typedef sf_status (*app_measure)(void *user, const sf_view_info *view, sf_quality *quality);
 
 /* Draws a model as the options say: an app_draw, of an app_drawer. */
 typedef struct app_drawer {
@@ -167,8 +169,11 @@ sf_status app_draw_model(void *drawer, const sf_view_info *view, float *rgb);
 
 /* Evaluates the views of a split ("test", "train", "all"), or result->most of them, evenly spread. The caller
  * owns result->list. */
-sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
-                       void *user, evaluation *result);
+sf_status app_evaluate(sf_scene *scene, const args *a, const char *otherwise, app_measure measure, void *user,
+                       evaluation *result);
+/* The same of views that `draw` renders. */
+sf_status app_evaluate_drawn(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise,
+                             app_draw draw, void *user, evaluation *result);
 
 /* A view's render as PNG, and its quality; with draw NULL its picture, and no quality. */
 sf_status app_write_view(sf_context *ctx, sf_scene *scene, const sf_view_info *view, app_draw draw,

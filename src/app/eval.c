@@ -108,7 +108,7 @@ static int run(const args *a) {
     if (!error) error = app_render_options(a, &r.d.options);
     if (!error && sf_renderer_create(ctx, &r.d.renderer)) error = app_fail(a, ctx);
     r.d.model = model;
-    if (!error && app_evaluate(ctx, scene, a, "test", draw_refined, &r, &e)) error = app_fail(a, ctx);
+    if (!error && app_evaluate_drawn(ctx, scene, a, "test", draw_refined, &r, &e)) error = app_fail(a, ctx);
     if (!error && !e.views)
         error = app_say(a, a->positional[1],
                         "no view to evaluate: nothing is held out (see --hold-out, --split)");

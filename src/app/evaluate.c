@@ -25,15 +25,29 @@ static sf_status draw_pair(sf_scene *scene, const sf_view_info *view, app_draw d
     return status || !draw ? status : draw(user, view, p->drawn);
 }
 
-static sf_status evaluate_view(sf_scene *scene, sf_renderer *renderer, const sf_view_info *view,
-                               app_draw draw, void *user, evaluation *result) {
+/* A view is drawn by `draw`, and compared in memory of its own. */
+typedef struct drawn_views {
+    sf_scene *scene;
+    sf_renderer *renderer;
+    app_draw draw;
+    void *user; /* of draw */
+} drawn_views;
+
+static sf_status measure_drawn(void *drawn, const sf_view_info *view, sf_quality *quality) {
+    const drawn_views *d = drawn;
     pair p = {0};
-    sf_quality quality = {0};
-    sf_status status = draw_pair(scene, view, draw, user, &p);
+    sf_status status = draw_pair(d->scene, view, d->draw, d->user, &p);
     if (!status)
-        status = sf_compare(renderer, view->camera.width, view->camera.height, p.drawn, p.truth,
-                            view->has_mask ? p.weight : NULL, &quality);
+        status = sf_compare(d->renderer, view->camera.width, view->camera.height, p.drawn, p.truth,
+                            view->has_mask ? p.weight : NULL, quality);
     free(p.truth);
+    return status;
+}
+
+static sf_status evaluate_view(const sf_view_info *view, app_measure measure, void *user,
+                               evaluation *result) {
+    sf_quality quality = {0};
+    sf_status status = measure(user, view, &quality);
     if (status == SF_ERR_EMPTY) return SF_OK; /* masked altogether */
     if (status) return status;
     result->views++;
@@ -54,30 +68,37 @@ static size_t count_views(sf_scene *scene, const args *a, const char *otherwise)
     return count;
 }
 
-sf_status app_evaluate(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise, app_draw draw,
-                       void *user, evaluation *result) {
+sf_status app_evaluate(sf_scene *scene, const args *a, const char *otherwise, app_measure measure, void *user,
+                       evaluation *result) {
     *result = (evaluation){
         .list = json_array(), .most = result->most, .progress = result->progress, .user = result->user};
-    sf_renderer *renderer = NULL;
     result->of = count_views(scene, a, otherwise);
     size_t all = result->most && result->of > (size_t)result->most ? (size_t)result->most : result->of;
-    sf_status status = sf_renderer_create(ctx, &renderer);
+    sf_status status = SF_OK;
     sf_view_info view;
     for (size_t i = 0, at = 0, done = 0; done < all && !status; i++) {
         status = sf_scene_get_view(scene, i, &view);
         if (status || !app_split_wants(a, otherwise, view.split)) continue;
         if (at++ != done * result->of / all) continue;
-        status = evaluate_view(scene, renderer, &view, draw, user, result);
+        status = evaluate_view(&view, measure, user, result);
         done++;
         if (!status && result->progress && result->progress(result->user, done, all))
             status = SF_ERR_CANCELLED;
     }
-    sf_renderer_destroy(&renderer);
     if (result->views) {
         result->psnr /= (double)result->views;
         result->ssim /= (double)result->views;
         result->psnr_corrected /= (double)result->views;
     }
+    return status;
+}
+
+sf_status app_evaluate_drawn(sf_context *ctx, sf_scene *scene, const args *a, const char *otherwise,
+                             app_draw draw, void *user, evaluation *result) {
+    drawn_views drawn = {.scene = scene, .draw = draw, .user = user};
+    sf_status status = sf_renderer_create(ctx, &drawn.renderer);
+    if (!status) status = app_evaluate(scene, a, otherwise, measure_drawn, &drawn, result);
+    sf_renderer_destroy(&drawn.renderer);
     return status;
 }
 

@@ -95,8 +95,10 @@ static int look(prune_run *r, const sf_model *model, const char *path, figures *
     f->gaussians = sf_model_count(model);
     f->facts = json_object();
     app_log_model(f->facts, model, path);
-    sf_status status = app_evaluate(r->ctx, r->scene, r->a, "train", app_draw_model, &r->drawer, &f->train);
-    if (!status) status = app_evaluate(r->ctx, r->scene, r->a, "test", app_draw_model, &r->drawer, &f->test);
+    sf_status status =
+        app_evaluate_drawn(r->ctx, r->scene, r->a, "train", app_draw_model, &r->drawer, &f->train);
+    if (!status)
+        status = app_evaluate_drawn(r->ctx, r->scene, r->a, "test", app_draw_model, &r->drawer, &f->test);
     r->training.evaluating += app_seconds() - began;
     return status ? app_fail(r->a, r->ctx) : 0;
 }

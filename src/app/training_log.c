@@ -153,10 +153,14 @@ static int snapshots_due(const training_log *w, double seconds) {
     return due;
 }
 
+static sf_status measure(void *fitter, const sf_view_info *view, sf_quality *quality) {
+    return sf_fitter_compare(fitter, view->id, quality);
+}
+
 sf_status training_log_evaluate(training_log *w, const char *split, evaluation *e) {
     double began = sf_clock();
     e->most = w->eval_views;
-    sf_status status = app_evaluate(w->ctx, w->scene, w->a, split, w->draw, w->fitter, e);
+    sf_status status = app_evaluate(w->scene, w->a, split, measure, w->fitter, e);
     w->evaluating += sf_clock() - began;
     return status;
 }
@@ -164,7 +168,7 @@ sf_status training_log_evaluate(training_log *w, const char *split, evaluation *
 static void look(training_log *w, int evaluate, int snapshots, double seconds, evaluation *e) {
     double began = sf_clock();
     e->most = w->eval_views;
-    if (evaluate) w->status = app_evaluate(w->ctx, w->scene, w->a, "test", w->draw, w->fitter, e);
+    if (evaluate) w->status = app_evaluate(w->scene, w->a, "test", measure, w->fitter, e);
     if (!w->status && snapshots && !w->snapshots_done) w->status = write_snapshot(w, 0, seconds);
     if (!w->status && snapshots) w->status = write_snapshot(w, snapshot_at[snapshots - 1], seconds);
     if (app_has_ranks(w->ctx)) w->status = (sf_status)app_most_of_ranks(w->ctx, w->status);

@@ -60,8 +60,7 @@ static sf_status load_rows(sf_fitter *f, const sf_view *view, target_job *job) {
     return SF_OK;
 }
 
-/* Loads the target, and sums its weights. */
-static sf_status load_target(sf_fitter *f, const sf_view *view, int factor, double *sum) {
+sf_status sf_load_target(sf_fitter *f, const sf_view *view, int factor, double *sum) {
     sf_workspace *ws = &f->workspace;
     sf_view_pixels pixels;
     target_job job = {ws, f->ctx->kernels, &view->camera, &pixels, factor, 0, (size_t)view->camera.height};
@@ -95,7 +94,7 @@ sf_status sf_draw_view(sf_fitter *f, const sf_view *view, const sf_view_state *s
     if (!status && exposed) status = sf_exposure_room(&f->exposure, ws);
     if (status) return status;
     sf_stage_blend(ws, f->step_background, 0);
-    status = load_target(f, view, 1 << f->level, weight_sum);
+    status = sf_load_target(f, view, 1 << f->level, weight_sum);
     if (status) return status;
     if (!(*weight_sum > 0)) return SF_ERR_EMPTY; /* wholly masked */
     if (exposed) sf_expose(&f->exposure, ws, state);

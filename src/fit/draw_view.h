@@ -10,4 +10,8 @@
 sf_status sf_draw_view(sf_fitter *fitter, const sf_view *view, const sf_view_state *state,
                        double *weight_sum);
 
+/* Loads the target of the picture in fitter->workspace, whose size is the view's over `factor`, and sums its
+ * weights. SF_ERR_MEMORY, and as sf_view_open. */
+sf_status sf_load_target(sf_fitter *fitter, const sf_view *view, int factor, double *weight_sum);
+
 #endif

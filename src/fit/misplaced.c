@@ -9,7 +9,7 @@
 #include <math.h>
 
 #include "../base/statistics.h"
-#include "validation.h"
+#include "compare.h"
 
 /* Views are judged once, at this fraction of the run. */
 #define MEASURE_AT 0.3

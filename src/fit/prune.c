@@ -12,9 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "compare.h"
 #include "fit.h"
 #include "select_importance.h"
-#include "validation.h"
 
 enum {
     ROUNDS = 4,       /* each may spend the same part of the loss */

@@ -7,8 +7,7 @@
 
 #include <math.h>
 
-#include "../scene/pixels.h"
-#include "refine.h"
+#include "compare.h"
 #include "restore_point.h"
 #include "schedule.h"
 
@@ -89,42 +88,6 @@ sf_status sf_assign_views(sf_fitter *f, const uint32_t *ids, size_t count) {
     if (!status && count && ids[count - 1] > f->validation.newest_id)
         f->validation.newest_id = ids[count - 1];
     return status;
-}
-
-/* Adds the weighted squared error of the render against the view, and the weights. */
-static sf_status compare(const sf_workspace *ws, const sf_view *view, double *squares, double *weights) {
-    sf_view_pixels pixels;
-    sf_status status = sf_view_open(view, &pixels);
-    if (status) return status;
-    size_t width = (size_t)view->camera.width, height = (size_t)view->camera.height;
-    for (size_t y = 0; y < height; y++)
-        for (size_t x = 0; x < width; x++) {
-            size_t at = y * width + x;
-            double weight = pixels.weight ? pixels.weight[at] / 255.0 : 1;
-            for (size_t ch = 0; ch < SF_CHANNELS; ch++) {
-                double value = (double)ws->rgb[ch][y * ws->stride + x];
-                double error = fmin(fmax(value, 0), 1) - pixels.rgb[ch * width * height + at] / 255.0;
-                *squares += weight * error * error;
-            }
-            *weights += weight;
-        }
-    sf_view_close(view, &pixels);
-    return SF_OK;
-}
-
-sf_status sf_view_psnr(sf_fitter *f, const sf_view *view, double *psnr) {
-    sf_render_options options;
-    sf_camera camera = view->camera;
-    double squares = 0, weights = 0;
-    sf_view_expect(view);
-    sf_fitter_render_options(f, &options);
-    options.sh_degree = f->sh_degree;
-    sf_refine_camera(&f->views, view->id, &camera);
-    sf_status status = sf_forward(&f->workspace, f->model, &camera, &options, 0);
-    if (!status) status = compare(&f->workspace, view, &squares, &weights);
-    if (status) return status;
-    *psnr = weights > 0 ? sf_psnr_of(squares / (3 * weights)) : NAN;
-    return SF_OK;
 }
 
 sf_status sf_measure_validation(sf_fitter *f, double *psnr, size_t *views) {

@@ -7,9 +7,6 @@
 /* Assigns the training views that are new since the last call to validation or training; ids: of all training
  * views, ascending. SF_ERR_MEMORY. */
 sf_status sf_assign_views(sf_fitter *fitter, const uint32_t *ids, size_t count);
-/* PSNR of a view in dB, at full resolution with the model's present degree and the camera that was learned,
- * the render clamped to 0..1; NAN: wholly masked. SF_ERR_MEMORY. */
-sf_status sf_view_psnr(sf_fitter *fitter, const sf_view *view, double *psnr);
 /* Mean PSNR of the views of validation that are not blurred; *views: how many those are. SF_ERR_MEMORY. */
 sf_status sf_measure_validation(sf_fitter *fitter, double *psnr, size_t *views);
 /* The next model that is validated becomes the best one: the present model was changed on purpose, and may be

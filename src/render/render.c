@@ -168,39 +168,10 @@ sf_status sf_loss(sf_renderer *renderer, const sf_image_pair *pair, double lambd
     return SF_OK;
 }
 
-/* The render is clamped at 2, not 1, because a darker exposure may show detail above white. */
-#define BRIGHTEST 2.0f
-
-/* Clamps the planes to 0..most; NaN becomes 0. */
-static void clamp_planes(sf_workspace *ws, float most) {
-    for (int ch = 0; ch < SF_CHANNELS; ch++)
-        for (size_t y = 0; y < (size_t)ws->eye.height; y++)
-            for (size_t x = 0; x < (size_t)ws->eye.width; x++) {
-                float *value = &ws->rgb[ch][y * ws->stride + x];
-                *value = *value >= 0 ? (*value <= most ? *value : most) : 0.0f;
-            }
-}
-
 sf_status sf_compare(sf_renderer *renderer, int width, int height, const float *rgb, const float *target,
                      const float *weight, sf_quality *quality) {
-    double weight_sum, squares = 0;
+    double weight_sum;
     sf_status status = load_pair(renderer, width, height, rgb, target, weight, &weight_sum);
-    if (status) return status;
-    sf_workspace *ws = &renderer->comparison;
-    clamp_planes(ws, BRIGHTEST);
-    double corrected = sf_corrected_psnr(ws);
-    clamp_planes(ws, 1);
-    for (size_t y = 0; y < (size_t)height; y++)
-        for (size_t x = 0; x < (size_t)width; x++)
-            for (size_t ch = 0; ch < SF_CHANNELS; ch++) {
-                size_t from = y * (size_t)width + x;
-                double difference = (double)ws->rgb[ch][y * ws->stride + x] - (double)target[3 * from + ch];
-                squares += (weight ? (double)weight[from] : 1.0) * difference * difference;
-            }
-    sf_loss_value value;
-    sf_stage_loss(ws, 0.2, 0, weight_sum, 1, 0, &value);
-    quality->psnr = sf_psnr_of(squares / (3 * weight_sum));
-    quality->ssim = value.ssim;
-    quality->psnr_corrected = isnan(corrected) ? quality->psnr : corrected;
-    return SF_OK;
+    if (!status) sf_stage_quality(&renderer->comparison, weight_sum, quality);
+    return status;
 }

@@ -124,10 +124,11 @@ sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn tak
 /* dL/dbackground = sum T dL/dgamma, [3]. */
 sf_status sf_stage_background_bwd(sf_workspace *ws, double *d_background);
 
-/* quality.c: PSNR of a mean squared error, which is at least 1e-10; and psnr_corrected of sf_quality for
- * ws->rgb against ws->target, without clamping; NAN if a half has no weight. */
+/* quality.c: PSNR of a mean squared error, which is at least 1e-10. */
 double sf_psnr_of(double mse);
-double sf_corrected_psnr(const sf_workspace *ws);
+/* The quality of ws->rgb, which it clamps to 0..1, against ws->target (with ws->weight where has_weight).
+ * weight_sum: of the weights of all pixels, above 0. */
+void sf_stage_quality(sf_workspace *ws, double weight_sum, sf_quality *quality);
 
 /* Copies the planes to the caller's [H][W] and [H][W][3], and back (zeros beyond the picture). */
 void sf_copy_out(const sf_workspace *ws, const sf_image_out *out);
