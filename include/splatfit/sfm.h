@@ -25,6 +25,27 @@ SF_API sf_photos_place sf_sfm_find_photos(const char *folder);
 /* When a photo of a folder was last written, added or removed, in seconds since 1970; 0: it holds none. */
 SF_API int64_t sf_sfm_photos_changed(const char *folder);
 
+/* How photos compare with a note of them. */
+typedef struct sf_photos_change {
+    int noted;                       /* whether there is a note; 0: all else is 0, too */
+    size_t added, removed, replaced; /* photos since then */
+    int other_cameras;               /* whether the files of the cameras are not those of then */
+} sf_photos_change;
+
+/* Writes a note, of text, of what cameras were found of: the photos of a folder, or a video; and of the
+ * files of those cameras (cameras.bin, images.bin, points3D.bin) in the folder `cameras`. Of each file it has
+ * the size and a hash of both ends. Either may be NULL: is not noted. SF_ERR_IO, SF_ERR_MEMORY. */
+SF_API sf_status sf_sfm_note_photos(sf_context *context, const char *photos, const char *cameras,
+                                    const char *note);
+/* Compares what is there now with a note of then; `photos` and `cameras` NULL where they were in the note.
+ * SF_ERR_IO: a note that cannot be read, SF_ERR_MEMORY. */
+SF_API sf_status sf_sfm_compare_photos(sf_context *context, const char *photos, const char *cameras,
+                                       const char *note, sf_photos_change *change);
+/* The folder of the masks of photos, as sf_sfm_run finds it where none is named: masks in the photos' folder
+ * or beside it, with a mask of a photo; "": there is none. SF_ERR_ARGUMENT: `size` is too small for it;
+ * SF_ERR_IO, SF_ERR_EMPTY: there are no photos; SF_ERR_MEMORY. */
+SF_API sf_status sf_sfm_find_masks(sf_context *context, const char *photos, char *masks, size_t size);
+
 /* The cameras of a folder of photos. */
 typedef struct sf_reconstruction sf_reconstruction;
 

@@ -1,14 +1,13 @@
 /* cameras.c - splatfit cameras: cameras from photos or a video alone, as a COLMAP project. */
-#define _XOPEN_SOURCE 700 /* realpath */
 #include <errno.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "film.h"
+#include "photo_project.h"
 
 static const arg_option own_options[] = {
     {"output", 'o', "PROJECT", "the folder to write: sparse/0, and images, a link to the photos"},
@@ -35,6 +34,7 @@ typedef struct job {
     const args *a;
     sf_context *ctx;
     const char *photos, *project;
+    int keep; /* rename cameras that were found before, rather than write over them */
     sf_reconstruction *result;
     progress_line line;
     FILE *out;
@@ -56,53 +56,14 @@ static int make_folder(const job *j, const char *path) {
     return app_say(j->a, path, strerror(errno));
 }
 
-/* What PROJECT/NAME is for a link to a folder. */
-typedef enum link_state { LINK_FAILED, LINK_WANTED, LINK_THERE } link_state;
-
-static link_state look_at_link(const job *j, const char *folder, const char *name, char target[PATH_MAX]) {
-    char path[PATH_MAX], there[PATH_MAX];
-    if (!realpath(folder, target)) {
-        app_say(j->a, folder, strerror(errno));
-        return LINK_FAILED;
-    }
-    snprintf(path, sizeof path, "%s/%s", j->project, name);
-    if (!realpath(path, there)) return LINK_WANTED;
-    if (!strcmp(target, there)) return LINK_THERE;
-    app_say(j->a, path, "is there, and is another folder: remove it, or name another project");
-    return LINK_FAILED;
-}
-
-/* PROJECT/NAME: a link to a folder, unless that is there. */
-static int link_folder(const job *j, const char *folder, const char *name, char *path) {
-    char target[PATH_MAX];
-    link_state state = look_at_link(j, folder, name, target);
-    if (state != LINK_WANTED) return state == LINK_FAILED ? EXIT_FAILED : 0;
-    sprintf(path, "%s/%s", j->project, name);
-    unlink(path); /* a link to nothing */
-    return symlink(target, path) ? app_say(j->a, path, strerror(errno)) : 0;
-}
-
-/* A link to masks that this run does not use, and that an earlier one made; what lies beside the project's
- * own photos is the user's. */
-static void drop_masks(const job *j, char *path) {
-    char photos[PATH_MAX], project[PATH_MAX];
-    struct stat st;
-    sprintf(path, "%s/masks", j->project);
-    if (lstat(path, &st) || !S_ISLNK(st.st_mode)) return;
-    if (!realpath(j->photos, photos) || !realpath(j->project, project)) return;
-    size_t length = strlen(project);
-    if (strncmp(photos, project, length) || photos[length] != '/') unlink(path);
-}
-
 /* What save would refuse, before minutes of work. */
 static int check_project(const job *j, const sf_sfm_options *options) {
-    char target[PATH_MAX];
     struct stat st;
     if (!stat(j->project, &st) && !S_ISDIR(st.st_mode)) return app_say(j->a, j->project, strerror(ENOTDIR));
     if (sf_sfm_find_photos(j->photos) == SF_PHOTOS_NONE) return 0; /* which says more */
-    if (look_at_link(j, j->photos, "images", target) == LINK_FAILED) return EXIT_FAILED;
-    if (!options->masks || options->no_masks) return 0;
-    return look_at_link(j, options->masks, "masks", target) == LINK_FAILED ? EXIT_FAILED : 0;
+    int error = project_check_link(j->a, j->project, j->photos, "images");
+    if (error || !options->masks || options->no_masks) return error;
+    return project_check_link(j->a, j->project, options->masks, "masks");
 }
 
 static int save(const job *j) {
@@ -111,14 +72,16 @@ static int save(const job *j) {
     int error = make_folder(j, j->project);
     sf_reconstruction_info info;
     sf_reconstruction_get_info(j->result, &info);
-    if (!error) error = link_folder(j, j->photos, "images", path);
-    if (!error && info.masks) error = link_folder(j, info.masks, "masks", path);
-    if (!error && !info.masks) drop_masks(j, path);
+    if (!error) error = project_link(j->a, j->project, j->photos, "images");
+    if (!error && info.masks) error = project_link(j->a, j->project, info.masks, "masks");
+    if (!error && !info.masks) project_drop_masks(j->project, j->photos);
     sprintf(path, "%s/sparse", j->project);
     if (!error) error = make_folder(j, path);
+    if (!error && j->keep) error = project_keep(j->a, j->project, "sparse/0");
     sprintf(path, "%s/sparse/0", j->project);
     if (!error) error = make_folder(j, path);
     if (!error && sf_reconstruction_save_colmap(j->result, path)) error = app_fail(j->a, j->ctx);
+    if (!error) error = project_note(j->a, j->ctx, j->project, j->photos);
     free(path);
     return error;
 }
@@ -165,7 +128,8 @@ static void print_result(const job *j) {
 
 /* Finds and writes the cameras. */
 static int find(job *j, const sf_sfm_options *options) {
-    int error = check_project(j, options);
+    int error = project_check_cameras(j->a, j->ctx, j->project);
+    if (!error) error = check_project(j, options);
     if (error) return error;
     if (sf_sfm_run(j->ctx, j->photos, options, &j->result)) error = app_fail(j->a, j->ctx);
     progress_break(&j->line);
@@ -181,7 +145,8 @@ static int find_of_video(job *j, int frames, const sf_sfm_options *options) {
     char *images = malloc(strlen(j->project) + 16);
     if (!images) return app_say(j->a, video, "out of memory");
     sprintf(images, "%s/images", j->project);
-    int error = film_take(j->a, j->ctx, video, j->project, &film);
+    int error = project_check_cameras(j->a, j->ctx, j->project);
+    if (!error) error = film_take(j->a, j->ctx, video, j->project, &film);
     j->photos = images;
     if (!error) error = find(j, options);
     j->photos = video;
@@ -272,8 +237,7 @@ int app_cameras_were_found(const args *a, const char *path, char **project) {
     return !error && has_cameras(*project, &st);
 }
 
-/* Of photos or a video that were changed after their cameras were found, at `found`: the user decides what
- * holds. */
+/* Of cameras without a note of their photos, and those that somebody changed: the user decides what holds. */
 static void tell_found(const job *j, const char *path, int is_video, time_t found) {
     struct stat st = {0};
     int64_t changed = is_video ? 0 : sf_sfm_photos_changed(j->photos);
@@ -287,23 +251,56 @@ static void tell_found(const job *j, const char *path, int is_video, time_t foun
                 path, j->project);
 }
 
+static int is_change(const sf_photos_change *c) { return c->added || c->removed || c->replaced; }
+
+/* Whether photos, or a video, are not those whose cameras were found; a run that is continued or repeated has
+ * the cameras of then. What is said of it goes before the search. 0 or an exit code. */
+static int look_for_change(const job *j, const char *path, int is_video, int *changed) {
+    sf_photos_change photos = {0}, video = {0};
+    *changed = 0;
+    if (args_value(j->a, "resume") || args_value(j->a, "replay")) return 0;
+    int error = is_video ? film_compare(j->a, j->ctx, path, j->project, &video) : 0;
+    char *images = malloc(strlen(j->project) + 16);
+    if (!images) return app_say(j->a, path, "out of memory");
+    sprintf(images, "%s/images", j->project);
+    if (!error) error = project_compare(j->a, j->ctx, j->project, is_video ? images : j->photos, &photos);
+    free(images);
+    *changed = !error && !photos.other_cameras && photos.noted && (is_change(&photos) || is_change(&video));
+    if (!*changed || args_value(j->a, "quiet")) return error;
+    if (is_change(&video))
+        fprintf(stderr, "%s was changed after its cameras were found: they are found again\n", path);
+    else
+        fprintf(stderr,
+                "%s: photos were changed after their cameras were found (%zu added, %zu removed, %zu "
+                "replaced): they are found again\n",
+                is_video ? j->project : path, photos.added, photos.removed, photos.replaced);
+    return 0;
+}
+
+static int find_with_defaults(job *j, int is_video) {
+    sf_sfm_options options = sf_sfm_options_default();
+    options.progress = tell, options.user = j;
+    int error = progress_start(&j->line, j->a, j->out);
+    if (!error) error = read_inputs(j, &options);
+    if (!error) error = read_memory(j, &options);
+    if (error) return error;
+    return is_video ? find_of_video(j, 0, &options) : find(j, &options);
+}
+
 int app_find_cameras(const args *a, sf_context *ctx, const char *path, FILE *out, char **project) {
     job j = {.a = a, .ctx = ctx, .out = out};
     struct stat st;
     char *photos = NULL;
-    int is_video = sf_film_is(path);
+    int is_video = sf_film_is(path), changed = 0;
     int error = name_folders(&j, path, is_video, &photos, project);
     int found = !error && has_cameras(*project, &st);
-    if (!error && !found) error = progress_start(&j.line, a, out);
-    if (!error && !found) {
-        sf_sfm_options options = sf_sfm_options_default();
-        options.progress = tell, options.user = &j;
-        error = read_inputs(&j, &options);
-        if (!error) error = read_memory(&j, &options);
-        if (!error) error = is_video ? find_of_video(&j, 0, &options) : find(&j, &options);
-    }
-    if (found) error = check_lens(&j);
-    if (found && !error) tell_found(&j, path, is_video, st.st_mtime);
+    if (found) error = look_for_change(&j, path, is_video, &changed);
+    j.keep = changed;
+    found = found && !changed;
+    if (!error && !found) error = find_with_defaults(&j, is_video);
+    if (!error && found) error = check_lens(&j);
+    if (!error && found && !is_video) error = project_renew_links(a, ctx, *project, photos);
+    if (!error && found) tell_found(&j, path, is_video, st.st_mtime);
     sf_reconstruction_destroy(&j.result);
     free(photos);
     return error;

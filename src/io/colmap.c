@@ -125,9 +125,11 @@ static sf_status look_for_pictures(sf_context *ctx, const char *path, const char
                        name);
             return SF_OK;
         }
+        sf_status status = sf_check_link(ctx, *pictures);
         sf_free(ctx, *pictures);
+        *pictures = NULL;
+        if (status) return status;
     }
-    *pictures = NULL;
     return SF_OK;
 }
 

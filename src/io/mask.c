@@ -56,8 +56,10 @@ static sf_status find_folder(sf_project *p, const char *wanted, char **folder) {
     *folder = sf_path_join(p->ctx, p->folder, wanted ? wanted : "masks");
     if (!*folder) return SF_ERR_MEMORY;
     if (sf_is_folder(*folder)) return SF_OK;
+    sf_status status = sf_check_link(p->ctx, *folder);
     sf_free(p->ctx, *folder);
     *folder = NULL;
+    if (status) return status;
     if (!wanted) return SF_OK;
     if (!sf_is_folder(wanted))
         return sf_fail(p->ctx, SF_ERR_IO, "%s/%s: no such folder of masks", p->folder, wanted);

@@ -255,8 +255,10 @@ static sf_status find_pictures(reader *r, const char *folder, const char *wanted
         if (!r->pictures) return SF_ERR_MEMORY;
         snprintf(r->pictures, size, "%s/%s%s", folder, above[i], name);
         if (sf_is_folder(r->pictures)) return SF_OK;
+        sf_status status = sf_check_link(r->ctx, r->pictures);
         sf_free(r->ctx, r->pictures);
         r->pictures = NULL;
+        if (status) return status;
     }
     return sf_fail(r->ctx, SF_ERR_IO, "%s/%s: no such folder of pictures", folder, name);
 }

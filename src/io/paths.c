@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 char *sf_text_copy(sf_context *ctx, const char *text) {
     size_t size = strlen(text) + 1;
@@ -34,6 +35,18 @@ char *sf_path_folder(sf_context *ctx, const char *path) {
 int sf_is_folder(const char *path) {
     struct stat st;
     return !stat(path, &st) && S_ISDIR(st.st_mode);
+}
+
+sf_status sf_check_link(sf_context *ctx, const char *folder) {
+    char target[PATH_MAX];
+    struct stat st;
+    ssize_t length = stat(folder, &st) ? readlink(folder, target, sizeof target - 1) : -1;
+    if (length < 0) return SF_OK;
+    target[length] = 0;
+    return sf_fail(ctx, SF_ERR_IO,
+                   "%s: is a link to %s, which is not there: put that folder back, link to where it is now "
+                   "(ln -sfn FOLDER %s), or remove the link",
+                   folder, target, folder);
 }
 
 int sf_is_file(const char *path) {

@@ -12,6 +12,8 @@ char *sf_text_copy(sf_context *ctx, const char *text);
 char *sf_path_join(sf_context *ctx, const char *folder, const char *name);
 char *sf_path_folder(sf_context *ctx, const char *path);
 int sf_is_folder(const char *path);
+/* SF_ERR_IO, with what to do, where a folder is a link to what is not there. */
+sf_status sf_check_link(sf_context *ctx, const char *folder);
 int sf_holds_file(const char *folder, const char *name);
 int sf_is_file(const char *path);
 int sf_name_stays_inside(const char *name);

@@ -1,8 +1,12 @@
 /* mask_folder.c - see mask_folder.h. */
 #include "mask_folder.h"
 
+#include <stdio.h>
+
 #include "../io/mask.h"
 #include "../io/paths.h"
+
+#include <splatfit/sfm.h>
 
 /* Photos that have a mask in a folder. */
 static sf_status count_masks(sf_context *ctx, const char *masks, const sf_photo_list *list, size_t *count) {
@@ -41,4 +45,17 @@ sf_status sf_photo_masks_find(sf_context *ctx, const char *folder, const char *w
     sf_status status = try_folder(ctx, sf_path_join(ctx, folder, "masks"), list);
     if (status || list->masks) return status;
     return try_folder(ctx, sf_path_join(ctx, folder, "../masks"), list);
+}
+
+sf_status sf_sfm_find_masks(sf_context *ctx, const char *photos, char *masks, size_t size) {
+    sf_photo_list list;
+    *masks = 0;
+    sf_status status = sf_photos_list(ctx, photos, &list);
+    if (status) return status;
+    status = sf_photo_masks_find(ctx, photos, NULL, &list);
+    int length = list.masks ? snprintf(masks, size, "%s", list.masks) : 0;
+    if (!status && (size_t)length >= size)
+        status = sf_fail(ctx, SF_ERR_ARGUMENT, "%s: is too long", list.masks);
+    sf_photos_free(ctx, &list);
+    return status;
 }
