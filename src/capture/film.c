@@ -108,7 +108,7 @@ static sf_status start(film_source *f, int side) {
         n = snprintf(filters, sizeof filters, "settb=1/%d,setpts=PTS-%.0f,fps=%.6f:round=up,", TICKS, early,
                      f->rate);
     sf_ffmpeg_scale(&f->facts, side, "area", filters + n, sizeof filters - (size_t)n);
-    sf_status status = sf_frame_pipe_open(&f->pipe, f->ctx, f->path, filters, 3);
+    sf_status status = sf_frame_pipe_open(&f->pipe, f->ctx, f->path, &f->facts, filters, 3);
     if (!status) status = read_frame(f);
     if (status) return status;
     f->waits = 1, f->width = f->pipe.width, f->height = f->pipe.height;

@@ -108,6 +108,7 @@ static void take_fact(const char *line, double *seconds, sf_film_facts *facts) {
     if (!strcmp(name, "color_space")) facts->has_matrix = strcmp(value, "unknown") != 0;
     if (!strcmp(name, "color_transfer"))
         facts->is_hdr = !strcmp(value, "smpte2084") || !strcmp(value, "arib-std-b67");
+    if (!strcmp(name, "field_order") && strlen(value) == 2) strcpy(facts->field_order, value);
     if (!strcmp(name, "nb_frames")) facts->frames = atof(value);
     if (!strcmp(name, "duration") && atof(value) > 0) *seconds = atof(value);
     if (!strcmp(name, "avg_frame_rate") && sscanf(value, "%lf/%lf", &n, &d) == 2 && d > 0)
@@ -138,7 +139,7 @@ sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *fac
                              "-select_streams",
                              "V:0",
                              "-show_entries",
-                             "stream=width,height,color_space,color_transfer,nb_frames,duration,"
+                             "stream=width,height,color_space,color_transfer,field_order,nb_frames,duration,"
                              "avg_frame_rate:format=duration",
                              "-of",
                              "default=noprint_wrappers=1",
@@ -152,6 +153,9 @@ sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *fac
     finish(pid);
     first_line(errors, video, fault, sizeof fault);
     close_files(&out, &errors);
+    if (facts->width > 0 && facts->height > 0 && *facts->field_order)
+        sf_log(ctx, SF_LOG_INFO, "%s: is interlaced (field order %s): its frames are deinterlaced", video,
+               facts->field_order);
     if (facts->width > 0 && facts->height > 0) return SF_OK;
     if (*fault) return sf_fail(ctx, SF_ERR_FORMAT, "%s: ffmpeg cannot read it: %s", video, fault);
     return sf_fail(ctx, SF_ERR_FORMAT, "%s: holds no video stream", video);
@@ -172,9 +176,12 @@ int sf_ffmpeg_scale(const sf_film_facts *facts, int side, const char *how, char 
  * repeat frames of a video whose rate varies. */
 enum { RATE = 30 };
 
-sf_status sf_frame_pipe_open(sf_frame_pipe *p, sf_context *ctx, const char *video, const char *filters,
-                             int channels) {
-    enum { SPARE = 64 };
+/* One frame of each two fields, so that their numbers stay. Before all else: it compares neighbours. */
+static const char deinterlace[] = "bwdif=mode=send_frame,";
+
+sf_status sf_frame_pipe_open(sf_frame_pipe *p, sf_context *ctx, const char *video, const sf_film_facts *facts,
+                             const char *filters, int channels) {
+    enum { SPARE = 128 };
     char threads[16], rate[16];
     *p = (sf_frame_pipe){.ctx = ctx, .video = video, .channels = channels};
     size_t size = strlen(filters) + SPARE;
@@ -182,8 +189,8 @@ sf_status sf_frame_pipe_open(sf_frame_pipe *p, sf_context *ctx, const char *vide
     snprintf(threads, sizeof threads, "%d", sf_pool_threads(ctx->pool));
     snprintf(rate, sizeof rate, "%d", RATE);
     if (file && all)
-        snprintf(all, size, "%s,settb=1/%d,setpts=N,format=%s", filters, RATE,
-                 channels == 1 ? "gray" : "rgb24");
+        snprintf(all, size, "%s%s,settb=1/%d,setpts=N,format=%s", *facts->field_order ? deinterlace : "",
+                 filters, RATE, channels == 1 ? "gray" : "rgb24");
     const char *command[] = {
         "ffmpeg", "-nostdin",   "-v",     "error", "-threads", threads, "-i",   file,
         "-map",   "0:V:0",      "-vf",    all,     "-r",       rate,    "-c:v", channels == 1 ? "pgm" : "ppm",

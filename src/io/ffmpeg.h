@@ -12,12 +12,14 @@ typedef struct sf_film_facts {
     int width, height; /* px, as it is coded: before it is turned */
     int has_matrix;    /* whether it says how its colours are coded */
     int is_hdr;        /* of a high dynamic range (PQ or HLG) */
-    double frames;     /* about; 0: not known */
-    double rate;       /* frames a second, in the mean; 0: not known */
+    char
+        field_order[8]; /* of an interlaced video, as ffprobe names it: tt, bb, tb, bt; "": of whole frames */
+    double frames;      /* about; 0: not known */
+    double rate;        /* frames a second, in the mean; 0: not known */
 } sf_film_facts;
 
-/* SF_ERR_IO: there is no such file, or no ffprobe; SF_ERR_FORMAT: no video (sf_last_error says what ffprobe
- * does). */
+/* Interlaced video is told of. SF_ERR_IO: there is no such file, or no ffprobe; SF_ERR_FORMAT: no video
+ * (sf_last_error says what ffprobe does). */
 sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *facts);
 
 /* The filter (libavfilter's text, at most `size` bytes of it) that reduces frames until no side is longer
@@ -36,10 +38,11 @@ typedef struct sf_frame_pipe {
     int width, height, channels; /* 1 or 3 */
 } sf_frame_pipe;
 
-/* Starts ffmpeg: each frame of the video passes through the filters (libavfilter's text), and comes as grey
- * (channels 1) or RGB. SF_ERR_IO, SF_ERR_MEMORY. */
-sf_status sf_frame_pipe_open(sf_frame_pipe *pipe, sf_context *ctx, const char *video, const char *filters,
-                             int channels);
+/* Starts ffmpeg: each frame of the video, deinterlaced where the facts say that it is woven of two fields,
+ * passes through the filters (libavfilter's text), and comes as grey (channels 1) or RGB. SF_ERR_IO,
+ * SF_ERR_MEMORY. */
+sf_status sf_frame_pipe_open(sf_frame_pipe *pipe, sf_context *ctx, const char *video,
+                             const sf_film_facts *facts, const char *filters, int channels);
 
 /* The next frame. SF_ERR_END: there is none; SF_ERR_FORMAT, SF_ERR_MEMORY. */
 sf_status sf_frame_pipe_next(sf_frame_pipe *pipe);

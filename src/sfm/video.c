@@ -79,7 +79,7 @@ static sf_status look(video *v) {
     char filters[512];
     sf_frame_pipe pipe;
     sf_ffmpeg_scale(&v->facts, LOOK_SIDE, "area", filters, sizeof filters);
-    sf_status status = sf_frame_pipe_open(&pipe, v->ctx, v->path, filters, 1);
+    sf_status status = sf_frame_pipe_open(&pipe, v->ctx, v->path, &v->facts, filters, 1);
     if (status) return status;
     status = judge_frames(v, &pipe);
     sf_frame_pipe_close(&pipe, v->fault, sizeof v->fault);
@@ -171,7 +171,8 @@ static char *take_filters(const video *v) {
 static sf_status take(video *v, const char *folder) {
     sf_frame_pipe pipe;
     char fault[FAULT], *filters = take_filters(v);
-    sf_status status = filters ? sf_frame_pipe_open(&pipe, v->ctx, v->path, filters, 3) : SF_ERR_MEMORY;
+    sf_status status =
+        filters ? sf_frame_pipe_open(&pipe, v->ctx, v->path, &v->facts, filters, 3) : SF_ERR_MEMORY;
     sf_free(v->ctx, filters);
     if (status) return status;
     status = write_frames(v, &pipe, folder);

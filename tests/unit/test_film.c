@@ -197,6 +197,52 @@ static void test_size(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* How rows differ from the next ones, against how they differ from those after the next, which are of the
+ * same field: well below 1 where both fields are of one time. */
+static double combing(sf_context *ctx, const char *path) {
+    sf_picture p;
+    double odd = 0, even = 0;
+    assert_ok(ctx, sf_picture_load(ctx, path, &p));
+    size_t width = (size_t)p.width;
+    for (size_t y = 2; y + 2 < (size_t)p.height; y++)
+        for (size_t x = 0; x < width; x++) {
+            const uint8_t *at = p.rgb + y * width + x;
+            odd += abs(at[0] - at[width]);
+            even += abs(at[0] - at[2 * width]);
+        }
+    sf_picture_free(ctx, &p);
+    return odd / even;
+}
+
+/* Fields that were filmed one after the other do not stay woven, and all frames keep their numbers. */
+static void test_interlaced(void **state) {
+    (void)state;
+    char film[1024], whole[1024];
+    need_ffmpeg();
+    sf_context *ctx = test_context();
+    sf_film_options options = sf_film_options_default();
+    sf_film_info info;
+    options.frames = 4;
+    snprintf(whole, sizeof whole, "%s", make_film("whole_frames.mp4", ",boxblur=2", "-c:v mpeg4 -q:v 2"));
+    snprintf(film, sizeof film, "%s",
+             make_film("woven.mkv", ",boxblur=2,interlace=scan=tff:lowpass=off",
+                       "-c:v mpeg2video -q:v 2 -field_order tt -flags +ildct+ilme"));
+    test_log_clear();
+    assert_ok(ctx, sf_film_take_frames(ctx, whole, test_path("whole_frames"), &options, &info));
+    assert_string_equal(test_log, "");
+    assert_ok(ctx, sf_film_take_frames(ctx, film, test_path("woven"), &options, &info));
+    test_assert_contains(test_log, "woven.mkv: is interlaced (field order t", __FILE__, __LINE__);
+    assert_int_equal(info.frames, FRAMES);
+    int numbers[FRAMES];
+    assert_int_equal(numbers_in(test_path("woven"), numbers), 4);
+    for (int i = 0; i < 4; i++) {
+        char name[64];
+        snprintf(name, sizeof name, "frame_%06d.jpg", numbers[i]);
+        assert_true(combing(ctx, test_path_in("woven", name)) < 0.8);
+    }
+    sf_context_destroy(&ctx);
+}
+
 static void assert_fails(sf_context *ctx, const char *film, sf_status status, const char *part) {
     assert_status(ctx, sf_film_take_frames(ctx, film, test_path("none"), NULL, NULL), status);
     assert_error_names(ctx, part);
@@ -300,8 +346,8 @@ static void test_no_ffmpeg(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_sharp_frames), cmocka_unit_test(test_colours),
-                                       cmocka_unit_test(test_size),         cmocka_unit_test(test_bad_films),
-                                       cmocka_unit_test(test_cancel),       cmocka_unit_test(test_options),
-                                       cmocka_unit_test(test_no_ffmpeg)};
+                                       cmocka_unit_test(test_size),         cmocka_unit_test(test_interlaced),
+                                       cmocka_unit_test(test_bad_films),    cmocka_unit_test(test_cancel),
+                                       cmocka_unit_test(test_options),      cmocka_unit_test(test_no_ffmpeg)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
