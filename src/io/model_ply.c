@@ -1,4 +1,5 @@
 /* model_ply.c - Gaussians in and out, as INRIA's .ply. */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -57,13 +58,47 @@ sf_status sf_ply_end_builder(sf_ply *ply, sf_model_builder *in, sf_status status
     return status;
 }
 
+/* The ranges of a file's opacities and scales. */
+typedef struct value_ranges {
+    float least_opacity, most_opacity, least_scale, most_scale;
+} value_ranges;
+
+static void widen(value_ranges *r, sf_gaussian *g) {
+    const sf_gaussians fields = sf_gaussian_fields(g);
+    r->least_opacity = fminf(r->least_opacity, *fields.logit_opacities);
+    r->most_opacity = fmaxf(r->most_opacity, *fields.logit_opacities);
+    for (int k = 0; k < 3; k++) {
+        r->least_scale = fminf(r->least_scale, fields.log_scales[k]);
+        r->most_scale = fmaxf(r->most_scale, fields.log_scales[k]);
+    }
+}
+
+/* Some exporters write opacities and scales as they are drawn. A model whose Gaussians are all at least half
+ * opaque, none nearly opaque, and all larger than a unit is not made by a fit; a handful of them may be made
+ * by hand. */
+static void warn_of_activated(const sf_model_builder *in, const value_ranges *r) {
+    enum { ENOUGH = 100 };
+    if (in->offered < ENOUGH || r->least_opacity < 0 || r->most_opacity > 1 || !(r->least_scale > 0)) return;
+    sf_log(
+        in->ctx, SF_LOG_WARNING,
+        "%s: opacity is in %g..%g and scale_0..2 in %g..%g in all of %zu Gaussians: these look like "
+        "opacities and "
+        "scales themselves, but are read as logits and logarithms, as .ply files have them: export it anew",
+        in->path, (double)r->least_opacity, (double)r->most_opacity, (double)r->least_scale,
+        (double)r->most_scale, in->offered);
+}
+
 static sf_status load_all(sf_model_builder *in, sf_ply *ply) {
     sf_gaussian g;
+    value_ranges ranges = {INFINITY, -INFINITY, INFINITY, -INFINITY};
     sf_status status = SF_OK;
     for (size_t i = 0; i < sf_ply_rows(ply) && !status; i++) {
         status = sf_ply_next(ply, g.values);
-        if (!status) status = sf_model_builder_put(in, &g);
+        if (status) break;
+        widen(&ranges, &g);
+        status = sf_model_builder_put(in, &g);
     }
+    if (!status) warn_of_activated(in, &ranges);
     return status;
 }
 

@@ -217,6 +217,45 @@ static void test_bytes_after_the_end_are_reported(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A file of `count` Gaussians with opacities from 0 to 1 and scales above 0, but for the last one's. */
+static void load_activated(sf_context *ctx, int count, float last_opacity, float last_scale) {
+    static file f;
+    char head[128];
+    sf_model *model;
+    f.size = 0;
+    snprintf(head, sizeof head, "ply\nformat binary_little_endian 1.0\nelement vertex %d\n", count);
+    ply_put_text(&f, head), ply_put_text(&f, GAUSSIAN_PROPERTIES END);
+    for (int i = 0; i < count; i++) {
+        int is_last = i == count - 1;
+        for (int k = 0; k < 6; k++) ply_put_f32(&f, ply_one_gaussian[k]);
+        ply_put_f32(&f, is_last ? last_opacity : (float)i / (float)count);
+        for (int k = 0; k < 3; k++) ply_put_f32(&f, is_last ? last_scale : 0.01f * (float)(k + 1));
+        for (int k = 10; k < GAUSSIAN_VALUES; k++) ply_put_f32(&f, ply_one_gaussian[k]);
+    }
+    test_log_clear();
+    assert_ok(ctx, sf_model_load(ctx, ply_write_file(&f), &model));
+    assert_int_equal(sf_model_count(model), count);
+    sf_model_destroy(&model);
+}
+
+/* Values that are opacities and scales already are told of, and read as they stand. */
+static void test_activated_values(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    load_activated(ctx, 100, 1, 0.04f);
+    assert_non_null(
+        strstr(test_log, "opacity is in 0..1 and scale_0..2 in 0.01..0.04 in all of 100 Gaussians"));
+    load_activated(ctx, 99, 1, 0.04f);
+    assert_null(strstr(test_log, "opacity is in"));
+    load_activated(ctx, 100, 1.01f, 0.04f);
+    assert_null(strstr(test_log, "opacity is in"));
+    load_activated(ctx, 100, -0.01f, 0.04f);
+    assert_null(strstr(test_log, "opacity is in"));
+    load_activated(ctx, 100, 1, 0);
+    assert_null(strstr(test_log, "opacity is in"));
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_reads_any_order_and_type),
@@ -228,6 +267,7 @@ int main(void) {
         cmocka_unit_test(test_leaves_band_4_out),
         cmocka_unit_test(test_all_skipped_is_refused),
         cmocka_unit_test(test_bytes_after_the_end_are_reported),
+        cmocka_unit_test(test_activated_values),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
