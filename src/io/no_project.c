@@ -155,6 +155,24 @@ static sf_status tell_videos(sf_context *ctx, const char *folder, const char *na
     return status;
 }
 
+/* What an archive holds lies in a folder that is removed again: cameras are found of the user's own. */
+static sf_status tell_unpack(sf_context *ctx, const char *what, size_t count) {
+    const char *zip = ctx->archive, *dot = strrchr(zip, '.');
+    char *file = quote(ctx, zip, (int)strlen(zip), "");
+    char *to =
+        quote(ctx, zip, dot && dot > zip ? (int)(dot - zip) : (int)strlen(zip), dot ? "" : ".unpacked");
+    sf_status status = SF_ERR_MEMORY;
+    if (file && to)
+        status =
+            sf_fail(ctx, SF_ERR_IO,
+                    "%s: no project: %zu %s, but no cameras. This finds them and fits: unzip %s -d %s && "
+                    "splatfit fit %s -o splat.ply",
+                    zip, count, what, file, to, to);
+    sf_free(ctx, file);
+    sf_free(ctx, to);
+    return status;
+}
+
 /* MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI;
  * YUV4MPEG2. */
 static int begins_as_video(const char *path) {
@@ -179,8 +197,10 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
     if (!images) return SF_ERR_MEMORY;
     size_t in_images = count_files(images, sf_is_picture_name, name);
     sf_free(ctx, images);
+    if (in_images && ctx->archive) return tell_unpack(ctx, "pictures", in_images);
     if (in_images) return tell_images(ctx, folder, in_images);
     size_t here = count_files(folder, sf_is_picture_name, name);
+    if (here && ctx->archive) return tell_unpack(ctx, "pictures", here);
     if (here) {
         sf_status status = tell_project_above(ctx, folder, sf_path_join(ctx, folder, ".."));
         return status ? status : tell_photos(ctx, folder, here);

@@ -110,6 +110,28 @@ static void test_what_the_dead_left_goes(void **state) {
 }
 
 /* A folder that is not there is said, and is tried no longer than that takes. */
+/* Photos alone: the advice names the archive, never the folder that it was unpacked to. */
+static void test_photos_alone(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    zip_t *zip = zip_open(test_path("photos.zip"), ZIP_CREATE | ZIP_TRUNCATE, NULL);
+    assert_non_null(zip);
+    for (int i = 0; i < 3; i++) {
+        char name[32];
+        snprintf(name, sizeof name, "album/%d.jpg", i);
+        assert_true(zip_file_add(zip, name, zip_source_buffer(zip, "x", 1, 0), 0) >= 0);
+    }
+    assert_int_equal(zip_close(zip), 0);
+    assert_status(ctx, sf_scene_load(ctx, test_path("photos.zip"), NULL, &scene), SF_ERR_IO);
+    assert_error_names(ctx, "photos.zip: no project: 3 pictures, but no cameras");
+    assert_error_names(ctx, "/photos.zip' -d '");
+    assert_error_names(ctx, "/photos' && splatfit fit '");
+    assert_null(strstr(sf_last_error(ctx), "splatfit-zip-"));
+    assert_null(strstr(sf_last_error(ctx), ".project"));
+    sf_context_destroy(&ctx);
+}
+
 static void test_no_folder(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -218,8 +240,10 @@ static void test_signals(void **state) {
 int main(int argc, char **argv) {
     test_begin(argc, argv, unpack);
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_photos_alone),
         cmocka_unit_test(test_what_the_dead_left_goes),
         cmocka_unit_test(test_no_folder),
+
         cmocka_unit_test(test_cancelled_at_any_moment),
         cmocka_unit_test(test_signals),
     };
