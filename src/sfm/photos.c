@@ -197,6 +197,19 @@ static sf_status find_in(const find_job *job, sf_photo_file *photo, const sf_pic
     return photo->colors ? SF_OK : SF_ERR_MEMORY;
 }
 
+/* Both cameras and fits take the pixels as they are stored. Turned ones are of another pose; mirrored ones
+ * are of no pose at all beside photos that are not. */
+static sf_status refuse_mirrored(sf_picture *p) {
+    int value = p->orientation;
+    if (value != 2 && value != 4 && value != 5 && value != 7) return SF_OK;
+    snprintf(p->fault, sizeof p->fault,
+             "EXIF orientation: %d says that it is mirrored: store it upright (ImageMagick, in that folder: "
+             "mogrify "
+             "-auto-orient FILE)",
+             value);
+    return SF_ERR_UNSUPPORTED;
+}
+
 static void find_task(void *job_pointer, size_t task, int thread) {
     find_job *job = job_pointer;
     sf_photo_file *photo = &job->list->photos[task];
@@ -206,8 +219,10 @@ static void find_task(void *job_pointer, size_t task, int thread) {
     char *path = sf_path_join(job->ctx, job->folder, photo->name);
     sf_status status = path ? sf_picture_load_reduced(job->ctx, path, job->side, &picture) : SF_ERR_MEMORY;
     sf_free(job->ctx, path);
-    if (!status && (status = sf_photo_mask_apply(job->ctx, job->list->masks, photo->name, &picture)))
-        sf_picture_free(job->ctx, &picture);
+    int is_loaded = !status;
+    if (!status) status = refuse_mirrored(&picture);
+    if (!status) status = sf_photo_mask_apply(job->ctx, job->list->masks, photo->name, &picture);
+    if (status && is_loaded) sf_picture_free(job->ctx, &picture);
     if (!status) {
         photo->width = picture.file_width, photo->height = picture.file_height;
         status = find_in(job, photo, &picture);

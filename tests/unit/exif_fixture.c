@@ -64,6 +64,7 @@ static size_t make_block(block *b, const exif_wish *w) {
     begin_directory(b, FIRST);
     text(b, 0x010f, w->make);
     text(b, 0x0110, w->model);
+    if (w->orientation) entry(b, 0x0112, SHORT, 1, w->orientation);
     entry(b, 0x8769, LONG, 1, SECOND);
     end_directory(b, FIRST);
     begin_directory(b, SECOND);

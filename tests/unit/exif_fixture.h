@@ -8,7 +8,7 @@
 typedef struct exif_wish {
     const char *make, *model;
     double focal_mm, pixels_per_mm;
-    unsigned focal_35, width, height;
+    unsigned focal_35, width, height, orientation;
 } exif_wish;
 
 /* Writes rgb, [height][width][3], as a JPEG of quality 95 with that EXIF. */

@@ -32,7 +32,7 @@ static sf_exif reread(sf_context *ctx, exif_wish wish) {
 static void test_tags(void **state) {
     (void)state;
     sf_context *ctx = test_context();
-    sf_exif e = reread(ctx, (exif_wish){"Make er ", " Model\n1", 5.4, 250.5, 28, 4000, 3000});
+    sf_exif e = reread(ctx, (exif_wish){"Make er ", " Model\n1", 5.4, 250.5, 28, 4000, 3000, 1});
     assert_string_equal(e.make, "Make er");
     assert_string_equal(e.model, "Model1");
     assert_float_equal(e.focal_mm, 5.4, 1e-9);
@@ -119,6 +119,30 @@ static sf_reconstruction *reconstruct(sf_context *ctx, const char *folder) {
     sf_reconstruction_get_info(r, &info);
     assert_int_equal(info.placed, PHOTOS);
     return r;
+}
+
+/* Pixels that are stored mirrored are named; those that are stored turned are of another pose. */
+static void test_mirrored(void **state) {
+    (void)state;
+    static const unsigned mirrored[] = {2, 4, 5, 7};
+    sf_context *ctx = test_context();
+    exif_wish wishes[PHOTOS] = {{.make = NULL}};
+    sf_reconstruction *r;
+    sf_reconstruction_photo photo;
+    for (size_t i = 0; i < 4; i++) wishes[i].orientation = mirrored[i];
+    wishes[4].orientation = 3;
+    write_photos(ctx, "mirrored", wishes, PHOTOS, 0);
+    assert_ok(ctx, sf_sfm_run(ctx, test_path("mirrored"), NULL, &r));
+    for (size_t i = 0; i < PHOTOS; i++) {
+        char part[64];
+        assert_int_equal(sf_reconstruction_get_photo(r, i, &photo), SF_OK);
+        assert_int_equal(photo.placed, i >= 4);
+        if (i >= 4) continue;
+        snprintf(part, sizeof part, "EXIF orientation: %u says that it is mirrored", mirrored[i]);
+        test_assert_contains(photo.why, part, __FILE__, __LINE__);
+    }
+    sf_reconstruction_destroy(&r);
+    sf_context_destroy(&ctx);
 }
 
 /* How far a photo's focal length is from the truth, as a part of it. */
@@ -231,9 +255,9 @@ static int tear_down(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_lengths), cmocka_unit_test(test_turned),
+        cmocka_unit_test(test_mirrored), cmocka_unit_test(test_lengths),   cmocka_unit_test(test_turned),
 #ifdef SF_HAVE_LIBEXIF
-        cmocka_unit_test(test_tags),    cmocka_unit_test(test_overruled), cmocka_unit_test(test_mixed),
+        cmocka_unit_test(test_tags),     cmocka_unit_test(test_overruled), cmocka_unit_test(test_mixed),
 #endif
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
