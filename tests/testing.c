@@ -109,8 +109,8 @@ const char *test_folder(void) {
 }
 
 const char *test_path(const char *name) {
-    static char buffers[16][1024];
-    static unsigned turn;
+    static _Thread_local char buffers[16][1024];
+    static _Thread_local unsigned turn;
     char *path = buffers[turn++ % 16];
     snprintf(path, sizeof buffers[0], "%s/%s", test_folder(), name);
     return path;

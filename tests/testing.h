@@ -56,7 +56,7 @@ void test_assert_between(uintmax_t value, uintmax_t least, uintmax_t most, const
 
 /* A scratch folder of this program, removed with all that is in it when the program ends. */
 const char *test_folder(void);
-/* "<test_folder>/<name>", in one of 16 buffers used in turn. */
+/* "<test_folder>/<name>", in one of 16 buffers of the thread, used in turn. */
 const char *test_path(const char *name);
 /* The same of "<inside>/<name>". */
 const char *test_path_in(const char *inside, const char *name);
