@@ -2,6 +2,7 @@
 #include "load_project.h"
 
 #include "colmap.h"
+#include "copies.h"
 #include "mask.h"
 #include "no_project.h"
 #include "opensfm.h"
@@ -97,6 +98,7 @@ static sf_status load_from(sf_project *p, const char *path, const sf_load_option
     status = sf_project_sort(p, p->path);
     if (!status) status = sf_project_move_origin(p);
     if (!status) status = choose_splits(p, options);
+    if (!status) status = sf_warn_of_copies(p);
     if (!status) status = sf_masks_find(p, options);
     return status ? status : sf_project_build(p, options, scene);
 }

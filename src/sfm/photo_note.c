@@ -6,15 +6,13 @@
 #include <string.h>
 
 #include "../base/file.h"
-#include "../base/hash.h"
+#include "../io/copies.h"
 #include "../io/paths.h"
 #include "photo_folder.h"
 
 #include <splatfit/sfm.h>
 
-/* Of a file, so many bytes of each end are hashed: pictures and videos are packed, and have no change that
- * leaves both ends and the size as they were. */
-enum { END_BYTES = 1 << 16, MOST_BYTES = 1 << 28 /* of a note */ };
+enum { MOST_BYTES = 1 << 28 /* of a note */ };
 
 typedef struct noted {
     char kind; /* 'c': a file of cameras; 'p': a photo */
@@ -49,26 +47,14 @@ static sf_status add(note *n, const noted *file, const char *name) {
     return SF_OK;
 }
 
-/* A file that cannot be read has no bytes. */
-static void look_at(const char *path, noted *file) {
-    static const uint64_t seed = SF_HASH_SEED;
-    uint8_t bytes[END_BYTES];
-    FILE *f = fopen(path, "rb");
-    file->size = 0, file->hash = seed;
-    if (!f) return;
-    file->hash = sf_hash(seed, bytes, fread(bytes, 1, sizeof bytes, f));
-    long size = fseek(f, 0, SEEK_END) ? 0 : ftell(f);
-    file->size = size > 0 ? (uint64_t)size : 0;
-    if (size > END_BYTES && !fseek(f, size - END_BYTES, SEEK_SET))
-        file->hash = sf_hash(file->hash, bytes, fread(bytes, 1, sizeof bytes, f));
-    fclose(f);
-}
-
 static int add_file(void *user, const char *name) {
     note *n = user;
     noted file = {.kind = n->kind};
     char *path = sf_path_join(n->ctx, n->folder, name);
-    if (path) look_at(path, &file);
+    if (path) {
+        sf_file_mark mark = sf_mark_file(path);
+        file.size = mark.size, file.hash = mark.hash;
+    }
     n->status = path ? add(n, &file, name) : SF_ERR_MEMORY;
     sf_free(n->ctx, path);
     return n->status != SF_OK;
@@ -91,7 +77,8 @@ static sf_status see(note *n, const char *photos, const char *cameras) {
         sf_photo_folder_walk(photos, add_file, n);
     } else if (photos) {
         noted video = {.kind = 'p'};
-        look_at(photos, &video);
+        sf_file_mark mark = sf_mark_file(photos);
+        video.size = mark.size, video.hash = mark.hash;
         n->status = add(n, &video, "video");
     }
     n->kind = 'c', n->folder = cameras;

@@ -2,6 +2,7 @@
 #include "transforms_fixture.h"
 
 #include <stdio.h>
+#include <string.h>
 
 static void assert_held_out(sf_context *ctx, const char *project, const sf_load_options *options,
                             unsigned mask) {
@@ -92,10 +93,30 @@ static void test_missing_picture_is_skipped(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* One line, which names a copy and its original; not for copies that are all trained on. */
+static void test_copies_are_told(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_load_options all = transforms_train_all();
+    transforms_make_project(ctx, "copies");
+    transforms_write_json("copies", "transforms.json", "{" LENS THREE_FRAMES);
+    test_log_clear();
+    assert_held_out(ctx, "copies", NULL, 1);
+    assert_null(strstr(test_log, "copies of"));
+    transforms_write_picture(ctx, test_path_in("copies", "images/c.png"), 0.25f);
+    assert_held_out(ctx, "copies", &all, 0);
+    assert_null(strstr(test_log, "copies of"));
+    assert_held_out(ctx, "copies", NULL, 1);
+    transforms_assert_log(
+        "1 held-out pictures are copies of training pictures (images/a.png of images/c.png)");
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lists_of_names),
         cmocka_unit_test(test_blender_pair),
+        cmocka_unit_test(test_copies_are_told),
         cmocka_unit_test(test_file_is_as_good_as_its_folder),
         cmocka_unit_test(test_missing_picture_is_skipped),
     };
