@@ -6,6 +6,7 @@
 
 #include "../base/pool.h"
 #include "../cluster/cluster.h"
+#include "float24.h"
 
 /* Rows of pixels around a band that the gradient of SSIM reads. */
 enum { HALO = 2 * SF_SSIM_RADIUS };
@@ -127,11 +128,15 @@ static size_t touching(const uint32_t *counts, size_t rows, size_t begin, size_t
     return n;
 }
 
-/* What is sent of a Gaussian: the rest of its splat follows from it. Behind those of a message stand the rows
- * of tiles that each has of the band, a number of row_bytes: the first times the band's rows, and how many,
- * less one. */
+/* What is sent of a Gaussian: the rest of its splat follows from it. Mean and depth are sent as they are:
+ * 2^-16 of a place in a wide picture is much of a small Gaussian, and the order by depth is the one of a
+ * single rank. Behind those of a message stand the rows of tiles that each has of the band, a number of
+ * row_bytes: the first times the band's rows, and how many, less one.
+ */
+enum { L00, L01, M, LOG2_OPACITY, RGB, SHORT = RGB + SF_CHANNELS };
 typedef struct packed {
-    float u, v, l00, l01, m, log2_opacity, rgb[3], depth;
+    uint8_t exact[3][sizeof(float)]; /* u, v, depth */
+    uint8_t rest[SHORT][SF_FLOAT24_BYTES];
 } packed;
 
 _Static_assert(sizeof(packed) == SF_SHARD_SENT, "README.md of src/cluster counts the bytes");
@@ -147,8 +152,11 @@ static size_t sent_bytes(const sf_shard *s, size_t rank) {
 }
 
 static packed packed_of(const sf_splat *s) {
-    packed p = {s->u, s->v, s->l00, s->l01, s->m, s->log2_opacity, {0}, s->depth};
-    memcpy(p.rgb, s->rgb, sizeof p.rgb);
+    const float exact[] = {s->u, s->v, s->depth};
+    const float rest[SHORT] = {s->l00, s->l01, s->m, s->log2_opacity, s->rgb[0], s->rgb[1], s->rgb[2]};
+    packed p;
+    memcpy(p.exact, exact, sizeof p.exact);
+    for (int k = 0; k < SHORT; k++) sf_put_float24(rest[k], p.rest[k]);
     return p;
 }
 
@@ -167,12 +175,16 @@ static size_t number_of(const char *from, size_t bytes) {
  * Sums of squares alone, which cannot cancel: right to some units in the last place. */
 static sf_splat splat_of(const packed *p) {
     const float w = (float)SF_WHITEN;
-    sf_splat s = {.u = p->u, .v = p->v, .l00 = p->l00, .l01 = p->l01, .m = p->m, .depth = p->depth};
-    float r2 = fmaxf((float)(((double)p->log2_opacity + SF_LOG2_255) * SF_WHITEN_UNDO), 0);
-    float inv = 1 / p->l00, narrow = w * inv, high = w / p->m, slope = -p->l01 * inv, tilt = slope * high;
-    float a = narrow * narrow + tilt * tilt, r = sqrtf(r2), root_a = sqrtf(a), ratio = p->m * inv;
-    s.log2_opacity = p->log2_opacity;
-    memcpy(s.rgb, p->rgb, sizeof s.rgb);
+    float exact[3], rest[SHORT];
+    memcpy(exact, p->exact, sizeof exact);
+    for (int k = 0; k < SHORT; k++) rest[k] = sf_float24(p->rest[k]);
+    sf_splat s = {.u = exact[0], .v = exact[1], .depth = exact[2]};
+    s.l00 = rest[L00], s.l01 = rest[L01], s.m = rest[M];
+    float r2 = fmaxf((float)(((double)rest[LOG2_OPACITY] + SF_LOG2_255) * SF_WHITEN_UNDO), 0);
+    float inv = 1 / s.l00, narrow = w * inv, high = w / s.m, slope = -s.l01 * inv, tilt = slope * high;
+    float a = narrow * narrow + tilt * tilt, r = sqrtf(r2), root_a = sqrtf(a), ratio = s.m * inv;
+    s.log2_opacity = rest[LOG2_OPACITY];
+    memcpy(s.rgb, rest + RGB, sizeof s.rgb);
     s.slope = slope;
     s.reach = r2 * narrow * narrow;
     s.squeeze = ratio * ratio;

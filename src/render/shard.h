@@ -35,7 +35,7 @@ typedef struct sf_shard {
 
 /* Bytes of what travels of a Gaussian: to a band that it touches, besides its rows, and back, unless that is
  * all zero. */
-enum { SF_SHARD_SENT = 40, SF_SHARD_RETURNED = 36 };
+enum { SF_SHARD_SENT = 33, SF_SHARD_RETURNED = 27 };
 
 /* Calls for each band that Gaussian i touches, in the order of the ranks. */
 #define SF_FOR_BANDS(ws, s, n, i, r, begin, end)                                                             \

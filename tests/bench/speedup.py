@@ -3,27 +3,37 @@
 
     tests/bench/speedup.py [CHART.svg]
 
-Seconds of a step on n machines: work / (n x balance), bytes that a rank sends / bandwidth, exchanges x latency. Bytes are the
-formula's, with what was measured of 300,000 Gaussians at 960x540 (src/cluster/MEASURED.md): the share in view and how
-many reach over a boundary between two bands. The work of a step is an assumption: each row of the first table states it.
-Weak scaling: Gaussians and pixels rise in proportion to the machines; the second table has the part of the ideal.
+Seconds of a step on n machines: work / (n x balance), bytes of the busiest rank of each exchange / bandwidth, exchanges x
+latency. Bytes are the formula's, with what was measured of 300,000 Gaussians at 960x540 (src/cluster/MEASURED.md): the share in
+view and how many reach over a boundary between two bands. The work of a step is an assumption: each row of the first table
+states it. Weak scaling: Gaussians and pixels rise in proportion to the machines; the second table has the part of the ideal.
 """
 import sys
 from math import log2
 
 IN_VIEW = 177700 / 300000  # Gaussians in view of all
 CROSSING = 4500 / 300000   # more bands that a Gaussian touches, for each boundary between bands
-SENT, RETURNED = 40, 36    # bytes; rows of tiles beside: 1 byte where a band has at most 16, else 2
+SENT, RETURNED = 33, 27    # bytes; rows of tiles beside: 1 byte where a band has at most 16, else 2
 BLENDED = 0.93             # of those that travel, whose sums are not all zero
 EXCHANGES = 8              # of a step
-BALANCE = 0.9              # mean over slowest; 0.94 was measured of two ranks
 WIDTH, ROWS = 960, 34      # px; rows of tiles
 WEAK = 300000              # Gaussians of a machine, with a picture of that size
 NETWORKS = {"1 Gbit/s": (118e6, 0.2e-3), "10 Gbit/s": (1.18e9, 0.05e-3)}  # bytes a second, seconds an exchange
 RANKS = (1, 2, 4, 8, 16, 32, 64)
 
 
-# larger: times the picture's width and height.
+# Mean over slowest, summed over the parts of a step between exchanges: 0.96, 0.89, 0.80 were measured of 2, 4, 8 ranks and 34 rows.
+# A band is whole rows of tiles, so it is the worse the fewer it has.
+def balance(n, larger):
+    return 0.95 / (1 + 0.6 * n / (ROWS * larger))
+
+
+# The busiest rank of each exchange, over the mean: 1.13, 1.21, 1.34 were measured.
+def busiest(n):
+    return 1.02 + 0.105 * log2(n)
+
+
+# Of a rank in the mean. larger: times the picture's width and height.
 def bytes_of_rank(n, gaussians, larger):
     touched = gaussians * (IN_VIEW + CROSSING / larger * (n - 1))
     of_one = SENT + (1 if ROWS * larger <= 16 * n else 2) + 1 / 8 + RETURNED * BLENDED
@@ -32,12 +42,15 @@ def bytes_of_rank(n, gaussians, larger):
     return of_all / n
 
 
-# step: seconds of it on one machine.
+# step: seconds of it on one machine. None: more machines than rows of tiles.
 def speed_up(n, gaussians, step, network, larger=1.0):
     if n == 1:
         return 1.0
+    if n > ROWS * larger:
+        return None
     bandwidth, latency = NETWORKS[network]
-    return step / (step / n / BALANCE + bytes_of_rank(n, gaussians, larger) / bandwidth + EXCHANGES * latency)
+    travels = bytes_of_rank(n, gaussians, larger) * busiest(n) / bandwidth + EXCHANGES * latency
+    return step / (step / n / balance(n, larger) + travels)
 
 
 # Of n times as many Gaussians and pixels: the part of n times the speed.
@@ -56,17 +69,17 @@ MACHINES = (
     ("server, 2 threads", 1 / 2, "10 Gbit/s"),
     ("server, 8 threads", 1 / 8, "10 Gbit/s"),
 )
-SCENES = (300000, 3000000, 30000000)
+SCENES = ((300000, 1), (3000000, 2), (30000000, 4))  # Gaussians; pictures: 960x540, 1920x1080, 3840x2160
 
 
 def table():
     print("| machine, network | Gaussians | step of one | " + " | ".join("%d" % n for n in RANKS[1:]) + " |")
     print("| --- " * (3 + len(RANKS[1:])) + "|")
     for name, factor, network in MACHINES:
-        for g in SCENES:
+        for g, larger in SCENES:
             step = STEP * g * factor
-            ups = [speed_up(n, g, step, network) for n in RANKS[1:]]
-            print("| %s, %s | %g million | %.2f s | " % (name, network, g / 1e6, step) + " | ".join("%.1f" % u for u in ups) + " |")
+            ups = [speed_up(n, g, step, network, larger) for n in RANKS[1:]]
+            print("| %s, %s | %g million | %.2f s | " % (name, network, g / 1e6, step) + " | ".join("%.2f" % u if u else "" for u in ups) + " |")
     print()
     print("| %d Gaussians a machine | " % WEAK + " | ".join("%d" % n for n in RANKS[1:]) + " |")
     print("| --- " * len(RANKS) + "|")
@@ -110,7 +123,7 @@ def chart(path):
            '<rect width="720" height="390" fill="white"/>']
     out += panel(60, "speed-up, 3 million Gaussians", [("%g" % s, strong(s)) for s in (0.5, 1, 2, 4, 8, 16, 32, 64)],
                  [strong(n) for n in RANKS],
-                 [[strong(speed_up(n, 3e6, STEP * 3e6 * factor, network)) for n in RANKS] for _, factor, network in MACHINES])
+                 [[strong(speed_up(n, 3e6, STEP * 3e6 * factor, network, 2)) for n in RANKS] for _, factor, network in MACHINES])
     out += panel(430, "part of the ideal, 300,000 Gaussians a machine", [("%.1f" % s, part(s)) for s in (0, 0.2, 0.4, 0.6, 0.8, 1)],
                  [part(1) for n in RANKS], [[part(weak(n, factor, network)) for n in RANKS] for _, factor, network in MACHINES])
     for i, (name, _, network) in enumerate(MACHINES):
