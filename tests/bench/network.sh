@@ -3,10 +3,10 @@
 #
 #     tests/bench/network.sh PROGRAM PROJECT MODEL.ply [ROUNDS]
 #
-# PROGRAM is splatfit-openmpi, MODEL.ply what is fitted without growth. Each rank is a host of its own: a network namespace with one link to a bridge, which the kernel's
-# token buckets (tc tbf) hold to a rate in both directions, but for the first 128 KB after a pause. Needs root and iproute2; a
-# table on standard output: milliseconds a step, those beyond the same ranks on unlimited links, and bytes of the rank that sends
-# most / rate. The hosts share this machine's processors, so more ranks than processors compute no faster.
+# PROGRAM is splatfit-openmpi, MODEL.ply what is fitted without growth. Each rank is a host of its own: a network namespace with
+# one link to a bridge, which the kernel's token buckets (tc tbf) hold to a rate in both directions, but for the first 128 KB
+# after a pause. Needs root and iproute2. Prints a table: milliseconds a step, those beyond the same ranks on unlimited links, and
+# bytes of the rank that sends most / rate. The hosts share this machine's processors: more ranks than those compute no faster.
 set -euo pipefail
 
 program=$(realpath "$1") project=$(realpath "$2") model=$(realpath "$3") rounds=${4:-3}

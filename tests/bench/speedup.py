@@ -88,46 +88,51 @@ def table():
 
 
 COLORS = ("#b2182b", "#ef8a62", "#2166ac", "#67a9cf", "#666666")
-TOP, SIZE = 20, 260
+SIZE, LEFT, TOP = 240, (60, 400), (20, 330)
 
 
-# What a panel has: ticks of the ordinate with their heights, the ideal, a line for each machine.
-def panel(left, title, ticks, ideal, lines):
+# What a panel has: ticks of the ordinate with their values' heights from 0 to 1, the ideal, a line for each machine; None ends a line.
+def panel(left, top, title, ticks, ideal, lines):
     def x(n):
         return left + SIZE * RANKS.index(n) / (len(RANKS) - 1)
 
+    def y(height):
+        return top + SIZE * (1 - height)
+
     out = []
     for n in RANKS:
-        out.append('<text x="%.0f" y="%d" text-anchor="middle">%d</text>' % (x(n), TOP + SIZE + 16, n))
-    for s, y in ticks:
-        out.append('<line x1="%d" x2="%d" y1="%.1f" y2="%.1f" stroke="#ddd"/>' % (left, left + SIZE, y, y))
-        out.append('<text x="%d" y="%.1f" text-anchor="end">%s</text>' % (left - 6, y + 4, s))
-    out.append('<text x="%d" y="%d" text-anchor="middle">machines</text>' % (left + SIZE / 2, TOP + SIZE + 34))
-    middle = TOP + SIZE / 2
+        out.append('<text x="%.0f" y="%d" text-anchor="middle">%d</text>' % (x(n), top + SIZE + 16, n))
+    for text, height in ticks:
+        out.append('<line x1="%d" x2="%d" y1="%.1f" y2="%.1f" stroke="#ddd"/>' % (left, left + SIZE, y(height), y(height)))
+        out.append('<text x="%d" y="%.1f" text-anchor="end">%s</text>' % (left - 6, y(height) + 4, text))
+    out.append('<text x="%d" y="%d" text-anchor="middle">machines</text>' % (left + SIZE / 2, top + SIZE + 34))
+    middle = top + SIZE / 2
     out.append('<text x="%d" y="%d" transform="rotate(-90 %d %d)" text-anchor="middle">%s</text>' %
                (left - 36, middle, left - 36, middle, title))
     for color, more, line in [("#aaa", ' stroke-dasharray="3 3"', ideal)] + [(c, ' stroke-width="2"', l) for c, l in zip(COLORS, lines)]:
-        points = " ".join("%.1f,%.1f" % (x(n), y) for n, y in zip(RANKS, line))
+        points = " ".join("%.1f,%.1f" % (x(n), y(height)) for n, height in zip(RANKS, line) if height is not None)
         out.append('<polyline fill="none" stroke="%s"%s points="%s"/>' % (color, more, points))
     return out
 
 
+def strong_panel(left, top, gaussians, larger):
+    def height(s):
+        return None if s is None else log2(max(s, 0.5) / 0.5) / log2(64 / 0.5)
+
+    lines = [[height(speed_up(n, gaussians, STEP * gaussians * factor, network, larger)) for n in RANKS] for _, factor, network in MACHINES]
+    return panel(left, top, "speed-up, %g million Gaussians" % (gaussians / 1e6),
+                 [("%g" % s, height(s)) for s in (0.5, 1, 2, 4, 8, 16, 32, 64)], [height(n) for n in RANKS], lines)
+
+
 def chart(path):
-    def strong(s):
-        return TOP + SIZE * (1 - log2(max(s, 0.5) / 0.5) / log2(64 / 0.5))
-
-    def part(s):
-        return TOP + SIZE * (1 - s)
-
-    out = ['<svg xmlns="http://www.w3.org/2000/svg" width="720" height="390" font-family="sans-serif" font-size="12">',
-           '<rect width="720" height="390" fill="white"/>']
-    out += panel(60, "speed-up, 3 million Gaussians", [("%g" % s, strong(s)) for s in (0.5, 1, 2, 4, 8, 16, 32, 64)],
-                 [strong(n) for n in RANKS],
-                 [[strong(speed_up(n, 3e6, STEP * 3e6 * factor, network, 2)) for n in RANKS] for _, factor, network in MACHINES])
-    out += panel(430, "part of the ideal, 300,000 Gaussians a machine", [("%.1f" % s, part(s)) for s in (0, 0.2, 0.4, 0.6, 0.8, 1)],
-                 [part(1) for n in RANKS], [[part(weak(n, factor, network)) for n in RANKS] for _, factor, network in MACHINES])
+    out = ['<svg xmlns="http://www.w3.org/2000/svg" width="680" height="680" font-family="sans-serif" font-size="12">',
+           '<rect width="680" height="680" fill="white"/>']
+    for k, (gaussians, larger) in enumerate(SCENES):
+        out += strong_panel(LEFT[k % 2], TOP[k // 2], gaussians, larger)
+    out += panel(LEFT[1], TOP[1], "part of the ideal, 300,000 a machine", [("%.1f" % s, s) for s in (0, 0.2, 0.4, 0.6, 0.8, 1)],
+                 [1 for n in RANKS], [[weak(n, factor, network) for n in RANKS] for _, factor, network in MACHINES])
     for i, (name, _, network) in enumerate(MACHINES):
-        out.append('<text x="%d" y="%d" fill="%s">%s, %s</text>' % (60 + 230 * (i % 3), TOP + SIZE + 66 + 20 * (i // 3), COLORS[i], name, network))
+        out.append('<text x="%d" y="%d" fill="%s">%s, %s</text>' % (60 + 210 * (i % 3), 635 + 20 * (i // 3), COLORS[i], name, network))
     out.append('</svg>')
     with open(path, "w", encoding="utf-8") as f:
         f.write("\n".join(out) + "\n")
