@@ -98,36 +98,90 @@ static char *file_of(sf_context *ctx, const char *video) {
 
 /* ---- ffprobe ---- */
 
+/* Of the first packets ffprobe decodes the frames: the stream's field order alone is not reliable
+ * (findings/ffprobe_field_order.sh). A packet may be one field, and the first ones may lack what they refer
+ * to. */
+#define FIRST_PACKETS "8"
+
+/* Besides the facts, what they are made of. */
+typedef struct probe {
+    sf_film_facts *facts;
+    double seconds;
+    char field_order[8]; /* as ffprobe names it: tt, bb, tb, bt; "": none of these */
+    int is_hevc;
+    int frames, woven; /* of the first ones: how many, and how many say that they are interlaced */
+    int is_top;        /* whether the first one says that its upper field is first */
+} probe;
+
 /* One line "name=value". */
-static void take_fact(const char *line, double *seconds, sf_film_facts *facts) {
+static void take_fact(const char *line, probe *p) {
+    sf_film_facts *facts = p->facts;
     char name[64], value[64];
     double n, d;
     if (sscanf(line, "%63[^=]=%63s", name, value) != 2) return;
     if (!strcmp(name, "width")) facts->width = atoi(value);
     if (!strcmp(name, "height")) facts->height = atoi(value);
+    if (!strcmp(name, "codec_name")) p->is_hevc = !strcmp(value, "hevc");
     if (!strcmp(name, "color_space")) facts->has_matrix = strcmp(value, "unknown") != 0;
     if (!strcmp(name, "color_transfer"))
         facts->is_hdr = !strcmp(value, "smpte2084") || !strcmp(value, "arib-std-b67");
-    if (!strcmp(name, "field_order") && strlen(value) == 2) strcpy(facts->field_order, value);
+    if (!strcmp(name, "field_order") && strlen(value) == 2 && strspn(value, "tb") == 2)
+        strcpy(p->field_order, value);
+    if (!strcmp(name, "interlaced_frame")) p->frames++, p->woven += atoi(value) == 1;
+    if (!strcmp(name, "top_field_first") && p->frames == 1) p->is_top = atoi(value) == 1;
     if (!strcmp(name, "nb_frames")) facts->frames = atof(value);
-    if (!strcmp(name, "duration") && atof(value) > 0) *seconds = atof(value);
+    if (!strcmp(name, "duration") && atof(value) > 0) p->seconds = atof(value);
     if (!strcmp(name, "avg_frame_rate") && sscanf(value, "%lf/%lf", &n, &d) == 2 && d > 0)
         facts->rate = n / d;
 }
 
-static void take_facts(FILE *out, sf_film_facts *facts) {
+static int most_are_woven(const probe *p) { return 2 * p->woven > p->frames; }
+
+/* A decoder of HEVC, where all interlaced video is coded field by field, gives each field as a picture, whose
+ * flag says which field it is. Some encoders flag whole frames so: these have no field's rate, which is 50/s
+ * or more. */
+static void take_fields(const probe *p) {
+    enum { FIELD_RATE = 40 };
+    sf_film_facts *facts = p->facts;
+    int is_flagged = most_are_woven(p);
+    if (is_flagged)
+        facts->first = !p->is_hevc ? SF_FIELD_FLAGGED : p->is_top ? SF_FIELD_TOP : SF_FIELD_BOTTOM;
+    else if (*p->field_order)
+        facts->first = p->field_order[1] == 't' ? SF_FIELD_TOP : SF_FIELD_BOTTOM;
+    facts->has_fields = is_flagged && p->is_hevc && facts->rate > FIELD_RATE;
+    if (facts->has_fields) facts->height *= 2, facts->rate /= 2, facts->frames /= 2;
+}
+
+static void take_facts(FILE *out, probe *p) {
     char line[256];
-    double seconds = 0;
-    while (fgets(line, sizeof line, out)) take_fact(line, &seconds, facts);
+    sf_film_facts *facts = p->facts;
+    while (fgets(line, sizeof line, out)) take_fact(line, p);
     if (!(facts->rate > 0 && facts->rate < 1e6)) facts->rate = 0;
-    if (!(facts->frames > 0)) facts->frames = facts->rate * seconds;
+    if (!(facts->frames > 0)) facts->frames = facts->rate * p->seconds;
     if (!(facts->frames > 0 && facts->frames < 1e9)) facts->frames = 0;
+    take_fields(p);
+}
+
+/* What is done about fields, and who said that there are some. */
+static void tell_fields(sf_context *ctx, const char *video, const probe *p) {
+    char order[64] = "", frames[64] = "";
+    if (p->facts->first == SF_FIELD_NONE) return;
+    /* what ffprobe 5.1 calls the order of HEVC's fields has another meaning */
+    if (*p->field_order && !(most_are_woven(p) && p->is_hevc))
+        snprintf(order, sizeof order, "field order %s by its stream", p->field_order);
+    if (most_are_woven(p))
+        snprintf(frames, sizeof frames, "%s%d of its first %d %s say", *order ? ", and " : "as ", p->woven,
+                 p->frames, p->facts->has_fields ? "pictures" : "frames");
+    sf_log(ctx, SF_LOG_INFO, "%s: is interlaced (%s%s): %s", video, order, frames,
+           p->facts->has_fields ? "each two of its pictures, which are fields, become one frame"
+                                : "its frames are deinterlaced");
 }
 
 sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *facts) {
     pid_t pid;
     FILE *out, *errors;
     char fault[256];
+    probe p = {.facts = facts};
     *facts = (sf_film_facts){0};
     if (!sf_is_file(video)) return sf_fail(ctx, SF_ERR_IO, "%s: there is no such file", video);
     char *file = file_of(ctx, video);
@@ -139,8 +193,11 @@ sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *fac
                              "-select_streams",
                              "V:0",
                              "-show_entries",
-                             "stream=width,height,color_space,color_transfer,field_order,nb_frames,duration,"
-                             "avg_frame_rate:format=duration",
+                             "stream=codec_name,width,height,color_space,color_transfer,field_order,"
+                             "nb_frames,duration,avg_frame_rate:format=duration:"
+                             "frame=interlaced_frame,top_field_first",
+                             "-read_intervals",
+                             "%+#" FIRST_PACKETS,
                              "-of",
                              "default=noprint_wrappers=1",
                              "-i",
@@ -149,14 +206,14 @@ sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *fac
     int error = spawn((char *const *)(uintptr_t)command, &pid, &out, &errors);
     sf_free(ctx, file);
     if (error) return cannot_start(ctx, video, "ffprobe", error);
-    take_facts(out, facts);
+    take_facts(out, &p);
     finish(pid);
     first_line(errors, video, fault, sizeof fault);
     close_files(&out, &errors);
-    if (facts->width > 0 && facts->height > 0 && *facts->field_order)
-        sf_log(ctx, SF_LOG_INFO, "%s: is interlaced (field order %s): its frames are deinterlaced", video,
-               facts->field_order);
-    if (facts->width > 0 && facts->height > 0) return SF_OK;
+    if (facts->width > 0 && facts->height > 0) {
+        tell_fields(ctx, video, &p);
+        return SF_OK;
+    }
     if (*fault) return sf_fail(ctx, SF_ERR_FORMAT, "%s: ffmpeg cannot read it: %s", video, fault);
     return sf_fail(ctx, SF_ERR_FORMAT, "%s: holds no video stream", video);
 }
@@ -176,21 +233,33 @@ int sf_ffmpeg_scale(const sf_film_facts *facts, int side, const char *how, char 
  * repeat frames of a video whose rate varies. */
 enum { RATE = 30 };
 
-/* One frame of each two fields, so that their numbers stay. Before all else: it compares neighbours. */
-static const char deinterlace[] = "bwdif=mode=send_frame,";
+/* One frame of each two fields, so that their numbers stay. Before all else: it compares neighbours. bwdif
+ * takes frames that are not flagged for ones whose upper field is first. Returns the text's length. */
+static int deinterlace(const sf_film_facts *facts, char *text, size_t size) {
+    static const char *const parity[] = {
+        [SF_FIELD_FLAGGED] = "auto", [SF_FIELD_TOP] = "tff", [SF_FIELD_BOTTOM] = "bff"};
+    *text = 0;
+    if (facts->first == SF_FIELD_NONE) return 0;
+    const char *weave = !facts->has_fields                ? ""
+                        : facts->first == SF_FIELD_BOTTOM ? "weave=first_field=bottom,"
+                                                          : "weave=first_field=top,";
+    return snprintf(text, size, "%sbwdif=mode=send_frame:parity=%s,", weave, parity[facts->first]);
+}
 
 sf_status sf_frame_pipe_open(sf_frame_pipe *p, sf_context *ctx, const char *video, const sf_film_facts *facts,
                              const char *filters, int channels) {
-    enum { SPARE = 128 };
+    enum { SPARE = 192 };
     char threads[16], rate[16];
     *p = (sf_frame_pipe){.ctx = ctx, .video = video, .channels = channels};
     size_t size = strlen(filters) + SPARE;
     char *file = file_of(ctx, video), *all = sf_alloc(ctx, size, 1);
     snprintf(threads, sizeof threads, "%d", sf_pool_threads(ctx->pool));
     snprintf(rate, sizeof rate, "%d", RATE);
-    if (file && all)
-        snprintf(all, size, "%s%s,settb=1/%d,setpts=N,format=%s", *facts->field_order ? deinterlace : "",
-                 filters, RATE, channels == 1 ? "gray" : "rgb24");
+    if (file && all) {
+        int n = deinterlace(facts, all, size);
+        snprintf(all + n, size - (size_t)n, "%s,settb=1/%d,setpts=N,format=%s", filters, RATE,
+                 channels == 1 ? "gray" : "rgb24");
+    }
     const char *command[] = {
         "ffmpeg", "-nostdin",   "-v",     "error", "-threads", threads, "-i",   file,
         "-map",   "0:V:0",      "-vf",    all,     "-r",       rate,    "-c:v", channels == 1 ? "pgm" : "ppm",

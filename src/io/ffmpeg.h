@@ -7,15 +7,23 @@
 
 #include "../base/context.h"
 
+/* Which lines of a frame were filmed first, of a video whose frames each hold two fields. */
+typedef enum sf_first_field {
+    SF_FIELD_NONE,    /* frames are whole */
+    SF_FIELD_FLAGGED, /* each frame says it */
+    SF_FIELD_TOP,     /* the upper one of each two */
+    SF_FIELD_BOTTOM   /* the lower one */
+} sf_first_field;
+
 /* What ffprobe says of a video. */
 typedef struct sf_film_facts {
     int width, height; /* px, as it is coded: before it is turned */
     int has_matrix;    /* whether it says how its colours are coded */
     int is_hdr;        /* of a high dynamic range (PQ or HLG) */
-    char
-        field_order[8]; /* of an interlaced video, as ffprobe names it: tt, bb, tb, bt; "": of whole frames */
-    double frames;      /* about; 0: not known */
-    double rate;        /* frames a second, in the mean; 0: not known */
+    sf_first_field first;
+    int has_fields; /* whether each coded picture is one field: `height`, `frames` and `rate` are of two */
+    double frames;  /* about; 0: not known */
+    double rate;    /* frames a second, in the mean; 0: not known */
 } sf_film_facts;
 
 /* Interlaced video is told of. SF_ERR_IO: there is no such file, or no ffprobe; SF_ERR_FORMAT: no video
@@ -38,9 +46,9 @@ typedef struct sf_frame_pipe {
     int width, height, channels; /* 1 or 3 */
 } sf_frame_pipe;
 
-/* Starts ffmpeg: each frame of the video, deinterlaced where the facts say that it is woven of two fields,
- * passes through the filters (libavfilter's text), and comes as grey (channels 1) or RGB. SF_ERR_IO,
- * SF_ERR_MEMORY. */
+/* Starts ffmpeg: each frame of the video, deinterlaced where the facts say that it holds fields, passes
+ * through the filters (libavfilter's text), and comes as grey (channels 1) or RGB. SF_ERR_IO, SF_ERR_MEMORY.
+ */
 sf_status sf_frame_pipe_open(sf_frame_pipe *pipe, sf_context *ctx, const char *video,
                              const sf_film_facts *facts, const char *filters, int channels);
 

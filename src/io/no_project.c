@@ -173,16 +173,19 @@ static sf_status tell_unpack(sf_context *ctx, const char *what, size_t count) {
     return status;
 }
 
-/* MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI;
- * YUV4MPEG2. */
+/* MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI; YUV4MPEG2; MPEG's
+ * program streams (.vob), and transport streams, each packet of which begins with a G. */
 static int begins_as_video(const char *path) {
+    enum { PACKET = 188, LEAST = 12 };
     static const char *const stills[] = {"heic", "heix", "heif", "mif1", "msf1", "avif", NULL};
-    uint8_t start[12];
-    if (sf_read_start(path, start, sizeof start) < sizeof start) return 0;
+    uint8_t start[2 * PACKET + 1] = {0};
+    if (sf_read_start(path, start, sizeof start) < LEAST) return 0;
     for (int i = 0; stills[i]; i++)
         if (!memcmp(start + 8, stills[i], 4)) return 0;
     return !memcmp(start + 4, "ftyp", 4) || !memcmp(start, "\x1a\x45\xdf\xa3", 4) ||
-           (!memcmp(start, "RIFF", 4) && !memcmp(start + 8, "AVI ", 4)) || !memcmp(start, "YUV4MPEG2", 9);
+           (!memcmp(start, "RIFF", 4) && !memcmp(start + 8, "AVI ", 4)) || !memcmp(start, "YUV4MPEG2", 9) ||
+           !memcmp(start, "\0\0\1\xba", 4) ||
+           (start[0] == 'G' && start[PACKET] == 'G' && start[2 * PACKET] == 'G');
 }
 
 int sf_is_video(const char *path) {

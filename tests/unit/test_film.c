@@ -41,8 +41,8 @@ static const char *make_film(const char *name, const char *filters, const char *
     static char path[1024];
     snprintf(path, sizeof path, "%s", test_path(name));
     assert_int_equal(
-        shell("ffmpeg -nostdin -v error -y -loop 1 -framerate 30 -i '%s' -vf \"crop=%d:%d:x='%d*n':y=0%s\" "
-              "-frames:v %d -an %s '%s'",
+        shell("ffmpeg -nostdin -v error -y -loop 1 -framerate 60 -i '%s' -vf \"crop=%d:%d:x='%d*n':y=0%s\" "
+              "-an -frames:v %d %s '%s'",
               test_path("wide.png"), WIDTH, HEIGHT, STEP, filters, FRAMES, options, path),
         0);
     return path;
@@ -214,32 +214,123 @@ static double combing(sf_context *ctx, const char *path) {
     return odd / even;
 }
 
-/* Fields that were filmed one after the other do not stay woven, and all frames keep their numbers. */
-static void test_interlaced(void **state) {
-    (void)state;
-    char film[1024], whole[1024];
-    need_ffmpeg();
-    sf_context *ctx = test_context();
-    sf_film_options options = sf_film_options_default();
+/* At which step of the window's way a picture was filmed, of those near `step`. */
+static int step_of(sf_context *ctx, const char *path, int step) {
+    enum { NEAR = 2 };
+    sf_picture p;
+    double least = HUGE_VAL;
+    int best = -1;
+    assert_ok(ctx, sf_picture_load(ctx, path, &p));
+    assert_int_equal(p.width, WIDTH);
+    assert_int_equal(p.height, HEIGHT);
+    for (int s = step < NEAR ? 0 : step - NEAR; s <= step + NEAR && STEP * s <= WIDE - WIDTH; s++) {
+        double sum = 0;
+        for (size_t y = 8; y < HEIGHT - 8; y++)
+            for (size_t x = 0; x < WIDTH; x++)
+                sum += fabs(p.rgb[y * WIDTH + x] - tint[0] * grey[y * WIDE + x + (size_t)(STEP * s)]);
+        if (sum < least) least = sum, best = s;
+    }
+    sf_picture_free(ctx, &p);
+    return best;
+}
+
+static int has_encoder(const char *name) {
+    return !shell("ffmpeg -nostdin -v error -f lavfi -i color=s=64x64 -frames:v 1 -c:v %s -f null -", name);
+}
+
+/* A film whose frame n holds the window's steps 2n and 2n + 1 as fields, the upper one first or the lower.
+ * Who says so: `said`. */
+typedef struct woven_film {
+    const char *name, *scan, *options, *said;
+} woven_film;
+
+#define X265 "-c:v libx265 -preset ultrafast -x265-params log-level=none:crf=8:interlace="
+
+static const woven_film woven_films[] = {
+    /* the stream and the frames */
+    {"both.mkv", "tff", "-c:v mpeg2video -q:v 2 -flags +ildct+ilme -top 1",
+     "both.mkv: is interlaced (field order tt by its stream, and 8 of its first 8 frames say)"},
+    /* the frames alone */
+    {"frames.mp4", "tff", "-c:v mpeg4 -q:v 2 -flags +ildct+ilme -top 1",
+     "frames.mp4: is interlaced (as 8 of its first 8 frames say): its frames are deinterlaced"},
+    {"frames.mov", "bff", "-c:v mpeg4 -q:v 2 -flags +ildct+ilme -top 0",
+     "frames.mov: is interlaced (as 8 of its first 8 frames say)"},
+    /* the stream alone: a decoder of JPEGs knows of no fields */
+    {"stream.mkv", "tff", "-c:v mjpeg -q:v 2 -field_order tt", "(field order tt by its stream): its frames"},
+    {"stream.mov", "bff", "-c:v mjpeg -q:v 2 -field_order bb", "(field order bb by its stream): its frames"},
+    /* whole frames that are said to be fields */
+    {"whole.ts", "tff", X265 "tff", "whole.ts: is interlaced (as 8 of its first 8 frames say): its frames"},
+    {"whole.mp4", "bff", X265 "bff", "whole.mp4: is interlaced (as 8 of its first 8 frames say): its frames"},
+};
+
+/* Each picture that is coded is a field. */
+static const woven_film field_films[] = {
+    {"fields.ts", "tff", X265 "tff",
+     "fields.ts: is interlaced (as 8 of its first 8 pictures say): each two of its pictures"},
+    {"fields.mkv", "bff", X265 "bff",
+     "fields.mkv: is interlaced (as 8 of its first 8 pictures say): each two of its pictures"},
+};
+
+enum { FILM_FRAMES = 40, TAKEN = 4 };
+
+/* Fields that were filmed one after the other do not stay woven; frames keep their numbers and show what the
+ * first field does. */
+static void check_woven(sf_context *ctx, const woven_film *film, int has_fields) {
+    char path[1024], filters[128], options[512];
     sf_film_info info;
-    options.frames = 4;
-    snprintf(whole, sizeof whole, "%s", make_film("whole_frames.mp4", ",boxblur=2", "-c:v mpeg4 -q:v 2"));
-    snprintf(film, sizeof film, "%s",
-             make_film("woven.mkv", ",boxblur=2,interlace=scan=tff:lowpass=off",
-                       "-c:v mpeg2video -q:v 2 -field_order tt -flags +ildct+ilme"));
-    test_log_clear();
-    assert_ok(ctx, sf_film_take_frames(ctx, whole, test_path("whole_frames"), &options, &info));
-    assert_string_equal(test_log, "");
-    assert_ok(ctx, sf_film_take_frames(ctx, film, test_path("woven"), &options, &info));
-    test_assert_contains(test_log, "woven.mkv: is interlaced (field order t", __FILE__, __LINE__);
-    assert_int_equal(info.frames, FRAMES);
+    sf_film_options wanted = sf_film_options_default();
     int numbers[FRAMES];
-    assert_int_equal(numbers_in(test_path("woven"), numbers), 4);
-    for (int i = 0; i < 4; i++) {
+    wanted.frames = TAKEN;
+    snprintf(filters, sizeof filters, ",boxblur=2,interlace=scan=%s:lowpass=off%s", film->scan,
+             has_fields ? ",separatefields" : "");
+    snprintf(options, sizeof options, "-pix_fmt yuv%s420p -frames:v %d %s",
+             strstr(film->options, "mjpeg") ? "j" : "", has_fields ? 2 * FILM_FRAMES : FILM_FRAMES,
+             film->options);
+    snprintf(path, sizeof path, "%s", make_film(film->name, filters, options));
+    assert_true(sf_film_is(path));
+    test_log_clear();
+    assert_ok(ctx, sf_film_take_frames(ctx, path, test_path("woven"), &wanted, &info));
+    test_assert_contains(test_log, film->said, __FILE__, __LINE__);
+    assert_int_equal(info.frames, FILM_FRAMES);
+    assert_int_equal(numbers_in(test_path("woven"), numbers), TAKEN);
+    for (int i = 0; i < TAKEN; i++) {
         char name[64];
         snprintf(name, sizeof name, "frame_%06d.jpg", numbers[i]);
         assert_true(combing(ctx, test_path_in("woven", name)) < 0.8);
+        assert_int_equal(step_of(ctx, test_path_in("woven", name), 2 * numbers[i]), 2 * numbers[i]);
     }
+    assert_int_equal(shell("rm -r '%s'", test_path("woven")), 0);
+}
+
+static void test_interlaced(void **state) {
+    (void)state;
+    need_ffmpeg();
+    sf_context *ctx = test_context();
+    int has_x265 = has_encoder("libx265");
+    for (size_t f = 0; f < sizeof woven_films / sizeof *woven_films; f++)
+        if (has_x265 || !strstr(woven_films[f].options, "libx265")) check_woven(ctx, &woven_films[f], 0);
+    sf_context_destroy(&ctx);
+}
+
+static void test_coded_fields(void **state) {
+    (void)state;
+    need_ffmpeg();
+    if (!has_encoder("libx265")) test_skip("ffmpeg has no libx265");
+    sf_context *ctx = test_context();
+    for (size_t f = 0; f < sizeof field_films / sizeof *field_films; f++)
+        check_woven(ctx, &field_films[f], 1);
+    sf_context_destroy(&ctx);
+}
+
+/* Nothing is said or done of whole frames. */
+static void test_whole_frames(void **state) {
+    (void)state;
+    need_ffmpeg();
+    sf_context *ctx = test_context();
+    const char *film = make_film("whole_frames.mp4", ",boxblur=2", "-c:v mpeg4 -q:v 2");
+    test_log_clear();
+    take(ctx, film, "whole_frames", TAKEN);
+    assert_string_equal(test_log, "");
     sf_context_destroy(&ctx);
 }
 
@@ -345,9 +436,11 @@ static void test_no_ffmpeg(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sharp_frames), cmocka_unit_test(test_colours),
-                                       cmocka_unit_test(test_size),         cmocka_unit_test(test_interlaced),
-                                       cmocka_unit_test(test_bad_films),    cmocka_unit_test(test_cancel),
-                                       cmocka_unit_test(test_options),      cmocka_unit_test(test_no_ffmpeg)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_sharp_frames), cmocka_unit_test(test_colours),
+        cmocka_unit_test(test_size),         cmocka_unit_test(test_interlaced),
+        cmocka_unit_test(test_coded_fields), cmocka_unit_test(test_whole_frames),
+        cmocka_unit_test(test_bad_films),    cmocka_unit_test(test_cancel),
+        cmocka_unit_test(test_options),      cmocka_unit_test(test_no_ffmpeg)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

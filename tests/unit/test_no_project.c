@@ -65,6 +65,14 @@ static void test_videos_by_content(void **state) {
         test_write(test_path(films[i].name), films[i].bytes, strlen(films[i].bytes));
         assert_says(SF_ERR_FORMAT, films[i].name, (const char *[]){"no project: a video", ".project'", NULL});
     }
+    uint8_t packets[3 * 188] = {[0] = 'G', [188] = 'G', [2 * 188] = 'G'};
+    test_write(test_path("ts"), packets, sizeof packets);
+    assert_says(SF_ERR_FORMAT, "ts", (const char *[]){"ts: no project: a video", NULL});
+    packets[188] = 'H';
+    test_write(test_path("ts"), packets, sizeof packets);
+    assert_says(SF_ERR_FORMAT, "ts", (const char *[]){"ts: is neither a folder", NULL});
+    test_write(test_path("vob"), "\0\0\1\xba............", 16);
+    assert_says(SF_ERR_FORMAT, "vob", (const char *[]){"vob: no project: a video", NULL});
     test_write(test_path("still"), "\1\1\1\40ftypheic....", 16);
     assert_says(SF_ERR_FORMAT, "still", (const char *[]){"still: is neither a folder", NULL});
 }
