@@ -35,8 +35,8 @@ typedef enum sf_alpha {
 
 /* How a project is read. Start from sf_load_options_default(). */
 typedef struct sf_load_options {
-    const char *images;    /* folder of the pictures inside the project; NULL: images, else, with COLMAP, the
-                              largest of images_2, images_4, images_8 that exists (logged) */
+    const char *images;    /* folder of the pictures inside the project; NULL: images, else the largest of
+                              images_2, images_4, images_8 that exists (logged; COLMAP, transforms.json) */
     int downscale;         /* box-average pictures by this, 1..64; libjpeg does a part of it for JPEGs */
     int hold_out;          /* every n-th view in name order, from the first, is held out; 0: none */
     const char *test_list; /* a text file with one picture name a line: these are held out instead */

@@ -71,9 +71,20 @@ static sf_status read_folder(sf_project *p, const char *path, const sf_load_opti
     return status;
 }
 
+/* Blender's file of training views stands for its folder: the held-out views are in another file. */
+static sf_status read_pair_of(sf_project *p, const char *path, const sf_load_options *options) {
+    char *folder = sf_path_folder(p->ctx, path);
+    sf_status status = folder ? sf_transforms_read_pair(p, folder, options) : SF_ERR_MEMORY;
+    sf_free(p->ctx, folder);
+    return status;
+}
+
 /* By its content: transforms have an object, OpenSfM has an array. */
 static sf_status read_json(sf_project *p, const char *path, const sf_load_options *options) {
-    return sf_opensfm_is(path) ? sf_opensfm_read(p, path, options) : sf_transforms_read(p, path, options);
+    const char *slash = strrchr(path, '/');
+    if (sf_opensfm_is(path)) return sf_opensfm_read(p, path, options);
+    if (!strcmp(slash ? slash + 1 : path, "transforms_train.json")) return read_pair_of(p, path, options);
+    return sf_transforms_read(p, path, options);
 }
 
 static sf_status read_project(sf_project *p, const char *path, const sf_load_options *options) {

@@ -2,6 +2,7 @@
 #include "transforms.h"
 
 #include "../base/linear.h"
+#include "frame_pictures.h"
 #include "json_read.h"
 #include "ply.h"
 #include "paths.h"
@@ -23,7 +24,9 @@ typedef struct reader {
     sf_project *project;
     const char *file;
     const sf_load_options *options;
-    char *folder; /* of the file: its paths start there */
+    char *folder;       /* of the file: its paths start there */
+    const char *images; /* in place of the images/ of names; NULL: images/ */
+    size_t named;       /* names that begin with images/ */
     const json_t *root;
     sf_split split; /* of the frames, unless the file lists names */
 } reader;
@@ -89,7 +92,10 @@ static sf_status find_model(const frame *f, const sf_lens_model **model) {
         if (lookup(f, flags[i]) && !json_is_false(lookup(f, flags[i])))
             status = frame_fail(f, SF_ERR_UNSUPPORTED, flags[i], "such pictures are not supported");
     if (status) return status;
-    if (json_is_true(lookup(f, "is_fisheye"))) name = "OPENCV_FISHEYE";
+    const json_t *fisheye = lookup(f, "is_fisheye");
+    if (fisheye && !json_is_boolean(fisheye))
+        return frame_fail(f, SF_ERR_FORMAT, "is_fisheye", "is not true or false");
+    if (json_is_true(fisheye)) name = "OPENCV_FISHEYE";
     if (lookup(f, "ftheta_p0")) name = "FTHETA";
     *model = sf_lens_model_named(name ? name : "OPENCV");
     if (*model && (*model)->layout && (*model)->projection != SF_FIELD_OF_VIEW) return SF_OK;
@@ -119,15 +125,30 @@ static sf_status find_terms(const frame *f, const sf_lens_model *model, sf_optic
     return SF_OK;
 }
 
-/* From the file, otherwise the picture's own. A picture that cannot be read leaves 0: its view is skipped
- * later. */
-static sf_status find_size(const frame *f, sf_entry *e) {
+/* Of all that are in px. */
+static int says_lengths(const frame *f) {
+    static const char *const keys[] = {"fl_x", "fl_y", "cx", "cy"};
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        if (lookup(f, keys[i])) return 1;
+    return 0;
+}
+
+/* From the file, otherwise the picture's own: not that of a smaller copy, where the lens is in px. A picture
+ * that cannot be read leaves 0: its view is skipped later. */
+static sf_status find_picture(const frame *f, sf_entry *e) {
+    reader *r = f->r;
+    int named;
     sf_status status = get_side(f, "w", &e->width);
     if (!status) status = get_side(f, "h", &e->height);
-    if (status || (e->width && e->height)) return status;
-    if (e->width || e->height) return frame_fail(f, SF_ERR_FORMAT, e->width ? "h" : "w", "is missing");
-    status = sf_picture_size(f->r->ctx, e->path, &e->width, &e->height);
-    return status == SF_ERR_MEMORY ? status : SF_OK;
+    if (status) return status;
+    if (!e->width != !e->height) return frame_fail(f, SF_ERR_FORMAT, e->width ? "h" : "w", "is missing");
+    status = sf_frame_find_picture(r->ctx, r->folder, r->images, e, &named);
+    r->named += named != 0;
+    if (status || e->width || !r->images || !named) return status;
+    if (says_lengths(f))
+        return frame_fail(f, SF_ERR_FORMAT, "w",
+                          "is missing, and so is the picture in images/: the lens is given in its pixels");
+    return sf_picture_size(r->ctx, e->path, &e->width, &e->height) == SF_ERR_MEMORY ? SF_ERR_MEMORY : SF_OK;
 }
 
 static double focal(double side, double angle) { return side / 2 / tan(angle / 2); }
@@ -170,9 +191,8 @@ static sf_status find_focal(const frame *f, sf_entry *e) {
 }
 
 static sf_status find_lens(const frame *f, sf_entry *e) {
-    const sf_lens_model *model;
+    const sf_lens_model *model = NULL;
     sf_status status = find_model(f, &model);
-    if (!status) status = find_size(f, e);
     if (status) return status;
     e->lens = (sf_optics){
         .model = model->name, .projection = model->projection, .cx = e->width / 2.0, .cy = e->height / 2.0};
@@ -303,20 +323,6 @@ static sf_status find_pose(const frame *f, sf_entry *e) {
 
 /* Files. */
 
-/* Pictures of another size stand in images_4/ under the same names. */
-static sf_status choose_images(const reader *r, sf_entry *e) {
-    static const char usual[] = "images/";
-    const char *wanted = r->options->images;
-    if (!wanted || strncmp(e->name, usual, sizeof usual - 1) != 0) return SF_OK;
-    char *images = sf_path_join(r->ctx, r->folder, wanted);
-    char *path = images ? sf_path_join(r->ctx, images, e->name + sizeof usual - 1) : NULL;
-    sf_free(r->ctx, images);
-    if (!path) return SF_ERR_MEMORY;
-    sf_free(r->ctx, e->path);
-    e->path = path;
-    return SF_OK;
-}
-
 /* The path in the file's folder of the name that stands at the key. */
 static sf_status find_inside(const frame *f, const char *key, const char *name, char **path) {
     char *plain = sf_plain_name(f->r->ctx, f->r->folder, name);
@@ -338,8 +344,6 @@ static sf_status find_mask(const frame *f, sf_entry *e) {
 }
 
 static sf_status read_frame(reader *r, size_t index, const json_t *json) {
-    /* Blender leaves the ending out. */
-    static const char *const endings[] = {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", NULL};
     frame f = {.r = r, .json = json, .index = index};
     sf_entry *e;
     if (!json_is_object(json))
@@ -350,8 +354,7 @@ static sf_status read_frame(reader *r, size_t index, const json_t *json) {
     sf_status status = sf_project_add(r->project, r->file, r->folder, json_string_value(name), &e);
     if (status) return status;
     e->split = r->split;
-    status = choose_images(r, e);
-    if (!status) status = sf_entry_complete(r->ctx, e, endings);
+    status = find_picture(&f, e);
     if (!status) status = find_pose(&f, e);
     if (!status) status = find_lens(&f, e);
     return status ? status : find_mask(&f, e);
@@ -365,6 +368,11 @@ static sf_status read_frames(reader *r) {
     sf_status status = SF_OK;
     for (size_t i = 0; !status && i < json_array_size(frames); i++)
         status = read_frame(r, i, json_array_get(frames, i));
+    if (!status && r->options->images && !r->named && json_array_size(frames))
+        return sf_fail(r->ctx, SF_ERR_ARGUMENT,
+                       "%s: images: %s: no file_path begins with images/, in whose place it would be taken; "
+                       "--downscale makes pictures smaller",
+                       r->file, r->options->images);
     return status;
 }
 
@@ -439,6 +447,7 @@ static sf_status read_part(sf_project *project, const char *file, const sf_load_
     r.folder = sf_path_folder(r.ctx, file);
     if (!r.folder) return SF_ERR_MEMORY;
     sf_status status = sf_project_set_folder(project, r.folder);
+    if (!status) status = sf_frame_images(r.ctx, r.folder, options->images, &r.images);
     if (!status) status = read_all(&r);
     sf_free(r.ctx, r.folder);
     return status;
