@@ -1,16 +1,20 @@
 /* colmap.c - see colmap.h. */
 #include "colmap.h"
 
+#include <limits.h>
 #include <locale.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "../base/file.h"
+#include "around.h"
 #include "colmap_binary.h"
 #include "colmap_files.h"
 #include "colmap_records.h"
 #include "colmap_text.h"
 #include "paths.h"
+#include "ply.h"
 
 /* A file of either kind. */
 
@@ -65,13 +69,27 @@ static sf_status read_file(sf_colmap_reader *r, const file_kind *kind,
     return status;
 }
 
+/* Other programs write COLMAP's cameras with their own points. */
+static sf_status read_cloud(sf_colmap_reader *r) {
+    static const char name[] = "points3D.ply";
+    sf_project *p = r->project;
+    if (!sf_holds_file(r->model, name)) {
+        sf_log(r->ctx, SF_LOG_WARNING,
+               "%s: no points3D.bin, points3D.txt or points3D.ply: the scene has no points", r->model);
+        return SF_OK;
+    }
+    char *path = sf_path_join(r->ctx, r->model, name);
+    sf_status status = path ? sf_ply_read_points(r->ctx, path, &p->xyz, &p->rgb, &p->points) : SF_ERR_MEMORY;
+    sf_free(r->ctx, path);
+    return status;
+}
+
 static sf_status read_all(sf_colmap_reader *r) {
     sf_status status = read_file(r, &cameras_file, sf_colmap_sort_cameras);
     if (!status) status = read_file(r, &images_file, sf_colmap_check_image_ids);
     if (status) return status;
     if (sf_colmap_file_in(r->model, &sf_colmap_points)) return read_file(r, &points_file, NULL);
-    sf_log(r->ctx, SF_LOG_WARNING, "%s: no points3D.bin or points3D.txt: the scene has no points", r->model);
-    return SF_OK;
+    return read_cloud(r);
 }
 
 /* A file of cameras alone. */
@@ -133,9 +151,50 @@ static sf_status look_for_pictures(sf_context *ctx, const char *path, const char
     return SF_OK;
 }
 
+static int holds_folder(const char *folder, const char *name) {
+    char path[PATH_MAX];
+    int size = snprintf(path, sizeof path, "%s/%s", folder, name);
+    return size > 0 && (size_t)size < sizeof path && sf_is_folder(path);
+}
+
+/* As COLMAP's automatic_reconstructor leaves it in dense/0. */
+static int is_whole(const char *folder) { return sf_holds_project(folder) && holds_folder(folder, "images"); }
+
+/* Names the folder that the user may have meant: a whole project further down, or pictures under another
+ * name. */
 static sf_status no_pictures(sf_context *ctx, const char *path) {
-    return sf_fail(ctx, SF_ERR_IO,
-                   "%s: no folder of pictures: looked for images, images_2, images_4, images_8", path);
+    static const char none[] = "no folder of pictures: looked for images, images_2, images_4, images_8";
+    static const char *const beside[] = {"../images", "../input"};
+    char name[PATH_MAX];
+    if (sf_find_folder(path, is_whole, name))
+        return sf_fail(ctx, SF_ERR_IO, "%s: %s; the project in '%s/%s' has one: give that instead", path,
+                       none, path, name);
+    if (sf_find_folder(path, sf_holds_pictures, name))
+        return sf_fail(ctx, SF_ERR_IO, "%s: %s; if it is '%s', add --images '%s'", path, none, name, name);
+    for (size_t i = 0; i < sizeof beside / sizeof *beside; i++) /* ns-process-data's and INRIA's */
+        if (holds_folder(path, beside[i]))
+            return sf_fail(ctx, SF_ERR_IO, "%s: %s; if it is '%s', add --images '%s'", path, none, beside[i],
+                           beside[i]);
+    return sf_fail(ctx, SF_ERR_IO, "%s: %s; --images NAME names another", path, none);
+}
+
+/* COLMAP may have been told of the project's folder as that of the pictures: names begin with images/ then.
+ */
+static sf_status start_names_above(sf_project *p, const char *above) {
+    size_t found = 0;
+    for (size_t i = 0; i < p->count; i++)
+        if (sf_is_file(p->entries[i].path)) return SF_OK;
+    for (size_t i = 0; i < p->count; i++) found += sf_holds_file(above, p->entries[i].name) != 0;
+    if (!found) return SF_OK;
+    sf_log(p->ctx, SF_LOG_INFO, "%s: names of pictures begin in it, not in its folder images", above);
+    for (size_t i = 0; i < p->count; i++) {
+        sf_entry *e = &p->entries[i];
+        char *path = sf_path_join(p->ctx, above, e->name);
+        if (!path) return SF_ERR_MEMORY;
+        sf_free(p->ctx, e->path);
+        e->path = path;
+    }
+    return SF_OK;
 }
 
 static int holds_any(const sf_project *p) {
@@ -176,6 +235,7 @@ sf_status sf_colmap_read(sf_project *project, const char *path, const char *mode
     }
     sf_colmap_reader r = {.ctx = project->ctx, .project = project, .model = model, .pictures = pictures};
     status = read_all(&r);
+    if (!status && !beside && !options->images) status = start_names_above(project, project->folder);
     if (!status && beside && !holds_any(project)) status = no_pictures(project->ctx, path);
     sf_free(r.ctx, r.cameras);
     sf_free(r.ctx, r.image_ids);

@@ -106,14 +106,25 @@ sf_status sf_colmap_parse_cameras(sf_colmap_reader *r, char *data) {
     return status;
 }
 
-/* The line of observations is not used, but a line that is none shows that lines are missing. */
+static int is_number(const char *word) {
+    char *end;
+    strtod(word, &end);
+    return end > word && !*end;
+}
+
+/* The line of observations is not used, but a line that is none, such as the next image's, shows that lines
+ * are missing. */
 static sf_status skip_observations(text *t) {
     size_t words = 0;
+    const char *last = "0";
     if (!next_line(t)) return SF_OK;
-    for (; *t->at; words++) next_word(t);
-    if (words % 3 == 0) return SF_OK;
-    return sf_fail(t->r->ctx, SF_ERR_FORMAT, "%s: line %lu: observations: %zu words are not x, y, id each",
-                   t->r->file, t->line, words);
+    for (; *t->at; words++) last = next_word(t);
+    if (words % 3 == 0 && is_number(last)) return SF_OK;
+    return sf_fail(
+        t->r->ctx, SF_ERR_FORMAT,
+        "%s: line %lu: observations: %zu words are not x, y, id each: an image is two lines, of which "
+        "the second may be empty",
+        t->r->file, t->line, words);
 }
 
 static sf_status parse_image(text *t) {

@@ -1,6 +1,7 @@
 /* load_project.c - which kind of project a path holds, and how it becomes a scene. */
 #include "load_project.h"
 
+#include "around.h"
 #include "colmap.h"
 #include "copies.h"
 #include "mask.h"
@@ -130,18 +131,30 @@ static int only_entry(const char *path, char name[NAME_MAX + 1]) {
     return count == 1;
 }
 
+/* The project of an archive that holds other things beside it. */
+static sf_status load_beside(sf_project *p, const char *top, const sf_load_options *options,
+                             sf_scene **scene) {
+    char name[PATH_MAX];
+    if (sf_holds_project(top) || !sf_find_folder(top, sf_holds_project, name))
+        return load_from(p, top, options, scene);
+    char *inside = sf_path_join(p->ctx, top, name);
+    sf_status status = inside ? load_from(p, inside, options, scene) : SF_ERR_MEMORY;
+    sf_free(p->ctx, inside);
+    return status;
+}
+
 /* Archives often hold the project's folder, not what is in it: the project in `top`, at most MOST_AROUND
  * folders down. */
 static sf_status load_inside(sf_project *p, const char *top, int depth, const sf_load_options *options,
                              sf_scene **scene) {
     char name[NAME_MAX + 1];
     if (depth == MOST_AROUND || sf_holds_project(top) || !only_entry(top, name))
-        return load_from(p, top, options, scene);
+        return load_beside(p, top, options, scene);
     char *inside = sf_path_join(p->ctx, top, name);
     sf_status status = SF_ERR_MEMORY;
     if (inside)
         status = sf_is_folder(inside) ? load_inside(p, inside, depth + 1, options, scene)
-                                      : load_from(p, top, options, scene);
+                                      : load_beside(p, top, options, scene);
     sf_free(p->ctx, inside);
     return status;
 }

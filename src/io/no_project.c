@@ -3,6 +3,7 @@
 
 #include "../base/context.h"
 #include "../base/file.h"
+#include "around.h"
 #include "dataset.h"
 #include "paths.h"
 #include "picture_names.h"
@@ -18,7 +19,7 @@
 static const char *const videos[] = {".mp4",  ".mov", ".m4v", ".mkv",  ".webm", ".avi", ".mts",
                                      ".m2ts", ".3gp", ".mpg", ".mpeg", ".wmv",  ".y4m", NULL};
 
-static int is_video_name(const char *name) {
+int sf_is_video_name(const char *name) {
     const char *dot = strrchr(name, '.');
     for (const char *const *ending = videos; dot && *ending; ending++)
         if (!strcasecmp(dot, *ending)) return 1;
@@ -26,13 +27,13 @@ static int is_video_name(const char *name) {
 }
 
 /* How many files of the folder are wanted; the name of one of them in `name`. */
-static size_t count_files(const char *path, int (*is_wanted)(const char *name), char name[NAME_MAX + 1]) {
+static size_t count_files(const char *path, int (*is_wanted)(const char *name), char name[PATH_MAX]) {
     DIR *folder = opendir(path);
     const struct dirent *e;
     size_t count = 0;
     while (folder && (e = readdir(folder))) {
         if (!is_wanted(e->d_name) || !sf_holds_file(path, e->d_name)) continue;
-        snprintf(name, NAME_MAX + 1, "%s", e->d_name);
+        snprintf(name, PATH_MAX, "%s", e->d_name);
         count++;
     }
     if (folder) closedir(folder);
@@ -106,6 +107,23 @@ static sf_status tell_photos(sf_context *ctx, const char *folder, size_t count) 
     return status;
 }
 
+/* The pictures are further down; other kinds of pictures, depths for example, may be beside them. */
+static sf_status tell_photos_in(sf_context *ctx, const char *folder, const char *name) {
+    char *path = sf_path_join(ctx, folder, name), *P = quote(ctx, folder, stem(folder), ".project");
+    char *photos = path ? quote(ctx, path, (int)strlen(path), "") : NULL;
+    sf_status status = SF_ERR_MEMORY;
+    if (P && photos)
+        status =
+            sf_fail(ctx, SF_ERR_IO,
+                    "%s: no project: pictures in '%s', but no cameras. This finds them: splatfit cameras %s "
+                    "-o %s",
+                    folder, name, photos, P);
+    sf_free(ctx, path);
+    sf_free(ctx, P);
+    sf_free(ctx, photos);
+    return status;
+}
+
 /* COLMAP's database says what was found in pictures, not where the cameras were: the mapper does. */
 static sf_status tell_database(sf_context *ctx, const char *folder) {
     char *P = quote(ctx, folder, stem(folder), "");
@@ -155,22 +173,36 @@ static sf_status tell_videos(sf_context *ctx, const char *folder, const char *na
     return status;
 }
 
-/* What an archive holds lies in a folder that is removed again: cameras are found of the user's own. */
-static sf_status tell_unpack(sf_context *ctx, const char *what, size_t count) {
-    const char *zip = ctx->archive, *dot = strrchr(zip, '.');
-    char *file = quote(ctx, zip, (int)strlen(zip), "");
-    char *to =
-        quote(ctx, zip, dot && dot > zip ? (int)(dot - zip) : (int)strlen(zip), dot ? "" : ".unpacked");
+/* What an archive holds lies in a folder that is removed again: cameras are found of the user's own.
+ * `inside`: the path in it of what is to be fitted, "" for all. */
+static sf_status tell_unpack(sf_context *ctx, const char *zip, const char *what, const char *inside) {
+    const char *dot = strrchr(zip, '.'), *slash = strrchr(zip, '/');
+    int length = dot && dot > (slash ? slash + 1 : zip) ? (int)(dot - zip) : (int)strlen(zip);
+    const char *ending = zip[length] ? "" : ".unpacked";
+    char text[PATH_MAX];
+    int size = snprintf(text, sizeof text, "%.*s%s%s%s", length, zip, ending, *inside ? "/" : "", inside);
+    char *file = quote(ctx, zip, (int)strlen(zip), ""), *to = quote(ctx, zip, length, ending);
+    char *fitted = size < PATH_MAX ? quote(ctx, text, size, "") : NULL;
     sf_status status = SF_ERR_MEMORY;
-    if (file && to)
-        status =
-            sf_fail(ctx, SF_ERR_IO,
-                    "%s: no project: %zu %s, but no cameras. This finds them and fits: unzip %s -d %s && "
-                    "splatfit fit %s -o splat.ply",
-                    zip, count, what, file, to, to);
+    if (file && to && fitted)
+        status = sf_fail(ctx, SF_ERR_IO,
+                         "%s: no project: %s, but no cameras. This finds them and fits: unzip %s -d %s && "
+                         "splatfit fit %s -o splat.ply",
+                         zip, what, file, to, fitted);
     sf_free(ctx, file);
     sf_free(ctx, to);
+    sf_free(ctx, fitted);
     return status;
+}
+
+static sf_status tell_unpack_pictures(sf_context *ctx, size_t count) {
+    char what[64];
+    snprintf(what, sizeof what, "%zu pictures", count);
+    return tell_unpack(ctx, ctx->archive, what, "");
+}
+
+sf_status sf_no_project_of_archive(sf_context *ctx, const char *zip, const char *video) {
+    return tell_unpack(ctx, zip, "a video", video);
 }
 
 /* MP4 and QuickTime, but for the still pictures that begin alike; Matroska and WebM; AVI; YUV4MPEG2; MPEG's
@@ -189,26 +221,32 @@ static int begins_as_video(const char *path) {
 }
 
 int sf_is_video(const char *path) {
-    return sf_is_file(path) && (is_video_name(path) || begins_as_video(path));
+    return sf_is_file(path) && (sf_is_video_name(path) || begins_as_video(path));
 }
 
-int sf_names_video(const char *path) { return is_video_name(path) || sf_is_video(path); }
+int sf_names_video(const char *path) { return sf_is_video_name(path) || sf_is_video(path); }
 
 sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
-    char name[NAME_MAX + 1], ending[SF_ENDING];
+    char name[PATH_MAX], ending[SF_ENDING];
     char *images = sf_path_join(ctx, folder, "images");
     if (!images) return SF_ERR_MEMORY;
     size_t in_images = count_files(images, sf_is_picture_name, name);
     sf_free(ctx, images);
-    if (in_images && ctx->archive) return tell_unpack(ctx, "pictures", in_images);
+    if (in_images && ctx->archive) return tell_unpack_pictures(ctx, in_images);
+    if (in_images && sf_find_folder(folder, sf_holds_project, name))
+        return sf_fail(
+            ctx, SF_ERR_IO,
+            "%s: no project here, but cameras in '%s': give '%.*s/%s' instead; splatfit cameras finds "
+            "new ones",
+            folder, name, stem(folder), folder, name);
     if (in_images) return tell_images(ctx, folder, in_images);
     size_t here = count_files(folder, sf_is_picture_name, name);
-    if (here && ctx->archive) return tell_unpack(ctx, "pictures", here);
+    if (here && ctx->archive) return tell_unpack_pictures(ctx, here);
     if (here) {
         sf_status status = tell_project_above(ctx, folder, sf_path_join(ctx, folder, ".."));
         return status ? status : tell_photos(ctx, folder, here);
     }
-    if (count_files(folder, is_video_name, name)) return tell_videos(ctx, folder, name);
+    if (count_files(folder, sf_is_video_name, name)) return tell_videos(ctx, folder, name);
     if (sf_holds_file(folder, "database.db")) return tell_database(ctx, folder);
     size_t unread = sf_count_unread_pictures(folder, ending);
     if (unread)
@@ -217,6 +255,10 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
             "%s: no project: %zu %s files, which are not read: make .jpg or .png of them (ImageMagick, in "
             "that folder: mogrify -format jpg '*%s')",
             folder, unread, ending, ending);
+    if (sf_find_folder(folder, sf_holds_project, name))
+        return sf_fail(ctx, SF_ERR_IO, "%s: no project here, but in '%s': give '%.*s/%s' instead", folder,
+                       name, stem(folder), folder, name);
+    if (sf_find_folder(folder, sf_holds_pictures, name)) return tell_photos_in(ctx, folder, name);
     return sf_fail(
         ctx, SF_ERR_IO,
         "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for transforms.json, "

@@ -18,7 +18,9 @@ int sf_zip_is(const char *path) {
 #ifdef SF_HAVE_LIBZIP
 
 #include "dataset.h"
+#include "no_project.h"
 #include "paths.h"
+#include "picture_names.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -129,19 +131,23 @@ static sf_status check_sizes(const archive *a, uint64_t unpacked, uint64_t packe
 
 static sf_status check_all(const archive *a, zip_uint64_t count) {
     uint64_t unpacked = 0, packed = 0;
-    size_t found = 0;
+    size_t found = 0, pictures = 0;
+    char video[MAX_NAME] = "";
     for (zip_uint64_t i = 0; i < count; i++) {
         zip_stat_t st;
         char name[MAX_NAME];
         int wanted;
         sf_status status = look_at(a, i, &st, name, &wanted);
         if (status) return status;
+        if (!*video && sf_is_video_name(name)) strcpy(video, name);
         if (!wanted) continue;
+        pictures += sf_is_picture_name(name) != 0;
         if (st.comp_size > a->size) return check_sizes(a, 0, st.comp_size);
         unpacked += st.size;
         packed += st.comp_size;
         found++;
     }
+    if (*video && !pictures) return sf_no_project_of_archive(a->ctx, a->path, video);
     if (!found) return sf_fail(a->ctx, SF_ERR_FORMAT, "%s: holds no picture and no model", a->path);
     return check_sizes(a, unpacked, packed);
 }

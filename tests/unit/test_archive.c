@@ -109,7 +109,6 @@ static void test_what_the_dead_left_goes(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* A folder that is not there is said, and is tried no longer than that takes. */
 /* Photos alone: the advice names the archive, never the folder that it was unpacked to. */
 static void test_photos_alone(void **state) {
     (void)state;
@@ -132,6 +131,26 @@ static void test_photos_alone(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A video alone, which is not unpacked: the advice names where it will lie. */
+static void test_video_alone(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    sf_scene *scene;
+    zip_t *zip = zip_open(test_path("film.zip"), ZIP_CREATE | ZIP_TRUNCATE, NULL);
+    assert_non_null(zip);
+    assert_true(zip_file_add(zip, "notes.txt", zip_source_buffer(zip, "x", 1, 0), 0) >= 0);
+    assert_true(zip_file_add(zip, "clip/walk.MP4", zip_source_buffer(zip, "x", 1, 0), 0) >= 0);
+    assert_int_equal(zip_close(zip), 0);
+    assert_status(ctx, sf_scene_load(ctx, test_path("film.zip"), NULL, &scene), SF_ERR_IO);
+    assert_error_names(ctx, "film.zip: no project: a video, but no cameras");
+    assert_error_names(ctx, "/film.zip' -d '");
+    assert_error_names(ctx, "/film' && splatfit fit '");
+    assert_error_names(ctx, "/film/clip/walk.MP4' -o splat.ply");
+    assert_null(strstr(sf_last_error(ctx), "splatfit-zip-"));
+    sf_context_destroy(&ctx);
+}
+
+/* A folder that is not there is said, and is tried no longer than that takes. */
 static void test_no_folder(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -241,6 +260,7 @@ int main(int argc, char **argv) {
     test_begin(argc, argv, unpack);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_photos_alone),
+        cmocka_unit_test(test_video_alone),
         cmocka_unit_test(test_what_the_dead_left_goes),
         cmocka_unit_test(test_no_folder),
 

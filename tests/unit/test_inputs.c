@@ -147,6 +147,7 @@ static void zip_project(const char *project, const char *front) {
     char name[256];
     memset(&a, 0, sizeof a);
     inputs_add_entry(&a, "__MACOSX/._odd", (const uint8_t *)"odd", 3, 3, 0, 0100644);
+    if (!strcmp(front, "beside/")) inputs_add_entry(&a, "notes.txt", (const uint8_t *)"n", 1, 1, 0, 0100644);
     pack(&a, test_path(project), front);
     snprintf(name, sizeof name, "%s.zip", project);
     inputs_put_archive(&a, name);
@@ -322,6 +323,7 @@ static const fixture fixtures[] = {
 #ifdef SF_HAVE_LIBZIP
     {"zip_colmap", zip_colmap, "", .open = ".zip", C},
     {"zip_folders", zip_ngp, "data/my scene/", .open = ".zip", T, .no_points = 1},
+    {"zip_beside", zip_ngp, "beside/", .open = ".zip", T, .no_points = 1}, /* a file beside its folder */
     {"zip_blender", zip_blender, "lego/", .open = ".zip", B, .color = 1},
     {"zip_opensfm", zip_opensfm, "", .open = ".zip", O},
 #endif
