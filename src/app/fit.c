@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "photo_project.h"
 #include "ranks.h"
 #include "training_log.h"
 
@@ -362,6 +363,8 @@ static int load_scene(fit_run *r) {
     if (!known || app_has_ranks(r->ctx)) error = app_find_cameras_once(r->a, r->ctx, known, r->out, &found);
     if (!error && known && args_value(r->a, "lens"))
         error = app_say(r->a, path, "--lens is for photos or a video without cameras, which this is not");
+    if (!error && known && app_is_first_rank(r->ctx) && !args_value(r->a, "quiet"))
+        error = project_tell_change(r->a, r->ctx, path);
     if (!error) error = app_load_within(r->a, r->ctx, found ? found : path, memory, &r->scene);
     free(found);
     return error;

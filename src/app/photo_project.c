@@ -124,6 +124,20 @@ int project_compare(const args *a, sf_context *ctx, const char *project, const c
     return sf_sfm_compare_photos(ctx, photos, cameras, note, change) ? app_fail(a, ctx) : 0;
 }
 
+int project_tell_change(const args *a, sf_context *ctx, const char *project) {
+    char images[PATH_MAX];
+    sf_photos_change c;
+    if (snprintf(images, sizeof images, "%s/images", project) >= PATH_MAX) return 0;
+    if (access(images, R_OK)) return 0; /* loading the project says so */
+    int error = project_compare(a, ctx, project, images, &c);
+    if (error || !c.noted || c.other_cameras || !(c.added || c.removed || c.replaced)) return error;
+    fprintf(stderr,
+            "warning: %s: photos were changed after their cameras were found (%zu added, %zu removed, %zu "
+            "replaced), and what was added has no camera: splatfit cameras %s -o %s finds them again\n",
+            project, c.added, c.removed, c.replaced, project, project);
+    return 0;
+}
+
 int project_note(const args *a, sf_context *ctx, const char *project, const char *photos) {
     char note[PATH_MAX], cameras[PATH_MAX];
     snprintf(note, sizeof note, "%s/photos.txt", project);

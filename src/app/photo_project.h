@@ -24,6 +24,9 @@ int project_compare(const args *a, sf_context *ctx, const char *project, const c
                     sf_photos_change *change);
 int project_note(const args *a, sf_context *ctx, const char *project, const char *photos);
 
+/* Warns where the photos of a project, its images, are not those that its note names. 0 or an exit code. */
+int project_tell_change(const args *a, sf_context *ctx, const char *project);
+
 /* Whether cameras may be written to sparse/0: none are there, or those that this program found and noted. 0
  * or an exit code. */
 int project_check_cameras(const args *a, sf_context *ctx, const char *project);

@@ -112,6 +112,32 @@ static void test_changed(void **state) {
     free_outcome(&o);
 }
 
+/* The project given itself: its cameras are used, and what changed is said. */
+static void test_changed_beside_the_project(void **state) {
+    (void)state;
+    write_photos("given");
+    run_quietly(ARGS(FIT_OF("given")));
+    outcome o = run_ok(FIT_OF("given.project"));
+    assert_null(strstr(o.err, "were changed"));
+    free_outcome(&o);
+    write_photo("given/9.png", PHOTOS - 1);
+    assert_int_equal(unlink(work("given/0.png")), 0);
+    o = run_ok(FIT_OF("given.project"));
+    WARNS(o,
+          "warning: given.project: photos were changed after their cameras were found (1 added, 1 removed, 0 "
+          "replaced)");
+    WARNS(o, "splatfit cameras given.project -o given.project finds them again");
+    free_outcome(&o);
+    o = run_ok(FIT_OF("given.project"), "--quiet");
+    assert_null(strstr(o.err, "were changed"));
+    free_outcome(&o);
+    run_quietly(ARGS("cameras", "given.project", "-o", "given.project"));
+    o = run_ok(FIT_OF("given.project"));
+    assert_null(strstr(o.err, "were changed"));
+    SAYS(o, "given.project: 5 training views, 1 held out");
+    free_outcome(&o);
+}
+
 /* Masks that come later are used, with the cameras as they are. */
 static void test_masks_later(void **state) {
     (void)state;
@@ -206,8 +232,9 @@ static int tear_down(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_moved),       cmocka_unit_test(test_links),
-        cmocka_unit_test(test_changed),     cmocka_unit_test(test_masks_later),
-        cmocka_unit_test(test_not_its_own), cmocka_unit_test(test_another_video)};
+        cmocka_unit_test(test_moved),        cmocka_unit_test(test_links),
+        cmocka_unit_test(test_changed),      cmocka_unit_test(test_changed_beside_the_project),
+        cmocka_unit_test(test_masks_later),  cmocka_unit_test(test_not_its_own),
+        cmocka_unit_test(test_another_video)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
