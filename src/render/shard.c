@@ -12,7 +12,7 @@
 enum { HALO = 2 * SF_SSIM_RADIUS };
 
 /* What a row of tiles costs beside its entries, in entries: pixels are filled and compared. */
-#define ROW_WORK 8.0
+#define ROW_WORK 16.0
 
 enum { FIRST, LAST, WORK, COUNTS };
 
