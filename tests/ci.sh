@@ -70,8 +70,10 @@ only_64="calibrate capture first_map fit insert landmarks moving_average outputs
 only_32="archive checkpoint colmap context degrees features_limits inputs $both"
 threaded='pool context scene render fit cancel pipe capture preview live'
 debugged='render ply'
+# The steps of levels run these, and the programs of tests/check, at every level: where such a step follows, not before it, too.
+at_levels='bin loss render golden'
 # A test that was renamed must not fall out of these lists.
-for name in $only_64 $only_32 $threaded $debugged; do
+for name in $only_64 $only_32 $threaded $debugged $at_levels; do
     compgen -G "tests/*/test_$name.c" >/dev/null || compgen -G "tests/*/test_${name}_*.c" >/dev/null || {
         echo "ci.sh: there is no test \"$name\"" >&2
         exit 1
@@ -81,7 +83,7 @@ done
 emulated() { # NAME TOOLCHAIN TESTS-TO-LEAVE-OUT
     local run=("${quick[@]}" TIMEOUT=900 "${make[@]}" TOOLCHAIN="$2")
     # shellcheck disable=SC2086
-    step "$1" "${run[@]}" TESTS="$(all_but $3)" BUT="$3" test
+    step "$1" "${run[@]}" TESTS="$(all_but $3 $at_levels)" BUT="$3 $at_levels" CHECK= test
     step "$1-levels" "${run[@]}" check
     step "$1-cpus" "${run[@]}" check-cpus
 }
@@ -134,7 +136,7 @@ group_debug() {
     step commands "${make[@]}" compile_commands.json
 }
 group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
-# These and scenes use build/native, which the step gcc builds.
+# These and scenes use build/native, which the step gcc builds. The step levels runs the experiments of tests/stability, too.
 group_native() {
     step lint "${make[@]}" lint
     step levels "${make[@]}" check
@@ -173,7 +175,7 @@ rm -f $logs/taken $logs/ended $logs/built
 work &
 other=$!
 # Its scripts of tests/crash do what make crash does, at more moments and calls than they choose themselves.
-step gcc env KILLS=25 EVERY=45 "${make[@]}" test
+step gcc env KILLS=25 EVERY=45 "${make[@]}" BUT="$at_levels" CHECK= STAB= test
 touch $logs/built
 work
 wait $other
