@@ -3,6 +3,7 @@
 # the forecast says.
 #
 # SCENES=1          whole scenes, also the real ones of SPLATFIT_DATA
+# SPLATFIT_QUICK    not empty: of the whole scenes, those that take the least memory and time
 # SHIM              empty: emulators and sanitizers take memory of their own
 # SPLATFIT_PROGRAM  the program (build/splatfit)
 set -u
@@ -49,6 +50,10 @@ fit() { # BUDGET_MB SCENE OPTION...
 if [ -z "${SCENES:-}" ]; then
     fit 40 'sim:studio?width=160&height=120&frames=18'
     fit 60 'sim:studio?width=160&height=120&frames=18' --moments half --exposure
+elif [ -n "${SPLATFIT_QUICK:-}" ]; then
+    fit 60 sim:studio
+    fit 90 sim:studio --densify error --exposure
+    [ -z "${SPLATFIT_DATA:-}" ] || fit 120 "$SPLATFIT_DATA/fox-centred-270"
 else
     for budget in 60 120 200; do fit $budget sim:studio; done
     fit 90 sim:studio --moments half --validate 0

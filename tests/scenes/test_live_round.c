@@ -97,6 +97,7 @@ static void drift_goes_when_the_start_is_seen_again(void **state) {
 static void a_wall_that_is_alike_is_not_joined(void **state) {
     (void)state;
     test_skip_emulated();
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set");
     round_walk w;
     open_walk(15000, &w);
     double drifted = walk_to(&w, 300), end = walk_to(&w, UINT64_MAX), back = camera_error(&w);
