@@ -6,10 +6,11 @@
 #include <string.h>
 
 enum {
-    STARTS_MOST = 30, /* first pairs that are tried */
-    NEIGHBOURS = 5,   /* pictures that are adjusted with a new one */
-    FINAL_ROUNDS = 3, /* of points, bundle and outliers at the end */
-    MISSING_PART = 10 /* another focal length is tried where one picture in so many is missing */
+    STARTS_MOST = 30,  /* first pairs that are tried */
+    NEIGHBOURS = 5,    /* pictures that are adjusted with a new one */
+    FINAL_ROUNDS = 3,  /* of points, bundle and outliers at the end */
+    MISSING_PART = 10, /* another focal length is tried where one picture in so many is missing */
+    FOCAL_FEW = 6      /* photos from which on a camera's focal length is not in doubt for their number */
 };
 
 #define GROWTH 1.25 /* of placed pictures, from one adjustment of all to the next */
@@ -279,14 +280,27 @@ static sf_status try_other_focal(mapper *m, const sf_map_options *options, sf_ma
     if (!status && !changed) status = climb(m, options, voted, cameras, 1 / FOCAL_STEP, &changed);
     memcpy(cameras, voted, count * sizeof *voted);
     sf_free(ctx, voted);
-    for (size_t i = 0; !status && i < count; i++)
-        if (cameras[i].is_vague)
-            sf_log(
-                ctx, SF_LOG_WARNING,
-                "focal: the photos hardly tell the focal length, %.0f px: give it if you know it (--focal, "
-                "--lens)",
-                m->map->cameras[i].lens.fx);
     return status;
+}
+
+/* Where one focal length is in doubt, so are the others: the same points are seen through all. So are those
+ * that a few photos alone tell. */
+static void tell_doubt(const mapper *m, const sf_map_camera *cameras) {
+    const sf_map *map = m->map;
+    int vague = are_vague(cameras, m->input->camera_count);
+    for (size_t i = 0; i < map->camera_count; i++) {
+        const sf_map_camera *c = &map->cameras[i];
+        size_t placed = 0;
+        for (size_t k = 0; k < map->picture_count; k++)
+            placed += map->pictures[k].is_placed && map->pictures[k].camera == i;
+        if (cameras[i].is_fixed || cameras[i].focal_prior > 0 || !placed) continue;
+        if (vague || placed < FOCAL_FEW)
+            sf_log(
+                map->ctx, SF_LOG_WARNING,
+                "focal: the %zu photos of %dx%d hardly tell their focal length, %.0f px: give it if you know "
+                "it (--focal, --lens), or add photos",
+                placed, (int)c->width, (int)c->height, c->lens.fx);
+    }
 }
 
 /* A map, and once more where it overrules what files tell; others where the focal length is in doubt. */
@@ -298,6 +312,7 @@ static sf_status run_again(sf_context *ctx, mapper *m, const sf_map_options *opt
         status = run_once(ctx, m, options);
     }
     if (!status) status = try_other_focal(m, options, cameras);
+    if (!status) tell_doubt(m, cameras);
     if (status) sf_map_destroy(&m->map);
     return status;
 }

@@ -400,6 +400,44 @@ static void maps_without_memory(void **state) {
     assert_true(refused > 5);
 }
 
+static int count_in_log(const char *part) {
+    int count = 0;
+    for (const char *at = test_log; (at = strstr(at, part)); at++) count++;
+    return count;
+}
+
+/* Of cameras with few pictures each the focal lengths are found, but in doubt; not where they are told,
+ * and not where there are many pictures. */
+static void few_pictures_are_told(void **state) {
+    (void)state;
+    static const struct {
+        size_t views;
+        int is_told, warnings;
+    } cases[] = {{10, 0, 2}, {10, 1, 0}, {24, 0, 0}};
+    sf_context *ctx = test_context();
+    sf_map_options options = sf_map_options_default();
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const sfm_scene_options o = {24, 2000, 2, 0.5, 0.1, 4, 1, SFM_GENERAL, 0};
+        sfm_scene s;
+        sf_map *map;
+        sfm_scene_make(ctx, &o, &s);
+        for (size_t v = cases[i].views; v < s.views; v++) s.pictures[v].is_left_out = 1;
+        sfm_scene_verify(&s);
+        for (size_t c = 0; c < 2 && cases[i].is_told; c++)
+            s.known[c].lens = s.lenses[c], s.known[c].focal_prior = s.lenses[c].fx,
+            s.known[c].focal_sigma = 0.05;
+        const sf_map_input input = sfm_scene_input(&s);
+        test_log_clear();
+        assert_ok(ctx, sf_mapper_run(ctx, &input, &options, NULL, NULL, &map));
+        assert_int_equal(map->placed_count, cases[i].views);
+        assert_int_equal(count_in_log("hardly tell their focal length"), cases[i].warnings);
+        if (cases[i].warnings) assert_int_equal(count_in_log("focal: the 5 photos of "), 2);
+        sf_map_destroy(&map);
+        sfm_scene_free(&s);
+    }
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tracks_are_joined),
@@ -408,6 +446,7 @@ int main(void) {
         cmocka_unit_test(a_ring_is_mapped),
         cmocka_unit_test(cameras_may_be_mixed),
         cmocka_unit_test(lenses_may_be_mixed),
+        cmocka_unit_test(few_pictures_are_told),
         cmocka_unit_test(errors_are_in_the_unit_of_features),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(maps_that_end_early),
