@@ -136,7 +136,7 @@ group_debug() {
     step commands "${make[@]}" compile_commands.json
 }
 group_static() { step static-native "${make[@]}" STATIC=1 test-static; }
-# These and scenes use build/native, which the step gcc builds. The step levels runs the experiments of tests/stability, too.
+# These and scenes use build/native, which the step gcc builds.
 group_native() {
     step lint "${make[@]}" lint
     step levels "${make[@]}" check
@@ -175,7 +175,7 @@ rm -f $logs/taken $logs/ended $logs/built
 work &
 other=$!
 # Its scripts of tests/crash do what make crash does, at more moments and calls than they choose themselves.
-step gcc env KILLS=25 EVERY=45 "${make[@]}" BUT="$at_levels" CHECK= STAB= test
+step gcc env KILLS=25 EVERY=45 "${make[@]}" test
 touch $logs/built
 work
 wait $other
