@@ -175,7 +175,7 @@ rm -f $logs/taken $logs/ended $logs/built
 work &
 other=$!
 # Its scripts of tests/crash do what make crash does, at more moments and calls than they choose themselves.
-step gcc env KILLS=25 EVERY=45 "${make[@]}" test
+step gcc env KILLS=25 EVERY=95 "${make[@]}" test
 touch $logs/built
 work
 wait $other

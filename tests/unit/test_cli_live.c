@@ -4,19 +4,21 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { WIDTH = 96, HEIGHT = 72, FILM_FRAMES = 60 };
+enum { WIDTH = 96, HEIGHT = 72, FRAMES = 60, FEW = 30 };
+
+static int film_frames(void) { return test_is_quick() ? FEW : FRAMES; }
 
 /* The simulated camera's frames as a folder, with their poses as a path in a file. */
 static void make_walk(void) {
     sf_context *ctx = test_context();
     char name[96];
-    snprintf(name, sizeof name, "sim:studio?width=%d&height=%d&frames=%d", WIDTH, HEIGHT, FILM_FRAMES);
+    snprintf(name, sizeof name, "sim:studio?width=%d&height=%d&frames=%d", WIDTH, HEIGHT, film_frames());
     run_quietly(ARGS("capture", name, "-o", "walk", "--format", "png"));
     sf_source *source;
     assert_ok(ctx, sf_source_open(ctx, name, &source));
     FILE *file = fopen(work("path.txt"), "w");
     assert_non_null(file);
-    for (int i = 0; i < FILM_FRAMES; i++) {
+    for (int i = 0; i < film_frames(); i++) {
         sf_frame frame;
         double center[3], R_wc[9], q[4];
         assert_ok(ctx, sf_source_next(source, 0, &frame));
@@ -48,8 +50,8 @@ static void check_walk(const char *source, const char *project) {
                      "--cameras", project, "--log", "out/log.json", "--track-rate", "30", SMALL));
     print_message("%s: %.0f frames, %.0f steps, %.2f dB\n", source, result_of("looked_at"),
                   result_of("steps"), result_of("held_out_psnr_corrected"));
-    assert_true(result_of("looked_at") == FILM_FRAMES);
-    assert_true(result_of("steps") == 6 * FILM_FRAMES);
+    assert_true(result_of("looked_at") == film_frames());
+    assert_true(result_of("steps") == 6 * film_frames());
     assert_true(result_of("held_out_psnr_corrected") > 14);
     assert_true(count_in("out/scene.ply") > 50);
     run_quietly(ARGS("fit", project, "--steps", "3", "-o", "out/again.ply", SMALL));
