@@ -79,6 +79,8 @@ typedef struct live_run {
     sf_board *board;
     sf_path *path;
     double sigma_degrees, sigma_units; /* of its poses; 0: not told */
+    uint64_t asked, found;             /* frames, and those that the path had a pose for */
+    int64_t first_ns, last_ns;         /* of them */
     sf_live_options options;
     sf_live *live;
     progress_line line;
@@ -133,15 +135,44 @@ static int read_options(live_run *r) {
     return error;
 }
 
+enum { ASKED_ENOUGH = 30, FEW_FOUND = 10 /* fewer than one in so many */ };
+
+/* Of a path whose poses are of other times than nearly all frames. text: "" where that is not so. */
+static void describe_times(const live_run *r, char *text, size_t size) {
+    sf_path_info info = {.poses = 0};
+    *text = 0;
+    if (!r->path || !r->asked || FEW_FOUND * r->found >= r->asked) return;
+    sf_path_describe(r->path, &info);
+    if (info.poses)
+        snprintf(
+            text, size,
+            "%llu of %llu frames, of %.3f to %.3f s, have a pose: the poses are of %.3f to %.3f s, where "
+            "seconds of the frames' clock are wanted (?offset=S in their name adds S)",
+            (unsigned long long)r->found, (unsigned long long)r->asked, 1e-9 * (double)r->first_ns,
+            1e-9 * (double)r->last_ns, 1e-9 * (double)info.first_ns, 1e-9 * (double)info.last_ns);
+}
+
+static void count_pose(live_run *r, int64_t time_ns, int found) {
+    char text[256];
+    if (!r->asked++) r->first_ns = time_ns;
+    r->last_ns = time_ns;
+    r->found += found != 0;
+    if (r->asked != ASKED_ENOUGH || args_value(r->a, "quiet")) return;
+    describe_times(r, text, sizeof text);
+    if (*text) fprintf(stderr, "warning: %s: %s\n", args_value(r->a, "poses"), text);
+}
+
 /* As sf_pose_fn. */
 static sf_status pose_at(void *user, int64_t time_ns, double R_cw[9], double t_cw[3],
                          double information[36]) {
-    const live_run *r = user;
+    live_run *r = user;
     double turn = r->sigma_degrees / 57.29577951308232;
     for (int i = 0; i < 36; i++) information[i] = 0;
     for (int i = 0; i < 6 && turn > 0; i++)
         information[7 * i] = i < 3 ? pow(r->sigma_units, -2) : pow(turn, -2);
-    return sf_path_at(r->path, time_ns, R_cw, t_cw);
+    sf_status status = sf_path_at(r->path, time_ns, R_cw, t_cw);
+    count_pose(r, time_ns, !status);
+    return status;
 }
 
 static int open_path(live_run *r, const char *name) {
@@ -309,6 +340,17 @@ static void print_result(const live_run *r, const sf_live_progress *p) {
                error.degrees, error.distance, error.most_degrees, error.most_distance);
 }
 
+static int say_no_model(const live_run *r, const sf_live_progress *p) {
+    char times[256];
+    describe_times(r, times, sizeof times);
+    if (*times) return app_say(r->a, args_value(r->a, "poses"), times);
+    return app_say(r->a, r->a->positional[0],
+                   p->looked_at ? "no model: no pose was found from enough places: move sideways before "
+                                  "something with depth, "
+                                  "show it a board (splatfit board), or give --poses"
+                                : "no frame came: is the camera there, and free? (splatfit devices)");
+}
+
 /* The model first, whatever comes after. */
 static int finish(live_run *r) {
     page_close(&r->page);
@@ -319,11 +361,7 @@ static int finish(live_run *r) {
     if (p.has_fit)
         error = save_model(r);
     else
-        error = app_say(r->a, r->a->positional[0],
-                        p.looked_at ? "no model: no pose was found from enough places: move sideways before "
-                                      "something with depth, "
-                                      "show it a board (splatfit board), or give --poses"
-                                    : "no frame came: is the camera there, and free? (splatfit devices)");
+        error = say_no_model(r, &p);
     if (!error) print_result(r, &p);
     int written = path_write(&r->tracked, r->a, r->ctx, r->live);
     if (!error) error = written;

@@ -87,7 +87,9 @@ static sf_status fix_by_caller(sf_live *live, sf_fix *fix) {
     if (status) return status == SF_ERR_EMPTY ? SF_OK : status;
     for (int k = 0; k < 36; k++) known |= prior->information[k] != 0;
     if (!known) fix->deviation = OUTSIDE;
-    if (sf_pose_is_finite(&prior->pose)) fix->from = SF_POSE_OUTSIDE;
+    if (!sf_pose_is_finite(&prior->pose)) return SF_OK;
+    fix->from = SF_POSE_OUTSIDE;
+    live->input.has_outside = 1, live->input.outside = prior->pose;
     return SF_OK;
 }
 
@@ -104,6 +106,7 @@ void sf_fix_by_first_map(const sf_live *live, sf_fix *fix) {
 
 sf_status sf_fix_find(sf_live *live, sf_fix *fix) {
     *fix = (sf_fix){0};
+    live->input.has_outside = 0;
     fix_by_frame(live, fix);
     sf_status status = fix->from ? SF_OK : fix_by_caller(live, fix);
     if (status) return status;

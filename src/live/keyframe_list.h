@@ -28,6 +28,8 @@ typedef struct sf_keyframe {
     int64_t time_ns;      /* of its frame */
     int has_truth;        /* its frame told its own pose, which was not used: */
     sf_rigid truth;
+    int has_outside;             /* a pose of its frame came from outside: */
+    sf_rigid outside;            /* as it came */
     sf_rigid pose;               /* world to camera, as it is known by now */
     double center[3];            /* of the camera */
     sf_place place;              /* the keyframe's own */
@@ -42,5 +44,13 @@ typedef struct sf_keyframes {
     int forced;          /* the next good frame becomes one, wherever it is */
     double wanted_since; /* since this time of the frames' clock, s */
 } sf_keyframes;
+
+/* How poses from outside may have been meant. */
+enum { SF_POSE_READINGS = 4 };
+
+typedef struct sf_pose_check {
+    int pairs;                               /* of keyframes, compared so far */
+    size_t matches, agree[SF_POSE_READINGS]; /* of theirs, and those that agree with each reading */
+} sf_pose_check;
 
 #endif

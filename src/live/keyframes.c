@@ -15,6 +15,7 @@
 #include "localizer.h"
 #include "loop_closure.h"
 #include "place_recognition.h"
+#include "pose_check.h"
 
 enum {
     FIRST_VIEWS = 5, /* keyframes that a fit begins with */
@@ -256,12 +257,15 @@ static sf_status take_keyframe(sf_live *live) {
     k.has_truth = live->input.frame.has_truth;
     memcpy(k.truth.R, live->input.frame.truth.R_cw, sizeof k.truth.R);
     memcpy(k.truth.t, live->input.frame.truth.t_cw, sizeof k.truth.t);
+    k.has_outside = live->input.has_outside;
+    k.outside = live->input.outside;
     k.place = live->input.place;
     live->input.place = (sf_place){.depths = NULL};
     live->keyframes.list[live->keyframes.count++] = k;
     live->keyframes.made++;
     live->keyframes.wanted = live->keyframes.forced = 0;
-    status = adjust(live, k.id);
+    status = sf_live_check_poses(live);
+    if (!status) status = adjust(live, k.id);
     return status ? status : draw_depths(live);
 }
 

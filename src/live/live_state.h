@@ -24,6 +24,8 @@ typedef struct sf_live_input {
     sf_live_frame frame;        /* what sf_live_get_frame tells of it */
     const sf_rigid *first_pose; /* the frame's in the first map from pictures; NULL: it is not of that map */
     uint64_t number;            /* of such a frame */
+    int has_outside;            /* a pose came from outside: */
+    sf_rigid outside;           /* as it came */
     sf_place place;             /* of the picture, */
     int has_place;              /* where it was asked for */
     uint8_t *bytes;             /* [height][width][3], and a mask or grey */
@@ -76,6 +78,7 @@ struct sf_live {
     sf_keyframes keyframes;
     sf_loop loop;
     sf_spawning spawning;
+    sf_pose_check pose_check;
     sf_evaluation evaluation;
     sf_guidance guidance;
     sf_live_pace pace;

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#define WARNS(outcome, part) test_assert_contains((outcome).err, part, __FILE__, __LINE__)
+
 enum { WIDTH = 96, HEIGHT = 72, FRAMES = 60, FEW = 30 };
 
 static int film_frames(void) { return test_is_quick() ? FEW : FRAMES; }
@@ -68,6 +70,23 @@ static void follows_a_folder(void **state) {
                    FAILED, "walk/images: is there already", 0);
 }
 
+/* In milliseconds: the first frame alone has a pose. */
+static void says_times_that_do_not_meet(void **state) {
+    (void)state;
+    test_skip_emulated();
+    FILE *file = fopen(work("ms.txt"), "w");
+    assert_non_null(file);
+    for (int i = 0; i < FRAMES; i++) fprintf(file, "%.6f %d 0 0 0 0 0 1\n", 1000 * i / 30.0, i);
+    fclose(file);
+    clear_out();
+    outcome o = run_args(ARGS("live", "walk", "--poses", "file:ms.txt?gap=0.01", "--listen", "none", "-o",
+                              "out/ms.ply", "--steps-per-frame", "1", SMALL));
+    WARNS(o,
+          "warning: file:ms.txt?gap=0.01: 1 of 30 frames, of 0.000 to 0.967 s, have a pose: the poses are of "
+          "0.000 to 1966.667 s");
+    free_outcome(&o);
+}
+
 static void follows_a_video(void **state) {
     char command[1024];
     (void)state;
@@ -82,6 +101,8 @@ static void follows_a_video(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(follows_a_folder), cmocka_unit_test(follows_a_video)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(follows_a_folder),
+                                       cmocka_unit_test(says_times_that_do_not_meet),
+                                       cmocka_unit_test(follows_a_video)};
     return cmocka_run_group_tests(tests, program_set_up, NULL);
 }
