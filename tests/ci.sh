@@ -174,7 +174,7 @@ work() {
 rm -f $logs/taken $logs/ended $logs/built
 work &
 other=$!
-# Its scripts of tests/crash do what make crash does, at more moments and calls than they choose themselves.
+# Its scripts of tests/crash do what make crash does: kill.sh at more moments than it chooses itself, disk.sh at fewer calls.
 step gcc env KILLS=25 EVERY=95 "${make[@]}" test
 touch $logs/built
 work
