@@ -203,6 +203,7 @@ static void print_lens(const sf_calibration *c) {
     print_parameter("k2", l->k2, d->k2, "", 6);
     print_parameter("p1", l->p1, d->p1, "", 6);
     print_parameter("p2", l->p2, d->p2, "", 6);
+    if (l->k3 != 0) print_parameter("k3", l->k3, d->k3, "", 6); /* of a file; never estimated */
 }
 
 static void print_fit(const attempt *s, const sf_calibration *c) {

@@ -107,7 +107,9 @@ static sf_status start(film_source *f, int side) {
     if (f->facts.rate > 0)
         n = snprintf(filters, sizeof filters, "settb=1/%d,setpts=PTS-%.0f,fps=%.6f:round=up,", TICKS, early,
                      f->rate);
-    sf_ffmpeg_scale(&f->facts, side, "area", filters + n, sizeof filters - (size_t)n);
+    /* without these flags a picture comes out darker by two levels */
+    sf_ffmpeg_scale(&f->facts, side, "area+accurate_rnd+full_chroma_int", filters + n,
+                    sizeof filters - (size_t)n);
     sf_status status = sf_frame_pipe_open(&f->pipe, f->ctx, f->path, &f->facts, filters, 3);
     if (!status) status = read_frame(f);
     if (status) return status;

@@ -92,7 +92,7 @@ sf_status sf_model_check(const sf_model *model, const char *path) {
 /* An opacity of 1 or 0 has no finite logit, a Gaussian without extent no finite logarithm: writers give them
  * as infinite, or as far out as they please. Both are drawn as the nearest that a model holds. */
 static int keep_ends(float *v) {
-    int moved = isinf(v[LOGIT_OPACITY]);
+    int moved = isinf(v[LOGIT_OPACITY]) != 0; /* may be -1 */
     if (moved) v[LOGIT_OPACITY] = v[LOGIT_OPACITY] > 0 ? -SF_INVISIBLE : SF_INVISIBLE;
     for (int k = LOG_SCALE; k < LOG_SCALE + 3; k++) {
         if (!(v[k] < SF_LOG_SCALE_LEAST)) continue;

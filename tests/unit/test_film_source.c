@@ -98,6 +98,53 @@ static void is_turned(void **state) {
     sf_context_destroy(&ctx);
 }
 
+enum { SLOPE_WIDTH = 1280, SLOPE_HEIGHT = 720 };
+
+/* Mean of a channel. */
+static double mean_of(const uint8_t *rgb, size_t pixels, int channel) {
+    double sum = 0;
+    for (size_t i = 0; i < pixels; i++) sum += rgb[3 * i + (size_t)channel];
+    return sum / (double)pixels;
+}
+
+/* Half as large, colours that change from place to place are as bright as before. */
+static void keeps_the_brightness(void **state) {
+    (void)state;
+    need_ffmpeg();
+    static uint8_t slope[3 * SLOPE_WIDTH * SLOPE_HEIGHT];
+    sf_context *ctx = test_context();
+    sf_frame frame;
+    for (int y = 0, i = 0; y < SLOPE_HEIGHT; y++)
+        for (int x = 0; x < SLOPE_WIDTH; x++, i += 3)
+            slope[i] = (uint8_t)(20 + x * 200 / SLOPE_WIDTH), slope[i + 1] = (uint8_t)(30 + y / 4),
+            slope[i + 2] = (uint8_t)(200 - x * 150 / SLOPE_WIDTH);
+    FILE *file = fopen(test_path("slope.ppm"), "wb");
+    assert_non_null(file);
+    fprintf(file, "P6 %d %d 255\n", SLOPE_WIDTH, SLOPE_HEIGHT);
+    assert_int_equal(fwrite(slope, sizeof slope, 1, file), 1);
+    fclose(file);
+    char film[1000];
+    snprintf(film, sizeof film, "%s", test_path("slope.mkv"));
+    assert_int_equal(shell("ffmpeg -nostdin -v error -y -i '%s' -vf scale=flags=accurate_rnd+full_chroma_int:"
+                           "out_color_matrix=bt709 -pix_fmt yuv420p -colorspace bt709 -c:v ffv1 '%s'",
+                           test_path("slope.ppm"), film),
+                     0);
+    sf_source *source = open_film(ctx, "", film, "?side=640");
+    assert_ok(ctx, sf_source_next(source, 0, &frame));
+    assert_int_equal(frame.width, SLOPE_WIDTH / 2);
+    assert_int_equal(frame.height, SLOPE_HEIGHT / 2);
+    assert_int_equal(frame.stride[0], 3 * frame.width);
+    for (int c = 0; c < 3; c++) {
+        double is = mean_of(frame.plane[0], (size_t)frame.width * (size_t)frame.height, c);
+        double was = mean_of(slope, SLOPE_WIDTH * SLOPE_HEIGHT, c);
+        printf("channel %d: %g, was %g\n", c, is, was);
+        assert_true(fabs(is - was) < 0.8);
+    }
+    sf_source_release(source, &frame);
+    sf_source_close(&source);
+    sf_context_destroy(&ctx);
+}
+
 /* Two frames are out at a time, and both stay as they are. */
 static void keeps_two_frames(void **state) {
     (void)state;
@@ -150,9 +197,9 @@ static void names_what_is_wrong(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(gives_every_frame),
-                                       cmocka_unit_test(gives_fewer_and_smaller_ones),
-                                       cmocka_unit_test(is_turned), cmocka_unit_test(keeps_two_frames),
-                                       cmocka_unit_test(names_what_is_wrong)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gives_every_frame), cmocka_unit_test(gives_fewer_and_smaller_ones),
+        cmocka_unit_test(is_turned),         cmocka_unit_test(keeps_the_brightness),
+        cmocka_unit_test(keeps_two_frames),  cmocka_unit_test(names_what_is_wrong)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

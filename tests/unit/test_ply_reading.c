@@ -139,22 +139,24 @@ static void test_keeps_the_ends(void **state) {
     (void)state;
     sf_context *ctx = test_context();
     const char *path =
-        ply_write_text("ply\nformat ascii 1.0\nelement vertex 3\n" GAUSSIAN_PROPERTIES "end_header\n"
+        ply_write_text("ply\nformat ascii 1.0\nelement vertex 4\n" GAUSSIAN_PROPERTIES "end_header\n"
                        "1 2 3 0.5 0.25 0.125 inf -2 -3 -4 1 -7 0.5 0\n"
                        "1 2 3 0.5 0.25 0.125 -inf -30 -inf -4 1 -7 0.5 0\n"
-                       "1 2 3 0.5 0.25 0.125 1e300 -1e300 -20 20 1 -7 0.5 0\n");
-    static const float logits[] = {20, -20, 20};
-    static const float scales[] = {-2, -3, -4, -30, -40, -4, -40, -20, 20};
-    float got_logits[3], got_scales[9];
+                       "1 2 3 0.5 0.25 0.125 1e300 -1e300 -20 20 1 -7 0.5 0\n"
+                       "1 2 3 0.5 0.25 0.125 -inf -2 -3 -4 1 -7 0.5 0\n");
+    static const float logits[] = {20, -20, 20, -20};
+    static const float scales[] = {-2, -3, -4, -30, -40, -4, -40, -20, 20, -2, -3, -4};
+    float got_logits[4], got_scales[12];
     sf_gaussians got = {.logit_opacities = got_logits, .log_scales = got_scales};
     sf_model *model;
     test_log_clear();
     assert_ok(ctx, sf_model_load(ctx, path, &model));
-    assert_int_equal(sf_model_count(model), 3);
-    assert_ok(ctx, sf_model_get(model, 0, 3, &got));
-    for (int i = 0; i < 3; i++) assert_true(got_logits[i] == logits[i]);
-    for (int i = 0; i < 9; i++) assert_true(got_scales[i] == scales[i]);
+    assert_int_equal(sf_model_count(model), 4);
+    assert_ok(ctx, sf_model_get(model, 0, 4, &got));
+    for (int i = 0; i < 4; i++) assert_true(got_logits[i] == logits[i]);
+    for (int i = 0; i < 12; i++) assert_true(got_scales[i] == scales[i]);
     assert_null(strstr(test_log, "skipped"));
+    assert_non_null(strstr(test_log, "of 4 Gaussians"));
     sf_model_destroy(&model);
     sf_context_destroy(&ctx);
 }
