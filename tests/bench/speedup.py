@@ -22,7 +22,7 @@ NETWORKS = {"1 Gbit/s": (118e6, 0.2e-3), "10 Gbit/s": (1.18e9, 0.05e-3)}  # byte
 RANKS = (1, 2, 4, 8, 16, 32, 64)
 
 
-# Mean over slowest, summed over the parts of a step between exchanges: 0.96, 0.89, 0.80 were measured of 2, 4, 8 ranks and 34 rows.
+# Mean over slowest, summed over the parts of a step between exchanges: 0.97, 0.88, 0.82 were measured of 2, 4, 8 ranks and 34 rows.
 # A band is whole rows of tiles, so it is the worse the fewer it has.
 def balance(n, larger):
     return 0.95 / (1 + 0.6 * n / (ROWS * larger))
