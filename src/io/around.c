@@ -7,6 +7,12 @@
 #include "paths.h"
 #include "picture_names.h"
 
+const char *const sf_image_folders[SF_IMAGE_FOLDERS] = {"images", "images_2", "images_4", "images_8"};
+
+void sf_tell_images(sf_context *ctx, const char *project, const char *name) {
+    sf_log(ctx, SF_LOG_INFO, "%s: there is no images/: the pictures of %s/ are taken", project, name);
+}
+
 typedef struct search {
     const char *top;
     int (*fits)(const char *folder);

@@ -132,15 +132,12 @@ sf_status sf_colmap_read_camera(sf_context *ctx, const char *file, int binary, u
 
 /* The first of the usual folders in `path`; *pictures NULL: there is none. */
 static sf_status look_for_pictures(sf_context *ctx, const char *path, const char *wanted, char **pictures) {
-    static const char *const usual[] = {"images", "images_2", "images_4", "images_8"};
-    for (size_t i = 0; i < (wanted ? 1 : 4); i++) {
-        const char *name = wanted ? wanted : usual[i];
+    for (size_t i = 0; i < (wanted ? 1 : SF_IMAGE_FOLDERS); i++) {
+        const char *name = wanted ? wanted : sf_image_folders[i];
         *pictures = sf_path_join(ctx, path, name);
         if (!*pictures) return SF_ERR_MEMORY;
         if (sf_is_folder(*pictures)) {
-            if (i)
-                sf_log(ctx, SF_LOG_INFO, "%s: there is no images/: the pictures of %s/ are taken", path,
-                       name);
+            if (i) sf_tell_images(ctx, path, name);
             return SF_OK;
         }
         sf_status status = sf_check_link(ctx, *pictures);
@@ -151,14 +148,10 @@ static sf_status look_for_pictures(sf_context *ctx, const char *path, const char
     return SF_OK;
 }
 
-static int holds_folder(const char *folder, const char *name) {
-    char path[PATH_MAX];
-    int size = snprintf(path, sizeof path, "%s/%s", folder, name);
-    return size > 0 && (size_t)size < sizeof path && sf_is_folder(path);
-}
-
 /* As COLMAP's automatic_reconstructor leaves it in dense/0. */
-static int is_whole(const char *folder) { return sf_holds_project(folder) && holds_folder(folder, "images"); }
+static int is_whole(const char *folder) {
+    return sf_holds_project(folder) && sf_holds_folder(folder, "images");
+}
 
 /* Names the folder that the user may have meant: a whole project further down, or pictures under another
  * name. */
@@ -172,7 +165,7 @@ static sf_status no_pictures(sf_context *ctx, const char *path) {
     if (sf_find_folder(path, sf_holds_pictures, name))
         return sf_fail(ctx, SF_ERR_IO, "%s: %s; if it is '%s', add --images '%s'", path, none, name, name);
     for (size_t i = 0; i < sizeof beside / sizeof *beside; i++) /* ns-process-data's and INRIA's */
-        if (holds_folder(path, beside[i]))
+        if (sf_holds_folder(path, beside[i]))
             return sf_fail(ctx, SF_ERR_IO, "%s: %s; if it is '%s', add --images '%s'", path, none, beside[i],
                            beside[i]);
     return sf_fail(ctx, SF_ERR_IO, "%s: %s; --images NAME names another", path, none);

@@ -3,31 +3,20 @@
 
 #include <string.h>
 
+#include "around.h"
 #include "paths.h"
 
 static const char usual[] = "images/";
 
-static sf_status holds_folder(sf_context *ctx, const char *folder, const char *name, int *there) {
-    char *path = sf_path_join(ctx, folder, name);
-    *there = path && sf_is_folder(path);
-    sf_free(ctx, path);
-    return path ? SF_OK : SF_ERR_MEMORY;
-}
-
-sf_status sf_frame_images(sf_context *ctx, const char *folder, const char *wanted, const char **images) {
-    static const char *const smaller[] = {"images_2", "images_4", "images_8"};
-    int there = 1;
+void sf_frame_images(sf_context *ctx, const char *folder, const char *wanted, const char **images) {
     *images = wanted;
-    sf_status status = wanted ? SF_OK : holds_folder(ctx, folder, "images", &there);
-    if (status || there) return status;
-    for (size_t i = 0; !there && i < sizeof smaller / sizeof *smaller; i++) {
-        status = holds_folder(ctx, folder, smaller[i], &there);
-        if (status) return status;
-        if (there) *images = smaller[i];
+    for (int i = 0; !wanted && i < SF_IMAGE_FOLDERS; i++) {
+        if (!sf_holds_folder(folder, sf_image_folders[i])) continue;
+        if (!i) return;
+        *images = sf_image_folders[i];
+        sf_tell_images(ctx, folder, *images);
+        return;
     }
-    if (there)
-        sf_log(ctx, SF_LOG_INFO, "%s: there is no images/: the pictures of %s/ are taken", folder, *images);
-    return SF_OK;
 }
 
 /* Blender leaves the ending out. */

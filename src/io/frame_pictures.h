@@ -6,7 +6,7 @@
 
 /* The folder that stands for the images/ of the names: `wanted`, else NULL, which is images/ itself, else,
  * where that is missing, the largest of images_2, images_4, images_8 that exists (logged). */
-sf_status sf_frame_images(sf_context *ctx, const char *folder, const char *wanted, const char **images);
+void sf_frame_images(sf_context *ctx, const char *folder, const char *wanted, const char **images);
 
 /* Completes the path of an entry, which is folder/NAME, by an ending, and puts `images` (may be NULL) in
  * place of images/. An entry without a size gets that of the picture that its name says, as lengths of the

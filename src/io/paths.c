@@ -54,11 +54,15 @@ int sf_is_file(const char *path) {
     return !stat(path, &st) && S_ISREG(st.st_mode);
 }
 
-int sf_holds_file(const char *folder, const char *name) {
+static int holds(const char *folder, const char *name, int (*is_such)(const char *path)) {
     char path[PATH_MAX]; /* a longer one cannot be opened */
     int size = snprintf(path, sizeof path, "%s/%s", folder, name);
-    return size > 0 && (size_t)size < sizeof path && sf_is_file(path);
+    return size > 0 && (size_t)size < sizeof path && is_such(path);
 }
+
+int sf_holds_file(const char *folder, const char *name) { return holds(folder, name, sf_is_file); }
+
+int sf_holds_folder(const char *folder, const char *name) { return holds(folder, name, sf_is_folder); }
 
 int sf_name_stays_inside(const char *name) {
     if (*name == '/') return 0;

@@ -15,6 +15,7 @@ int sf_is_folder(const char *path);
 /* SF_ERR_IO, with what to do, where a folder is a link to what is not there. */
 sf_status sf_check_link(sf_context *ctx, const char *folder);
 int sf_holds_file(const char *folder, const char *name);
+int sf_holds_folder(const char *folder, const char *name);
 int sf_is_file(const char *path);
 int sf_name_stays_inside(const char *name);
 /* The order of file names: runs of digits are compared as numbers, all else by bytes. */

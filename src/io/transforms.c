@@ -447,7 +447,7 @@ static sf_status read_part(sf_project *project, const char *file, const sf_load_
     r.folder = sf_path_folder(r.ctx, file);
     if (!r.folder) return SF_ERR_MEMORY;
     sf_status status = sf_project_set_folder(project, r.folder);
-    if (!status) status = sf_frame_images(r.ctx, r.folder, options->images, &r.images);
+    if (!status) sf_frame_images(r.ctx, r.folder, options->images, &r.images);
     if (!status) status = read_all(&r);
     sf_free(r.ctx, r.folder);
     return status;
