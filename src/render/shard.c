@@ -128,10 +128,10 @@ static size_t touching(const uint32_t *counts, size_t rows, size_t begin, size_t
     return n;
 }
 
-/* What is sent of a Gaussian: the rest of its splat follows from it. Mean and depth are sent as they are:
- * 2^-16 of a place in a wide picture is much of a small Gaussian, and the order by depth is the one of a
- * single rank. Behind those of a message stand the rows of tiles that each has of the band, a number of
- * row_bytes: the first times the band's rows, and how many, less one.
+/* What is sent of a Gaussian: the rest of its splat follows from it. Mean and depth are sent exactly: in a
+ * wide picture, 2^-16 of a position is a large part of a small Gaussian, and so Gaussians have the order by
+ * depth that one rank gives them. Behind those of a message stand the rows of tiles that each has of the
+ * band, a number of row_bytes: the first times the band's rows, and how many, less one.
  */
 enum { L00, L01, M, LOG2_OPACITY, RGB, SHORT = RGB + SF_CHANNELS };
 typedef struct packed {

@@ -1,5 +1,5 @@
 #!/bin/bash
-# network.sh - steps of a fit whose ranks have a link of a given speed each: what src/cluster's model says, run.
+# network.sh - times steps of a fit whose ranks have a network link of a given speed each, to check the model of src/cluster.
 #
 #     tests/bench/network.sh PROGRAM PROJECT MODEL.ply [ROUNDS]
 #
