@@ -236,7 +236,7 @@ void check_kernels(const check_kernel *kernels, size_t count, size_t cases, chec
     c.kernel_count = count;
     find_levels(&c);
     /* primes: kinds and sizes, which are remainders of the number, are met all the same */
-    uint64_t first = 0, end = cases, step = !check_is_quick() || cases <= 500 ? 1 : cases <= 1000 ? 7 : 13;
+    uint64_t first = 0, end = cases, step = !check_is_quick() || cases <= 500 ? 1 : cases <= 1200 ? 7 : 13;
     const char *wanted = getenv("SPLATFIT_SEED");
     if (wanted && *wanted) {
         char *rest;

@@ -87,7 +87,7 @@ static void extrema_case(check *c) {
 static void extrema_are_those_of_all_comparisons(void **state) {
     (void)state;
     static const check_kernel kernel = {"extrema", SF_KERNEL_extrema};
-    check_kernels(&kernel, 1, (size_t)(2 * WIDTHS * CONTENTS * 5), extrema_case);
+    check_kernels(&kernel, 1, (size_t)(2 * WIDTHS * CONTENTS * 6), extrema_case);
 }
 
 int main(void) {
