@@ -19,7 +19,7 @@ FORCE:
 $(O)/%.o: %.c $(O)/flags
 	$(say) CC $<
 	@mkdir -p $(@D)
-	$(Q)$(CC) $(ALL_CFLAGS) $(if $(filter tests/%,$<),-Isrc -Itests) -MMD -MP -c -o $@ $<
+	$(Q)$(CC) $(ALL_CFLAGS) $(UNIT_O) $(if $(filter tests/%,$<),-Isrc -Itests) -MMD -MP -c -o $@ $<
 
 $(O)/%.o: %.cc $(O)/flags
 	$(say) CXX $<
