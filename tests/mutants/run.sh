@@ -18,26 +18,62 @@ value() { # N KEY
         at == n && $1 == key { sub(/^[a-z]+[ \t]*/, ""); sub(/[ \t]+$/, ""); print; exit }' $list
 }
 
-# The programs of a copy, but for test_levels: whole fits are slow, and notice little.
+# The programs of a tree, but for test_levels: whole fits are slow, and notice little.
 programs() { # FOLDER
     (cd "$1" && for test in tests/check/test_*.c; do
         [ "$test" = tests/check/test_levels.c ] || echo "$bin/$(basename "$test" .c)"
     done)
 }
 
-build() { # FOLDER JOBS PROGRAM...
-    folder=$1 build_jobs=$2
-    shift 2
-    "${MAKE:-make}" --no-print-directory "-j$build_jobs" -C "$folder" TOOLCHAIN=native SAN= ${CC:+CC="$CC"} CFLAGS="-g0 -O1" WERROR= \
-        O=build/native "$@" >"$folder/build.log" 2>&1
+# Makes the programs of the tree without edits, and notes the commands that did, one a line: a tree with an edit differs in few
+# files, and make would take longer to find them than the compiler takes.
+build() { # JOBS PROGRAM...
+    build_jobs=$1
+    shift
+    "${MAKE:-make}" --no-print-directory "-j$build_jobs" -C $all/sane TOOLCHAIN=native SAN= ${CC:+CC="$CC"} CFLAGS="-g0 -O1" WERROR= \
+        KERNELS_O=1 O=build/native V=1 "$@" >$all/sane/build.log 2>&1 || return 1
+    sed -e ':again' -e '/\\$/{' -e N -e 's/\\\n//' -e 't again' -e '}' $all/sane/build.log | sed 's/ -MMD -MP / /' >$all/commands
 }
 
-# Runs programs of a copy, up to the first that fails, whose name is left in FOLDER/failed.
-run_tests() { # FOLDER PROGRAM...
+# The object files of the tree without edits that hold a file, itself or by #include.
+holds() { # FILE
+    grep -rlF --include='*.d' "/$(basename "$1")" $all/sane/build/native | sort | while read -r deps; do
+        # As the compiler names it: arch/vector/../scalar/exp2.h is arch/scalar/exp2.h.
+        sed -e ':again' -e 's|[^/ .][^/ ]*/\.\./||' -e 't again' "$deps" | grep -oE '[^ \]+' | grep -qxF "$1" || continue
+        deps=${deps#"$all/sane/"}
+        echo "${deps%d}o"
+    done
+}
+
+# Compiles files of a copy again.
+compile() { # FOLDER OBJECT...
     folder=$1
     shift
-    : >"$folder/failed"
-    (cd "$folder" && for program in "$@"; do
+    for object in "$@"; do
+        command=$(grep -F -- " -c -o $object " $all/commands) || return 1
+        (cd "$folder" && rm -f "$object" && CCACHE_DISABLE=1 sh -c "$command") >>"$folder/build.log" 2>&1 || return 1
+    done
+}
+
+# Links a program of a copy, with its changed objects of the library before the library, and runs it; status 0 where it fails.
+notices() { # FOLDER PROGRAM OBJECT...
+    folder=$1 program=$2
+    shift 2
+    objects=$(printf '%s\n' "$@" | grep -v '^build/native/tests/' | xargs)
+    command=$(grep -F -- " -o $program " $all/commands | sed "s|build/native/libsplatfit.a|$objects &|") || return 1
+    # A copy's files are those of the tree without edits until they are made anew.
+    (cd "$folder" && rm -f "$program" && sh -c "$command") >>"$folder/build.log" 2>&1 || {
+        echo "$program is not linked" >>"$folder/build.log"
+        : >"$folder/broken"
+        return 1
+    }
+    ! (cd "$folder" && SPLATFIT_QUICK=1 SPLATFIT_SEED='' timeout -k 5 120 "$program" >out 2>&1)
+}
+
+# Runs the programs of the tree without edits, up to the first that fails, whose name is left in $all/sane/failed.
+run_tests() { # PROGRAM...
+    : >$all/sane/failed
+    (cd $all/sane && for program in "$@"; do
         SPLATFIT_QUICK=1 SPLATFIT_SEED='' timeout -k 5 120 "$program" >"$program.out" 2>&1 && continue
         basename "$program" >failed
         break
@@ -81,34 +117,57 @@ mutant() { # N
         return
     fi
     rm -rf "$dir"
-    cp -a $all/sane "$dir"
+    # Hard links: whatever a copy changes it removes first.
+    cp -al $all/sane "$dir"
+    rm -f "$dir/build.log"
     if ! edit "$file" "$dir/edited" "$(value "$1" after)" "$(value "$1" old)" "$(value "$1" new)" 2>"$dir/edit.log"; then
         echo "failed  $name: $file: $(cat "$dir/edit.log")"
         return
     fi
-    mv "$dir/edited" "$dir/$file"
-    # Mostly the test of the edited file notices; the others are built only where it does not.
-    own=$bin/test_$(basename "$file" .c)
-    [ -x "$dir/$own" ] || own=
-    others=$(programs "$dir" | grep -vxF "${own:-none}")
-    for tests in "$own" "$others"; do
-        [ -n "$tests" ] || continue
-        # Names of programs are words.
-        # shellcheck disable=SC2086
-        if ! build "$dir" 1 $tests; then
-            echo "failed  $name: does not compile: $dir/build.log"
-            return
-        fi
-        # shellcheck disable=SC2086
-        run_tests "$dir" $tests
-        [ ! -s "$dir/failed" ] || break
-    done
-    if [ -s "$dir/failed" ]; then
-        echo "passed  $name: caught by $(cat "$dir/failed")"
+    mv -f "$dir/edited" "$dir/$file"
+    held=$(holds "$file")
+    caught=$(catch "$dir" "$(basename "$file" .c)" "$held")
+    if [ -e "$dir/broken" ]; then
+        echo "failed  $name: does not compile: $dir/build.log"
+    elif [ -n "$caught" ]; then
+        echo "passed  $name: caught by $caught"
         rm -rf "$dir"
     else
         echo "failed  $name: SURVIVED ($file)"
     fi
+}
+
+# Makes a program with some changed objects of a copy. Status 0 ends the search: it notices, and its name is said, or something
+# does not compile.
+try() { # FOLDER PROGRAM OBJECT...
+    copy=$1 program=$2
+    shift 2
+    compile "$copy" "$@" || : >"$copy/broken"
+    [ ! -e "$copy/broken" ] || return 0
+    notices "$copy" "$program" "$@" && basename "$program" && return 0
+    [ -e "$copy/broken" ]
+}
+
+# Says which program notices the edit of a copy. Mostly it is the one that is named for a file that holds the edit, at the first of
+# the levels that the file is compiled for; all levels and all programs are made only where that does not notice.
+catch() { # FOLDER OWN OBJECTS
+    tests=$(programs "$1" | grep -xF "$bin/test_$2"
+        programs "$1" | grep -vxF "$bin/test_$2")
+    for test in $tests; do
+        kernel=${test##*/test_}
+        some=$(
+            echo "$3" | grep "/$kernel\.o\$"
+            echo "$3" | grep "/$kernel\.[^/.]*\.o\$" | head -n 1
+        )
+        [ -n "$some" ] || continue
+        # Names of files are words.
+        # shellcheck disable=SC2086
+        try "$1" "$test" $some && return
+    done
+    for test in $tests; do
+        # shellcheck disable=SC2086
+        try "$1" "$test" $3 && return
+    done
 }
 
 if [ "${1:-}" = --one ]; then
@@ -139,12 +198,12 @@ tar cf - Makefile arch include src tests toolchains | tar xf - -C $all/sane
 jobs=${JOBS:-$(nproc)}
 tests=$(programs $all/sane)
 # shellcheck disable=SC2086
-if ! build $all/sane "$jobs" $tests; then
+if ! build "$jobs" $tests; then
     cat $all/sane/build.log
     exit 1
 fi
 # shellcheck disable=SC2086
-run_tests $all/sane $tests
+run_tests $tests
 if [ -s $all/sane/failed ]; then
     echo "failed  no edit: $(cat $all/sane/failed) fails without one"
     exit 1
