@@ -425,6 +425,7 @@ static void a_walk_is_followed(void **state) {
 
 static void any_number_of_threads_finds_the_same(void **state) {
     (void)state;
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and a_walk_is_followed goes the same way");
     picture *p = malloc(sizeof *p);
     sf_rigid end[2];
     assert_non_null(p);

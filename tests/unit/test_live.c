@@ -149,6 +149,7 @@ static void exposure_is_locked(void **state) {
 static void exposures_begin_where_they_are(void **state) {
     (void)state;
     test_skip_emulated();
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and exposure_is_locked has the same source");
     double usual = 0, n = 0, off = 0, apart = 0;
     sf_live_options options = options_for(getenv("SPLATFIT_QUICK") ? 2 : 4);
     char name[96];
@@ -178,6 +179,7 @@ static void exposures_begin_where_they_are(void **state) {
 static void exposures_are_like_the_neighbours(void **state) {
     (void)state;
     test_skip_emulated();
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and this is of numbers");
     static const double of_one[] = {2, 1, 0.5}, of_other[] = {0.5, 1, 0.125}, here[] = {0.1, 0, 0.2},
                         there[] = {-0.3, 0, 0};
     sf_live_options options = options_for(1);

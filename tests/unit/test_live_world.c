@@ -83,12 +83,12 @@ static void close_world(world_run *w) {
 static void any_unit_gives_the_same_model(void **state) {
     (void)state;
     test_skip_emulated();
+    if (test_is_quick()) test_skip("SPLATFIT_QUICK is set, and poses_may_be_far_from_0 goes the same way");
     static const int powers[2][2] = {{-20, 20}, {-6, 6}}; /* of boards: tags of 1.25 mm to 5 m */
     world_run plain, scaled;
-    int quick = test_is_quick();
-    for (int by_board = quick; by_board < 2; by_board++) {
+    for (int by_board = 0; by_board < 2; by_board++) {
         run_in_a_world((other_world){.untold = 1}, by_board, &plain);
-        for (int i = quick; i < 2; i++) {
+        for (int i = 0; i < 2; i++) {
             run_in_a_world((other_world){.power = powers[by_board][i], .untold = 1}, by_board, &scaled);
             scale_assert_same(plain.model, scaled.model, powers[by_board][i]);
             close_world(&scaled);
