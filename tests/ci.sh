@@ -160,9 +160,9 @@ group_native() {
 }
 group_scenes() { step scenes env SPLATFIT_QUICK=1 TIMEOUT=1200 "${make[@]}" test-scenes; }
 
-# Most steps keep little more than one CPU busy, so two workers take the groups in turn, the longest first: the short ones at the
-# end keep both busy to the end. A group's output is
-# printed at its end. No two groups build in the same folder, except build/native, which is complete before its groups begin.
+# Most steps keep little more than one CPU busy, so two workers take the groups in turn, the longest first: the short ones
+# keep both busy to the end. A group's output is printed at its end. No two groups build in the same folder, except build/native,
+# which is complete before its groups begin.
 groups=(addresses aarch64 armhf native threads fuzz fresh mutants scenes debug static)
 next() {
     flock $logs/taken.lock sh -c "echo >>$logs/taken; wc -l <$logs/taken"
