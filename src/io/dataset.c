@@ -9,6 +9,7 @@
 
 #include "../base/file.h"
 #include "paths.h"
+#include "polycam.h"
 
 static const uint64_t MAX_LIST_BYTES = 1 << 28;
 
@@ -185,6 +186,7 @@ int sf_holds_project(const char *folder) {
     char sparse[PATH_MAX];
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (sf_holds_file(folder, files[i])) return 1;
+    if (sf_polycam_is(folder)) return 1;
     int size = snprintf(sparse, sizeof sparse, "%s/sparse", folder);
     return size > 0 && (size_t)size < sizeof sparse && sf_is_folder(sparse);
 }

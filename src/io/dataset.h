@@ -15,6 +15,7 @@ typedef struct sf_entry {
     int width, height; /* px, the size for which the lens is given; the picture's size may differ */
     sf_optics lens;
     double R_cw[9], t_cw[3];
+    int border_px;  /* along each side of the picture, of no weight */
     int bad_pose;   /* not finite or not a rotation: the view is skipped */
     sf_split split; /* where the project has_split */
 } sf_entry;

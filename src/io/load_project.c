@@ -9,6 +9,7 @@
 #include "opensfm.h"
 #include "origin.h"
 #include "paths.h"
+#include "polycam.h"
 #include "transforms.h"
 #include "views.h"
 #include "zip.h"
@@ -65,6 +66,8 @@ static sf_status read_folder(sf_project *p, const char *path, const sf_load_opti
         status = read_in(p, path, "reconstruction.json", options, sf_opensfm_read);
     } else if (sf_holds_file(path, "opensfm/reconstruction.json")) {
         status = read_in(p, path, "opensfm/reconstruction.json", options, sf_opensfm_read);
+    } else if (sf_polycam_is(path)) {
+        status = sf_polycam_read(p, path, options);
     } else {
         status = sf_no_project_in(p->ctx, path);
     }

@@ -179,6 +179,15 @@ sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *p) {
     return status;
 }
 
+sf_status sf_mask_border(sf_context *ctx, int border, sf_picture *p) {
+    if (make_weights(ctx, p)) return SF_ERR_MEMORY;
+    for (int y = 0; y < p->height; y++)
+        for (int x = 0; x < p->width; x++)
+            if (x < border || y < border || x >= p->width - border || y >= p->height - border)
+                p->weight[(size_t)y * (size_t)p->width + (size_t)x] = 0;
+    return SF_OK;
+}
+
 static void blend(const float background[3], sf_picture *p) {
     size_t n = (size_t)p->width * (size_t)p->height;
     for (size_t c = 0; c < 3; c++) {

@@ -24,6 +24,9 @@ sf_status sf_mask_look_for(sf_context *ctx, const char *folder, const char *name
  * one's) where its sides are in the same ratio to within a pixel. On failure the picture's fault is set. */
 sf_status sf_mask_apply(sf_context *ctx, const char *path, sf_picture *picture);
 
+/* Takes the weight of all pixels that are less than `border` pixels from a side. SF_ERR_MEMORY. */
+sf_status sf_mask_border(sf_context *ctx, int border, sf_picture *picture);
+
 /* Whether the mask's header promises one that sf_mask_apply takes; else the picture's fault is set. */
 sf_status sf_mask_look(sf_context *ctx, const char *path, sf_picture *picture);
 

@@ -262,7 +262,7 @@ sf_status sf_no_project_in(sf_context *ctx, const char *folder) {
     return sf_fail(
         ctx, SF_ERR_IO,
         "%s: no project: looked for cameras.bin or .txt in sparse/0, sparse and here, for transforms.json, "
-        "transforms_train.json and reconstruction.json, and for pictures and videos",
+        "transforms_train.json, reconstruction.json and keyframes, and for pictures and videos",
         folder);
 }
 

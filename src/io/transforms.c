@@ -271,6 +271,8 @@ static void set_pose(const double start[16], const double end[16], double time, 
     }
 }
 
+void sf_entry_set_opengl_pose(sf_entry *e, const double c2w[16]) { set_pose(c2w, c2w, 0, e); }
+
 static sf_status read_matrix(const frame *f, const char *key, double c2w[16]) {
     const json_t *matrix = json_object_get(f->json, key);
     if (!matrix) return frame_fail(f, SF_ERR_FORMAT, key, "is missing");

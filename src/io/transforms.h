@@ -12,4 +12,8 @@ sf_status sf_transforms_read(sf_project *project, const char *file, const sf_loa
  * transforms_val.json, split so. */
 sf_status sf_transforms_read_pair(sf_project *project, const char *folder, const sf_load_options *options);
 
+/* Sets an entry's pose from the matrix, by rows, from the camera to the world, where the camera's axes are
+ * OpenGL's (+y up, +z back). */
+void sf_entry_set_opengl_pose(sf_entry *e, const double c2w[16]);
+
 #endif

@@ -150,7 +150,7 @@ static sf_status make_view(const loading *l, const sf_entry *e, sf_picture *p, r
  * blur of resampling. */
 static int decoded_factor(const loading *l, const sf_entry *e) {
     int factor = l->options->downscale;
-    if (e->mask) return 1;
+    if (e->mask || e->border_px) return 1;
     if (!sf_optics_is_distorted(&e->lens)) return factor;
     return e->lens.projection == SF_PERSPECTIVE && factor % 2 == 0 ? factor / 2 : 1;
 }
@@ -161,6 +161,7 @@ static sf_status read_picture(const loading *l, const sf_entry *e, sf_picture *p
     r->alpha = p->weight != NULL;
     if (!status) sf_alpha_apply(l->ctx, l->options, l->project->blends, p);
     if (!status && e->mask) status = sf_mask_apply(l->ctx, e->mask, p);
+    if (!status && e->border_px) status = sf_mask_border(l->ctx, e->border_px, p);
     memcpy(r->fault, p->fault, sizeof r->fault);
     r->rotated = !status && p->orientation != 1;
     if (!status) status = make_view(l, e, p, r);
@@ -180,8 +181,8 @@ static sf_status look_at_picture(const loading *l, const sf_entry *e, sf_picture
     if (status || r->bad_pose) return status;
     r->alpha = p->has_alpha;
     r->rotated = p->orientation != 1;
-    r->has_weight =
-        e->mask || r->undistorted || (r->alpha && sf_alpha_is_weight(l->options, l->project->blends));
+    r->has_weight = e->mask || e->border_px || r->undistorted ||
+                    (r->alpha && sf_alpha_is_weight(l->options, l->project->blends));
     status = sf_view_create_bare(l->ctx, e->name, &camera, e->split, &r->view);
     if (!status) describe_view(e, &lens, p, r);
     return status;
