@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "../base/clock.h"
+#include "../base/hd.h"
 #include "../base/query.h"
 #include "../base/wait.h"
 #include "format.h"
@@ -56,14 +57,12 @@ static sf_status choose(sf_context *ctx, const char *name, const char *option, c
 /* YUV4MPEG2 has no field for the matrix: videos of HD and more are in BT.709 as a rule, smaller ones in
  * BT.601. */
 static void assume_matrix(sf_pipe_source *p) {
-    enum { HD_HEIGHT = 720 };
-    if (p->kind != SF_PIPE_Y4M || p->format == SF_PIXEL_GREY || p->height < HD_HEIGHT) return;
+    if (p->kind != SF_PIPE_Y4M || p->format == SF_PIXEL_GREY || !sf_is_hd(p->width, p->height)) return;
     p->matrix = SF_YUV_709;
     sf_log(p->ctx, SF_LOG_INFO,
            "%s: YUV4MPEG2 does not say how its colours are coded: BT.709 is taken, as in most videos of %d "
-           "lines "
-           "and more (otherwise ?matrix=601)",
-           p->name, HD_HEIGHT);
+           "columns or more than %d lines (otherwise ?matrix=601)",
+           p->name, SF_HD_WIDTH, SF_SD_HEIGHT);
 }
 
 /* Matrix and range where they were asked for. */

@@ -9,7 +9,6 @@
 
 #include "../base/file.h"
 #include "paths.h"
-#include "polycam.h"
 
 static const uint64_t MAX_LIST_BYTES = 1 << 28;
 
@@ -183,12 +182,12 @@ int sf_holds_project(const char *folder) {
     static const char *const files[] = {"cameras.bin",         "cameras.txt",
                                         "transforms.json",     "transforms_train.json",
                                         "reconstruction.json", "opensfm/reconstruction.json"};
-    char sparse[PATH_MAX];
+    static const char *const folders[] = {"sparse", "keyframes/corrected_cameras", "keyframes/cameras"};
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (sf_holds_file(folder, files[i])) return 1;
-    if (sf_polycam_is(folder)) return 1;
-    int size = snprintf(sparse, sizeof sparse, "%s/sparse", folder);
-    return size > 0 && (size_t)size < sizeof sparse && sf_is_folder(sparse);
+    for (size_t i = 0; i < sizeof folders / sizeof *folders; i++)
+        if (sf_holds_folder(folder, folders[i])) return 1;
+    return 0;
 }
 
 int sf_is_same_shape(int width, int height, int of_width, int of_height) {

@@ -11,6 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../base/hd.h"
 #include "../base/pool.h"
 #include "paths.h"
 #include "picture.h"
@@ -221,8 +222,8 @@ sf_status sf_ffmpeg_probe(sf_context *ctx, const char *video, sf_film_facts *fac
 /* ---- ffmpeg ---- */
 
 int sf_ffmpeg_scale(const sf_film_facts *facts, int side, const char *how, char *text, size_t size) {
-    enum { HD_HEIGHT = 720 }; /* lines from which on videos that do not say it are in BT.709 */
-    const char *matrix = facts->has_matrix || facts->height < HD_HEIGHT ? "auto" : "bt709";
+    /* auto: what the video says, else BT.601 */
+    const char *matrix = facts->has_matrix || !sf_is_hd(facts->width, facts->height) ? "auto" : "bt709";
     return snprintf(text, size,
                     "scale=w='max(1,round(iw*sar*min(1,%d/max(iw*sar,ih))))':"
                     "h='max(1,round(ih*min(1,%d/max(iw*sar,ih))))':in_color_matrix=%s:flags=%s,setsar=1",

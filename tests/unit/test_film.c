@@ -162,6 +162,7 @@ static void test_colours(void **state) {
         {"small.mp4", "", "-pix_fmt yuv420p -c:v mpeg4 -q:v 2"},
         {"said.mkv", ",scale=out_color_matrix=bt709",
          "-pix_fmt yuv420p -c:v mpeg4 -q:v 2 -colorspace bt709 -color_primaries bt709 -color_trc bt709"},
+        {"wide.mp4", ",scale=1280:536:out_color_matrix=bt709", "-pix_fmt yuv420p -c:v mpeg4 -q:v 2"},
         {"large.mp4", ",scale=1280:960:out_color_matrix=bt709", "-pix_fmt yuv420p -c:v mpeg4 -q:v 2"},
         {"full.avi", "", "-c:v mjpeg -pix_fmt yuvj420p -q:v 2"}};
     need_ffmpeg();

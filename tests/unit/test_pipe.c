@@ -80,29 +80,32 @@ static void test_cut_short(void **state) {
 
 /* YUV4MPEG2. */
 
-/* The matrix, of which the stream says nothing: by its height, unless it is asked for. */
+/* The matrix, of which the stream says nothing: by its size, unless it is asked for. */
 static void test_y4m_matrix(void **state) {
     (void)state;
     static const struct {
-        int height;
+        int width, height;
         const char *colours, *options;
         sf_yuv_matrix matrix;
         int said;
-    } cases[] = {{719, "420", "", SF_YUV_601, 0},
-                 {720, "420", "", SF_YUV_709, 1},
-                 {720, "422", "", SF_YUV_709, 1},
-                 {1080, "444", "?fps=5", SF_YUV_709, 1},
-                 {720, "mono", "", SF_YUV_601, 0},
-                 {720, "420", "?matrix=601", SF_YUV_601, 0},
-                 {1080, "420", "?matrix=2020", SF_YUV_2020, 0}};
+    } cases[] = {{2, 576, "420", "", SF_YUV_601, 0},
+                 {2, 577, "420", "", SF_YUV_709, 1},
+                 {1279, 16, "420", "", SF_YUV_601, 0},
+                 {1280, 16, "420", "", SF_YUV_709, 1}, /* HD, cropped */
+                 {2, 720, "422", "", SF_YUV_709, 1},
+                 {2, 1080, "444", "?fps=5", SF_YUV_709, 1},
+                 {1280, 16, "mono", "", SF_YUV_601, 0},
+                 {2, 720, "420", "?matrix=601", SF_YUV_601, 0},
+                 {2, 1080, "420", "?matrix=2020", SF_YUV_2020, 0}};
     sf_context *ctx = test_context();
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char header[64];
         sf_frame frame;
-        snprintf(header, sizeof header, "YUV4MPEG2 W1 H%d C%s\nFRAME\n", cases[i].height, cases[i].colours);
+        snprintf(header, sizeof header, "YUV4MPEG2 W%d H%d C%s\nFRAME\n", cases[i].width, cases[i].height,
+                 cases[i].colours);
         pipe_file.size = 0;
         pipe_add_text(header);
-        pipe_add_pixels(0, (size_t)cases[i].height * 3); /* and more than it takes */
+        pipe_add_pixels(0, (size_t)cases[i].width * (size_t)cases[i].height * 3); /* and more than it takes */
         test_log_clear();
         sf_source *source = pipe_open_source(ctx, pipe_put_file(cases[i].options));
         assert_ok(ctx, sf_source_next(source, -1, &frame));
