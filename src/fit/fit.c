@@ -231,6 +231,19 @@ static void warn_of_one_place(sf_fitter *f) {
            "scene: all training pictures are from one place: they do not determine the depth");
 }
 
+/* How the Gaussians of the model to start from were drawn decides what their opacities mean. */
+static void tell_compensation(const sf_fitter *f, const sf_model *from) {
+    if (!from || from->antialiased == f->options.antialiased) return;
+    if (from->antialiased)
+        sf_log(f->ctx, SF_LOG_INFO,
+               "the model to start from is marked as antialiased (mip): the fit is so too (where the mark is "
+               "wrong, splatfit convert --antialiased no takes it away)");
+    else
+        sf_log(f->ctx, SF_LOG_WARNING,
+               "antialiased: the model to start from is not marked so: its opacities are taken as they are, "
+               "and small Gaussians begin fainter than they were");
+}
+
 /* Takes up the views that the scene has at the start. */
 static sf_status take_up_views(sf_fitter *f) {
     uint32_t *ids;
@@ -257,6 +270,7 @@ sf_status sf_fitter_create(sf_context *ctx, sf_scene *scene, const sf_model *fro
     if (!status) status = choose_start(f, from);
     if (!status) {
         warn_of_one_place(f);
+        tell_compensation(f, from);
         f->model->antialiased = options->antialiased || (from && from->antialiased);
         f->first_count = f->model->count;
         f->shared_count = f->first_count;

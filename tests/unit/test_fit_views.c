@@ -246,7 +246,10 @@ static void test_antialiased(void **state) {
     sf_context_destroy(&ctx);
 }
 
-/* A model that was fitted so is gone on with so. */
+static const char *const compensation_lines[] = {"is marked as antialiased (mip): the fit is so too",
+                                                 "antialiased: the model to start from is not marked so"};
+
+/* A model that was fitted so is gone on with so, and what differs from the option is said. */
 static void test_antialiased_from(void **state) {
     (void)state;
     sf_context *ctx = test_context();
@@ -254,13 +257,20 @@ static void test_antialiased_from(void **state) {
     sf_model *from = fit_true_model(ctx), *model;
     sf_fit_options options = fit_short_fit(1);
     sf_fitter *fitter;
-    sf_model_set_antialiased(from, 1);
-    assert_ok(ctx, sf_fitter_create(ctx, scene, from, &options, &fitter));
-    assert_ok(ctx, sf_fitter_snapshot(fitter, &model));
-    assert_true(sf_model_antialiased(model));
+    for (int i = 0; i < 4; i++) {
+        int marked = i % 2, asked = i / 2;
+        sf_model_set_antialiased(from, marked);
+        options.antialiased = asked;
+        test_log_clear();
+        assert_ok(ctx, sf_fitter_create(ctx, scene, from, &options, &fitter));
+        assert_ok(ctx, sf_fitter_snapshot(fitter, &model));
+        assert_int_equal(sf_model_antialiased(model), marked || asked);
+        assert_int_equal(strstr(test_log, compensation_lines[0]) != NULL, marked && !asked);
+        assert_int_equal(strstr(test_log, compensation_lines[1]) != NULL, !marked && asked);
+        sf_model_destroy(&model);
+        sf_fitter_destroy(&fitter);
+    }
     sf_model_destroy(&from);
-    sf_model_destroy(&model);
-    sf_fitter_destroy(&fitter);
     sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
