@@ -35,6 +35,8 @@ int app_model_options(const args *a, sf_model_file_options *options);
 sf_status app_save_model(const args *a, const sf_model *model, const char *path);
 sf_status app_save_fitted(const args *a, const sf_fitter *fitter, const char *path);
 int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **model);
+/* The same of a model that is looked at, with a warning where it holds no Gaussians. */
+int app_load_shown(const args *a, sf_context *ctx, const char *path, sf_model **model);
 int app_load_part(const args *a, sf_context *ctx, const char *path, int part, int parts, sf_model **model);
 
 /* A context as --threads, --isa and --quiet say. 0 or an exit code. */

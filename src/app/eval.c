@@ -101,7 +101,7 @@ static int run(const args *a) {
     if (!error) error = args_int(a, "eval-views", 1, 1000000000, &e.most);
     if (!error && json) error = app_check_output(a, json);
     if (!error) error = app_context(a, &ctx);
-    if (!error) error = app_load_model(a, ctx, a->positional[0], &model);
+    if (!error) error = app_load_shown(a, ctx, a->positional[0], &model);
     if (!error) error = app_load(a, ctx, a->positional[1], &scene);
     if (!error) sf_scene_place_model(scene, model);
     if (!error) error = load_cameras(a, ctx, scene, &r);

@@ -101,6 +101,13 @@ int app_load_model(const args *a, sf_context *ctx, const char *path, sf_model **
     return app_load_part(a, ctx, path, 0, 1, model);
 }
 
+int app_load_shown(const args *a, sf_context *ctx, const char *path, sf_model **model) {
+    int error = app_load_model(a, ctx, path, model);
+    if (!error && !sf_model_count(*model) && !args_value(a, "quiet"))
+        fprintf(stderr, "warning: %s: holds no Gaussians: only the background is seen\n", path);
+    return error;
+}
+
 int app_load_part(const args *a, sf_context *ctx, const char *path, int part, int parts, sf_model **model) {
     sf_model_file_options options = sf_model_file_options_default();
     const char *antialiased = has_table(a, compensation_options) ? args_value(a, "antialiased") : NULL;

@@ -165,7 +165,7 @@ static int run(const args *a) {
     if (!error) error = args_int(a, "fps", 1, 1000, &rate);
     if (!error) error = app_context(a, &j.ctx);
     if (!error) error = pictures_begin(a, j.ctx, rate, &j.to);
-    if (!error) error = app_load_model(a, j.ctx, a->positional[0], &j.model);
+    if (!error) error = app_load_shown(a, j.ctx, a->positional[0], &j.model);
     if (!error && a->positionals > 1) error = app_load_cameras(a, j.ctx, a->positional[1], &j.scene);
     if (!error && j.scene) sf_scene_place_model(j.scene, j.model);
     if (!error) error = render_all(&j);

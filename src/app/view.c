@@ -120,7 +120,7 @@ static int load(const args *a, sf_context *ctx, subject *s) {
     const char *path = a->positional[0];
     if (app_names_model(path)) {
         int error = app_refuse_load_options(a, path);
-        return error ? error : app_load_model(a, ctx, path, &s->model);
+        return error ? error : app_load_shown(a, ctx, path, &s->model);
     }
     if (args_value(a, "cameras")) {
         args_error(a->command, "--cameras: goes with a model, not with %s", path);

@@ -167,6 +167,29 @@ static void test_formats(void **state) {
     }
 }
 
+static const char no_gaussians[] =
+    "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n"
+    "property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nproperty float opacity\n"
+    "property float scale_0\nproperty float scale_1\nproperty float scale_2\nproperty float rot_0\n"
+    "property float rot_1\nproperty float rot_2\nproperty float rot_3\nend_header\n";
+
+/* What shows a model without Gaussians says so. */
+static void test_no_gaussians(void **state) {
+    (void)state;
+    static const char said[] = "warning: out/empty.ply: holds no Gaussians";
+    clear_out();
+    write_text("out/empty.ply", no_gaussians);
+    outcome o = run_ok("eval", "out/empty.ply", SCENE);
+    test_assert_contains(o.err, said, __FILE__, __LINE__);
+    free_outcome(&o);
+    o = run_ok("render", "out/empty.ply", SCENE, "--out", "rendered");
+    test_assert_contains(o.err, said, __FILE__, __LINE__);
+    free_outcome(&o);
+    o = run_ok("eval", "good.ply", SCENE);
+    assert_null(strstr(o.err, "no Gaussians"));
+    free_outcome(&o);
+}
+
 static void test_convert_refuses(void **state) {
     (void)state;
     clear_out();
@@ -192,6 +215,7 @@ int main(void) {
         cmocka_unit_test(test_cameras_beside_a_model),
         cmocka_unit_test(test_convert),
         cmocka_unit_test(test_formats),
+        cmocka_unit_test(test_no_gaussians),
         cmocka_unit_test(test_convert_refuses),
     };
     return cmocka_run_group_tests(tests, cli_set_up, NULL);
