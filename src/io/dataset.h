@@ -16,6 +16,7 @@ typedef struct sf_entry {
     sf_optics lens;
     double R_cw[9], t_cw[3];
     int border_px;  /* along each side of the picture, of no weight */
+    int near_name;  /* the picture's name has another ending or case than the project says */
     int bad_pose;   /* not finite or not a rotation: the view is skipped */
     sf_split split; /* where the project has_split */
 } sf_entry;

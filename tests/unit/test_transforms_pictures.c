@@ -111,8 +111,28 @@ static void test_file_of_training_views(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* Found where one file alone differs in ending and case; else it is missing. */
+static void test_near_names(void **state) {
+    (void)state;
+    sf_context *ctx = test_context();
+    transforms_make_project(ctx, "near");
+    transforms_write_picture(ctx, test_path("near/images/D.JPEG"), 0.5f);
+    transforms_write_picture(ctx, test_path("near/images/c.jpg"), 0.5f);
+    sf_scene *scene = transforms_load_json(
+        ctx, "near",
+        "{" LENS "'frames':[" FRAME("images/a.png", IDENTITY) "," FRAME("images/B.jpg", IDENTITY) "," FRAME(
+            "images/C.PNG", IDENTITY) "," FRAME("images/d.png", IDENTITY) "]}");
+    assert_int_equal(test_scene_info(scene).views, 3);
+    assert_int_equal(test_scene_info(scene).skipped_missing, 1);
+    transforms_assert_log("2 pictures have another ending or another case on disk");
+    transforms_assert_log("images/C.PNG");
+    sf_scene_destroy(&scene);
+    sf_context_destroy(&ctx);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_near_names),
         cmocka_unit_test(test_smaller_copies_alone),
         cmocka_unit_test(test_lens_of_the_named_picture),
         cmocka_unit_test(test_option_without_effect_is_refused),
