@@ -16,14 +16,17 @@ MPEG-4 in .mkv, upper field first: stream tt, frames 1,1 1,1 1,1 1,1
 HEVC in .ts, upper field first: stream progressive, frames 1,1 1,0 1,1 1,0
 HEVC in .ts, lower field first: stream tt, frames 1,0 1,1 1,0 1,1
 Motion JPEG in .mkv, upper field first: stream tt, frames 0,0 0,0 0,0 0,0'
-there=$(dpkg-query -W -f '${Version}' ffmpeg 2>/dev/null || echo none)
-if [ "$there" != "$version" ]; then
-    echo "needs ffmpeg $version, not $there: apt-get install ffmpeg=$version"
-    exit 1
-fi
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 cd "$scratch"
+# ffmpeg and all that it depends on: for an empty list of installed packages.
+mkdir -p debs/partial && touch status
+apt-get install -q -y -d --no-install-recommends -o Debug::NoLocking=1 -o Dir::State::status="$scratch/status" \
+    -o Dir::Cache::archives="$scratch/debs" "ffmpeg=$version" >/dev/null 2>&1
+for package in debs/*.deb; do dpkg -x "$package" root; done
+libraries=root/usr/lib/$(uname -m)-linux-gnu
+export PATH="$scratch/root/usr/bin:$PATH"
+export LD_LIBRARY_PATH="$scratch/$libraries:$scratch/$libraries/blas:$scratch/$libraries/lapack:$scratch/$libraries/pulseaudio"
 
 # Frames of two fields each, filmed one after the other, tff or bff; `filters` begin with a comma.
 make_video() { # FILE ORDER FILTERS OPTIONS...
