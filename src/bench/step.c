@@ -49,7 +49,7 @@ typedef struct update_job {
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     static const sf_adam step = {.rate = 0, .beta1 = 0.9f, .beta2 = 0.999f, .v_scale = 1, .epsilon = 1e-15f};
     const update_job *job = job_pointer;
-    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+    for (int field = 0; grads && field < SF_FIELD_COUNT; field++) {
         if (!grads->field[field]) continue;
         size_t block = (size_t)sf_field_components(field) * SF_LANES, at = first * block;
         sf_optimizer_step(job->moments, job->ws->ctx->kernels,

@@ -6,6 +6,7 @@
 
 #include "../base/clock.h"
 #include "../cluster/cluster.h"
+#include "out_of_view.h"
 #include "ranks.h"
 
 static void put_params(sf_sections_out *out, const char *prefix, const sf_model *model) {
@@ -146,5 +147,6 @@ static sf_status save_shared(const sf_fitter *f, const char *path) {
 }
 
 sf_status sf_fitter_save(const sf_fitter *f, const char *path) {
+    sf_update_second_moments(f);
     return sf_is_shared(f) ? save_shared(f, path) : save(f, path, NULL, 0);
 }

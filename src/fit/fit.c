@@ -15,6 +15,7 @@
 #include "memory.h"
 #include "moving_average.h"
 #include "options.h"
+#include "out_of_view.h"
 #include "ranks.h"
 #include "ranks_divide.h"
 #include "recovery.h"
@@ -294,6 +295,7 @@ void sf_fitter_destroy(sf_fitter **fitter_pointer) {
     sf_free(f->ctx, f->densify.gradient_sum);
     sf_free(f->ctx, f->densify.visible_count);
     sf_free(f->ctx, f->units.inverse);
+    sf_free(f->ctx, f->out_of_view.steps);
     sf_merges_free(f);
     sf_free(f->ctx, f->sampler.ids);
     sf_free(f->ctx, f->validation.ids);
@@ -358,6 +360,7 @@ static sf_status find_misplaced_views(sf_fitter *f, double fraction) {
 }
 
 void sf_select_and_densify(sf_fitter *f, double fraction) {
+    sf_update_second_moments(f);
     int selecting = sf_selection_is_due(f, fraction), changed = 0;
     sf_status status = selecting ? sf_select_step(f, fraction, &changed) : SF_OK;
     if (changed) sf_forget_best_model(&f->validation);

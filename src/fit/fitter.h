@@ -134,6 +134,13 @@ typedef struct sf_local_units {
     float *inverse; /* 1 / unit, 1 / world units; 0: no view has seen the Gaussian yet */
 } sf_local_units;
 
+/* out_of_view.c: the groups of Gaussians that views leave out together; the array has the model's capacity.
+ */
+typedef struct sf_out_of_view {
+    uint32_t *steps; /* of each group: in how many steps it was out of view since its second moments were
+                        brought up to date */
+} sf_out_of_view;
+
 struct sf_fitter {
     sf_context *ctx;
     sf_scene *scene;
@@ -154,6 +161,7 @@ struct sf_fitter {
     sf_view_sampler sampler;
     sf_densify densify;
     sf_local_units units;
+    sf_out_of_view out_of_view;
     sf_selection select;
     sf_merges merges;
     sf_validation validation;

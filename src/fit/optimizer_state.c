@@ -125,6 +125,17 @@ void sf_optimizer_reset_all(const sf_optimizer_state *moments, const sf_model *m
         }
 }
 
+void sf_optimizer_decay_second(const sf_optimizer_state *moments, size_t first, size_t end, float beta2,
+                               uint32_t steps) {
+    for (int field = 0; sf_has_momentum(field); field++) {
+        size_t block = (size_t)sf_field_components(field) * SF_LANES;
+        float *v = (float *)moments->part[SECOND][field] + first * block;
+        for (size_t at = 0; at < (end - first) * block; at += SF_LANES)
+            for (uint32_t step = 0; step < steps; step++)
+                for (size_t k = 0; k < SF_LANES; k++) v[at + k] *= beta2;
+    }
+}
+
 void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, sf_value_range range,
                        float *p, const float *g, const sf_adam *step, uint32_t key) {
     int field = range.field;

@@ -56,6 +56,11 @@ typedef struct sf_value_range {
     size_t at, n;
 } sf_value_range;
 
+/* Multiplies the second moments of blocks first .. end-1 by beta2, `steps` times one after another; those of
+ * the fields with momentum, as floats. */
+void sf_optimizer_decay_second(const sf_optimizer_state *moments, size_t first, size_t end, float beta2,
+                               uint32_t steps);
+
 /* One step for the parameters of a range; p, g: the first parameter and its gradient; key: seed of the
  * stochastic rounding, different for each step and field. */
 void sf_optimizer_step(const sf_optimizer_state *moments, const sf_kernels *kernels, sf_value_range range,

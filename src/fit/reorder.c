@@ -4,11 +4,20 @@
 #include <string.h>
 
 #include "../scene/curve.h"
+#include "out_of_view.h"
 
 /* Fewer Gaussians are not sorted: they fit into the caches in any order. */
 enum { LEAST_SORTED = 1024 };
 
 static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
+
+/* Begins anew for all groups: their second moments are up to date when Gaussians are moved. */
+static sf_status out_of_view_room(sf_fitter *f, size_t room) {
+    sf_free(f->ctx, f->out_of_view.steps);
+    f->out_of_view.steps =
+        sf_calloc(f->ctx, room / (SF_PROJECT_BLOCKS * SF_LANES) + 1, sizeof *f->out_of_view.steps);
+    return f->out_of_view.steps ? SF_OK : SF_ERR_MEMORY;
+}
 
 /* Resizes the arrays of a band. The model's capacity is lowered first and raised last, so that no array is
  * ever smaller than it says. */
@@ -24,6 +33,7 @@ static sf_status set_room(sf_fitter *f, int band, size_t room) {
             status =
                 sf_resize(f->ctx, &f->densify.visible_count, used, room, sizeof *f->densify.visible_count);
         if (!status) status = sf_resize(f->ctx, &f->units.inverse, used, room, sizeof *f->units.inverse);
+        if (!status) status = out_of_view_room(f, room);
     }
     return status ? status : sf_model_set_room(m, band, room);
 }
@@ -78,13 +88,15 @@ sf_status sf_fitter_start_room(sf_fitter *f, size_t count) {
     f->densify.gradient_sum = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.gradient_sum);
     f->densify.visible_count = sf_calloc(f->ctx, m->capacity[0], sizeof *f->densify.visible_count);
     f->units.inverse = sf_calloc(f->ctx, m->capacity[0], sizeof *f->units.inverse);
-    return f->densify.gradient_sum && f->densify.visible_count && f->units.inverse ? SF_OK : SF_ERR_MEMORY;
+    status = out_of_view_room(f, m->capacity[0]);
+    return f->densify.gradient_sum && f->densify.visible_count && f->units.inverse ? status : SF_ERR_MEMORY;
 }
 
 /* Brings all arrays into the order; frees it. created: of the order. */
 static sf_status apply(sf_fitter *f, sf_status created, sf_order *order) {
     size_t had = f->model->count;
     sf_status status = created;
+    sf_update_second_moments(f);
     if (!status) status = sf_fitter_room(f, order->banded);
     if (!status) status = sf_order_prepare(f->ctx, order);
     if (!status) {

@@ -9,6 +9,7 @@
 
 #include <math.h>
 
+#include "out_of_view.h"
 #include "ranks.h"
 #include "select_merge_candidates.h"
 
@@ -64,6 +65,7 @@ static void undo_in_fitter(sf_fitter *f, const sf_merge *t) {
 }
 
 void sf_merges_undo_all(sf_fitter *f) {
+    if (f->merges.count) sf_update_second_moments(f);
     for (size_t k = f->merges.count; k-- > 0;) undo_in_fitter(f, &f->merges.list[k]);
     f->merges.count = 0;
 }

@@ -8,6 +8,7 @@
 #include "adam.h"
 #include "densify_relocate.h"
 #include "local_units.h"
+#include "out_of_view.h"
 #include "schedule.h"
 
 typedef struct update_job {
@@ -17,6 +18,7 @@ typedef struct update_job {
     float most_ratio, most_scale; /* logarithms of the greatest aspect and scale */
     float fade, shrink;           /* decay in this step: of logits, times the opacity; of log-scales */
     double noise;                 /* strength of the noise of densify_relocate.c */
+    int rests;                    /* whether groups out of view stay as they are (out_of_view.h) */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
@@ -109,13 +111,9 @@ static void around_mean(const sf_fitter *f, size_t first, size_t end,
     }
 }
 
-static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
-    const update_job *job = job_pointer;
+/* One step of Adam for some blocks. */
+static void step_blocks(const update_job *job, const sf_params *grads, size_t first, size_t end, int seen) {
     sf_fitter *f = job->fitter;
-    size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
-    int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
-    if (seen) sf_note_units(f, first, end);
-    around_mean(f, first, end, sf_mean_open);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         /* no gradient: a band that these blocks lack, or that is not in use yet */
         if (!grads->field[field] || !sf_field_stored(field, f->sh_degree)) continue;
@@ -131,13 +129,47 @@ static void update_blocks(void *job_pointer, const sf_params *grads, size_t firs
                           f->model->params.field[field] + at, grads->field[field], &job->step[field],
                           job->key[field]);
     }
-    if (job->fade > 0 || job->shrink > 0) regularise(job, first * SF_LANES, last);
-    float *log_scale = f->model->params.field[SF_FIELD_log_scale];
+}
+
+static void limit_blocks(const update_job *job, size_t first, size_t end) {
+    float *log_scale = job->fitter->model->params.field[SF_FIELD_log_scale];
     for (size_t block = first; block < end; block++)
         limit_block(job, log_scale + 3 * SF_LANES * block, block);
+}
+
+static void update_some(const update_job *job, const sf_params *grads, size_t first, size_t end) {
+    sf_fitter *f = job->fitter;
+    size_t last = end * SF_LANES < f->model->count ? end * SF_LANES : f->model->count;
+    int seen = memchr(f->workspace.state + first * SF_LANES, SF_SEEN, last - first * SF_LANES) != NULL;
+    if (seen) sf_note_units(f, first, end);
+    around_mean(f, first, end, sf_mean_open);
+    step_blocks(job, grads, first, end, seen);
+    if (job->fade > 0 || job->shrink > 0) regularise(job, first * SF_LANES, last);
+    limit_blocks(job, first, end);
     if (job->noise > 0) sf_inject_noise(f, job->noise, first, end);
     around_mean(f, first, end, sf_mean_close);
     if (seen) gather_statistics(f, first * SF_LANES, last);
+}
+
+/* A step without gradients. */
+static void update_without(const update_job *job, size_t first, size_t end) {
+    enum { MOST_COMPONENTS = 4 };
+    static _Alignas(64) float zeros[MOST_COMPONENTS * SF_LANES * SF_GRAD_BLOCKS];
+    sf_params none = {{NULL}};
+    for (int field = 0; sf_has_momentum(field); field++) none.field[field] = zeros;
+    for (size_t until; first < end; first = until) {
+        until = first + SF_GRAD_BLOCKS < end ? first + SF_GRAD_BLOCKS : end;
+        update_some(job, &none, first, until);
+    }
+}
+
+static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
+    const update_job *job = job_pointer;
+    if (job->rests && first % SF_PROJECT_BLOCKS == 0) sf_note_in_view(job->fitter, first, grads != NULL);
+    if (grads)
+        update_some(job, grads, first, end);
+    else if (!job->rests)
+        update_without(job, first, end);
 }
 
 /* Seed of the rounding of moments of a field in this step: a function of seed, step and field, so that it
@@ -161,6 +193,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     if (o->max_scale > 0) job.most_scale = (float)log(o->max_scale);
     if (o->densify == SF_DENSIFY_RELOCATE)
         job.noise = o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean);
+    job.rests = sf_rests_out_of_view(f);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         job.key[field] = rounding_key(f, field);
         double start = sf_has_momentum(field) ? 1 - pow(o->adam_beta1, t) : 1;

@@ -146,12 +146,6 @@ static void clear_lacking(const sf_workspace *ws, const sf_params *grads, int de
     }
 }
 
-static void clear_all(const sf_params *grads, size_t blocks) {
-    for (int field = 0; field < SF_FIELD_COUNT; field++)
-        if (grads->field[field])
-            memset(grads->field[field], 0, sf_field_values(field, blocks * SF_LANES) * sizeof(float));
-}
-
 static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     project_bwd_job *job = job_pointer;
     const sf_workspace *ws = job->ws;
@@ -160,20 +154,19 @@ static void project_bwd_task(void *job_pointer, size_t task, int thread) {
     size_t end = first + SF_PROJECT_BLOCKS < blocks ? first + SF_PROJECT_BLOCKS : blocks;
     args.camera = job->camera ? job->camera + SF_CAMERA_SUMS * task : NULL;
     args.not_finite = &ws->partial_count[task];
-    if (!ws->in_view[task])
+    if (!ws->in_view[task]) {
         memset(ws->screen + first * SF_LANES, 0, (end - first) * SF_LANES * sizeof *ws->screen);
+        job->take(job->user, NULL, first, end);
+        return;
+    }
     for (size_t until; first < end; first = until) {
         int degree;
         until = first + SF_GRAD_BLOCKS < end ? first + SF_GRAD_BLOCKS : end;
         until = end_of_degree(ws, SF_MAX_SH_DEGREE, first, until, &degree);
         args.forward.sh_degree = degree < ws->sh_degree ? degree : ws->sh_degree;
         args.grads = grads_of(ws, thread, degree);
-        if (ws->in_view[task]) {
-            ws->ctx->kernels->project_bwd(&args, first, until);
-            clear_lacking(ws, &args.grads, args.forward.sh_degree, first, until);
-        } else {
-            clear_all(&args.grads, until - first);
-        }
+        ws->ctx->kernels->project_bwd(&args, first, until);
+        clear_lacking(ws, &args.grads, args.forward.sh_degree, first, until);
         job->take(job->user, &args.grads, first, until);
     }
 }

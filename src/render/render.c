@@ -89,9 +89,24 @@ static sf_status gradient_room(sf_renderer *renderer, const sf_model *model) {
     return SF_OK;
 }
 
+/* Those of blocks that are out of view. */
+static void clear_grads(const sf_renderer *renderer, size_t first, size_t end) {
+    for (int field = 0; field < SF_FIELD_COUNT; field++) {
+        size_t block = (size_t)sf_field_components(field) * SF_LANES;
+        size_t stored = sf_blocks(renderer->grad_room[sf_field_band(field)]);
+        size_t until = end < stored ? end : stored;
+        if (renderer->grads.field[field] && first < until)
+            memset(renderer->grads.field[field] + first * block, 0, (until - first) * block * sizeof(float));
+    }
+}
+
 /* Keeps the gradients of some blocks. */
 static void keep_grads(void *renderer_pointer, const sf_params *grads, size_t first, size_t end) {
     const sf_renderer *renderer = renderer_pointer;
+    if (!grads) {
+        clear_grads(renderer, first, end);
+        return;
+    }
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         size_t block = (size_t)sf_field_components(field) * SF_LANES;
         if (grads->field[field])

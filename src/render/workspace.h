@@ -116,8 +116,9 @@ sf_status sf_stage_blend_bwd(sf_workspace *ws);
  * one draws; NULL: nothing. */
 sf_status sf_stage_blend_importance(sf_workspace *ws, sf_status (*filled)(void *user), void *user);
 /* Receives the gradients of blocks first .. end-1 while they are in the cache: at the start of the arrays of
- * grads. The array of a band is NULL if none of these blocks has it; lanes that lack a band have 0. Called on
- * the pool's threads, once for each block. */
+ * grads. The array of a band is NULL if none of these blocks has it; lanes that lack a band have 0. grads is
+ * NULL, and the blocks are all SF_PROJECT_BLOCKS of a task, if none of their Gaussians can be in the picture.
+ * Called on the pool's threads, once for each block. */
 typedef void (*sf_grads_fn)(void *user, const sf_params *grads, size_t first, size_t end);
 /* camera: NULL or [SF_CAMERA_SUMS], overwritten. On failure `take` has not been called. */
 sf_status sf_stage_project_bwd(sf_workspace *ws, double *camera, sf_grads_fn take, void *user);
