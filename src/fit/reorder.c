@@ -13,10 +13,12 @@ static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
 
 /* Begins anew for all groups: their second moments are up to date when Gaussians are moved. */
 static sf_status out_of_view_room(sf_fitter *f, size_t room) {
+    size_t groups = room / (SF_PROJECT_BLOCKS * SF_LANES) + 1;
+    uint32_t *steps = sf_calloc(f->ctx, groups, sizeof *steps);
+    if (!steps) return SF_ERR_MEMORY;
     sf_free(f->ctx, f->out_of_view.steps);
-    f->out_of_view.steps =
-        sf_calloc(f->ctx, room / (SF_PROJECT_BLOCKS * SF_LANES) + 1, sizeof *f->out_of_view.steps);
-    return f->out_of_view.steps ? SF_OK : SF_ERR_MEMORY;
+    f->out_of_view.steps = steps;
+    return SF_OK;
 }
 
 /* Resizes the arrays of a band. The model's capacity is lowered first and raised last, so that no array is
