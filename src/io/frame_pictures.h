@@ -14,7 +14,4 @@ void sf_frame_images(sf_context *ctx, const char *folder, const char *wanted, co
 sf_status sf_frame_find_picture(sf_context *ctx, const char *folder, const char *images, sf_entry *e,
                                 int *named);
 
-/* Logs how many entries have a near_name. */
-void sf_frame_tell_near(const sf_project *project, const char *file);
-
 #endif

@@ -5,6 +5,7 @@
 #include "colmap.h"
 #include "copies.h"
 #include "mask.h"
+#include "near_names.h"
 #include "no_project.h"
 #include "opensfm.h"
 #include "origin.h"
@@ -111,6 +112,7 @@ static sf_status load_from(sf_project *p, const char *path, const sf_load_option
         return sf_fail(p->ctx, SF_ERR_ARGUMENT, "%s: max_views: %zu views are more than %d", p->path,
                        p->count, options->max_views);
     status = sf_project_sort(p, p->path);
+    if (!status) status = sf_project_take_near(p);
     if (!status) status = sf_project_move_origin(p);
     if (!status) status = choose_splits(p, options);
     if (!status) status = sf_warn_of_copies(p);

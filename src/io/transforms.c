@@ -370,7 +370,6 @@ static sf_status read_frames(reader *r) {
     sf_status status = SF_OK;
     for (size_t i = 0; !status && i < json_array_size(frames); i++)
         status = read_frame(r, i, json_array_get(frames, i));
-    if (!status) sf_frame_tell_near(r->project, r->file);
     if (!status && r->options->images && !r->named && json_array_size(frames))
         return sf_fail(r->ctx, SF_ERR_ARGUMENT,
                        "%s: images: %s: no file_path begins with images/, in whose place it would be taken; "

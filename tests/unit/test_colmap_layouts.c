@@ -2,6 +2,7 @@
  * them is elsewhere. */
 #include "colmap_fixture.h"
 
+#include <ctype.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -134,6 +135,36 @@ static void test_second_lines_left_out(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* The pictures were converted or copied since: another ending, another case. */
+static void test_names_with_another_ending(void **state) {
+    (void)state;
+    static char names[IMAGES][32];
+    sf_context *ctx = test_context();
+    sf_scene *plain = test_load_scene(ctx, colmap_write_project(ctx, "first"), NULL);
+    files f = colmap_binary_files();
+    f.images.size = 0;
+    colmap_add_uint(&f.images, IMAGES, 8);
+    for (int i = 0; i < IMAGES; i++) {
+        image v = colmap_images[i];
+        size_t stem = strlen(v.name) - strlen(".png");
+        snprintf(names[i], sizeof names[i], "%.*s.TIF", (int)stem, v.name);
+        char *letter = names[i] + (strchr(names[i], '/') ? strcspn(names[i], "/") + 1 : 0);
+        *letter = (char)toupper((unsigned char)*letter);
+        v.name = names[i];
+        colmap_add_image(&f.images, &v);
+    }
+    colmap_write_project(ctx, "later");
+    colmap_write_model("later", "sparse/0/", &f, ".bin");
+    sf_scene *later = test_load_scene(ctx, test_path("later"), NULL);
+    assert_same(plain, later);
+    assert_int_equal(test_scene_info(later).skipped_missing, 0);
+    colmap_assert_log("pictures have another ending or another case on disk");
+    assert_string_equal(test_view_info(later, 0).name, "A.TIF");
+    sf_scene_destroy(&later);
+    sf_scene_destroy(&plain);
+    sf_context_destroy(&ctx);
+}
+
 /* What is said names what there is. */
 static void test_pictures_elsewhere(void **state) {
     (void)state;
@@ -193,6 +224,7 @@ int main(void) {
         cmocka_unit_test(test_names_with_their_folder),
         cmocka_unit_test(test_points_of_others),
         cmocka_unit_test(test_second_lines_left_out),
+        cmocka_unit_test(test_names_with_another_ending),
         cmocka_unit_test(test_pictures_elsewhere),
         cmocka_unit_test(test_folder_around),
     };
