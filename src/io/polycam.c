@@ -25,7 +25,8 @@ enum { BLACK_BORDER_PX = 15 };
 static const struct kind {
     const char *cameras, *images;
 } corrected = {"keyframes/corrected_cameras", "keyframes/corrected_images"},
-  raw = {"keyframes/cameras", "keyframes/images"};
+  raw = {"keyframes/cameras", "keyframes/images"},
+  within = {"corrected_cameras", "corrected_images"}; /* of keyframes/ itself */
 
 typedef struct reader {
     sf_project *project;
@@ -34,7 +35,8 @@ typedef struct reader {
 } reader;
 
 int sf_polycam_is(const char *folder) {
-    return sf_holds_folder(folder, corrected.cameras) || sf_holds_folder(folder, raw.cameras);
+    return sf_holds_folder(folder, corrected.cameras) || sf_holds_folder(folder, raw.cameras) ||
+           sf_holds_folder(folder, within.cameras);
 }
 
 static sf_status get_number(const reader *r, const char *file, const json_t *root, const char *key,
@@ -109,7 +111,9 @@ static sf_status choose(const sf_project *p, const char *folder, const char *wan
                         const struct kind **kind) {
     int is_there = sf_holds_folder(folder, corrected.cameras) && sf_holds_folder(folder, corrected.images);
     *kind = is_there ? &corrected : &raw;
-    if (wanted && !strcmp(wanted, corrected.images))
+    if (sf_holds_folder(folder, within.cameras) && (!wanted || !strcmp(wanted, within.images)))
+        *kind = &within;
+    else if (wanted && !strcmp(wanted, corrected.images))
         *kind = &corrected;
     else if (wanted && !strcmp(wanted, raw.images))
         *kind = &raw;
@@ -134,7 +138,7 @@ sf_status sf_polycam_read(sf_project *project, const char *folder, const sf_load
     reader r = {.project = project,
                 .cameras = sf_path_join(ctx, folder, kind->cameras),
                 .images = sf_path_join(ctx, folder, kind->images),
-                .border_px = kind == &corrected && !options->no_masks ? BLACK_BORDER_PX : 0};
+                .border_px = kind != &raw && !options->no_masks ? BLACK_BORDER_PX : 0};
     if (r.border_px)
         sf_log(ctx, SF_LOG_INFO,
                "%s: %s is taken; %d pixels along each side are ignored, where the correction leaves black "

@@ -4,7 +4,8 @@
 
 #include "dataset.h"
 
-/* Whether the folder holds keyframes/corrected_cameras or keyframes/cameras. */
+/* Whether the folder holds keyframes/corrected_cameras or keyframes/cameras, or is the first
+ * one's keyframes/. */
 int sf_polycam_is(const char *folder);
 
 /* Appends a picture for each file of keyframes/corrected_cameras, with its picture in

@@ -101,6 +101,10 @@ static void test_corrected_cameras(void **state) {
     for (int k = 0; k < 3; k++) assert_true(fabs(at[k] - center[k]) < 1e-9);
     transforms_assert_log("keyframes/corrected_images is taken; 15 pixels along each side are ignored");
     sf_scene_destroy(&scene);
+    scene = load(ctx, "both/keyframes", &options);
+    assert_int_equal(test_scene_info(scene).views, 2);
+    assert_true(fabs(test_view_info(scene, 1).camera.fx - 42) < 1e-9);
+    sf_scene_destroy(&scene);
     sf_context_destroy(&ctx);
 }
 
