@@ -3,7 +3,7 @@
 
 #include "../base/pool.h"
 
-int sf_rests_out_of_view(const sf_fitter *f) {
+int sf_skips_out_of_view(const sf_fitter *f) {
     return f->moments.format == SF_MOMENTS_FLOAT && !(f->moments.mean_kept > 0) &&
            f->options.densify != SF_DENSIFY_RELOCATE;
 }
@@ -33,6 +33,6 @@ static void catch_up_task(void *fitter_pointer, size_t task, int thread) {
 
 void sf_update_second_moments(const sf_fitter *f) {
     size_t blocks = sf_blocks(f->model->count);
-    if (!sf_rests_out_of_view(f)) return;
+    if (!sf_skips_out_of_view(f)) return;
     sf_pool_run(f->ctx->pool, (blocks + SF_PROJECT_BLOCKS - 1) / SF_PROJECT_BLOCKS, catch_up_task, &f);
 }

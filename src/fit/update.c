@@ -18,7 +18,7 @@ typedef struct update_job {
     float most_ratio, most_scale; /* logarithms of the greatest aspect and scale */
     float fade, shrink;           /* decay in this step: of logits, times the opacity; of log-scales */
     double noise;                 /* strength of the noise of densify_relocate.c */
-    int rests;                    /* whether groups out of view stay as they are (out_of_view.h) */
+    int skips;                    /* whether groups out of view stay as they are (out_of_view.h) */
 } update_job;
 
 static float least_of(float a, float b) { return a < b ? a : b; }
@@ -165,10 +165,10 @@ static void update_without(const update_job *job, size_t first, size_t end) {
 
 static void update_blocks(void *job_pointer, const sf_params *grads, size_t first, size_t end) {
     const update_job *job = job_pointer;
-    if (job->rests && first % SF_PROJECT_BLOCKS == 0) sf_note_in_view(job->fitter, first, grads != NULL);
+    if (job->skips && first % SF_PROJECT_BLOCKS == 0) sf_note_in_view(job->fitter, first, grads != NULL);
     if (grads)
         update_some(job, grads, first, end);
-    else if (!job->rests)
+    else if (!job->skips)
         update_without(job, first, end);
 }
 
@@ -193,7 +193,7 @@ sf_status sf_update(sf_fitter *f, double fraction, double *d_camera) {
     if (o->max_scale > 0) job.most_scale = (float)log(o->max_scale);
     if (o->densify == SF_DENSIFY_RELOCATE)
         job.noise = o->relocate_noise * sf_scheduled_rate(f, fraction, SF_FIELD_mean);
-    job.rests = sf_rests_out_of_view(f);
+    job.skips = sf_skips_out_of_view(f);
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         job.key[field] = rounding_key(f, field);
         double start = sf_has_momentum(field) ? 1 - pow(o->adam_beta1, t) : 1;

@@ -66,23 +66,28 @@ static void test_rigs(void **state) {
     sf_context_destroy(&ctx);
 }
 
+/* A project whose model has other names of the pictures. */
+static void write_named(sf_context *ctx, const char *project, const char names[IMAGES][32]) {
+    files f = colmap_binary_files();
+    f.images.size = 0;
+    colmap_add_uint(&f.images, IMAGES, 8);
+    for (int i = 0; i < IMAGES; i++) {
+        image v = colmap_images[i];
+        v.name = names[i];
+        colmap_add_image(&f.images, &v);
+    }
+    colmap_write_project(ctx, project);
+    colmap_write_model(project, "sparse/0/", &f, ".bin");
+}
+
 /* COLMAP was told of the project as the folder of the pictures. */
 static void test_names_with_their_folder(void **state) {
     (void)state;
     static char names[IMAGES][32];
     sf_context *ctx = test_context();
     sf_scene *plain = test_load_scene(ctx, colmap_write_project(ctx, "short"), NULL);
-    files f = colmap_binary_files();
-    f.images.size = 0;
-    colmap_add_uint(&f.images, IMAGES, 8);
-    for (int i = 0; i < IMAGES; i++) {
-        image v = colmap_images[i];
-        snprintf(names[i], sizeof names[i], "images/%s", v.name);
-        v.name = names[i];
-        colmap_add_image(&f.images, &v);
-    }
-    colmap_write_project(ctx, "long");
-    colmap_write_model("long", "sparse/0/", &f, ".bin");
+    for (int i = 0; i < IMAGES; i++) snprintf(names[i], sizeof names[i], "images/%s", colmap_images[i].name);
+    write_named(ctx, "long", names);
     sf_scene *named = test_load_scene(ctx, test_path("long"), NULL);
     assert_same(plain, named);
     assert_int_equal(test_scene_info(named).skipped_missing, 0);
@@ -141,20 +146,13 @@ static void test_names_with_another_ending(void **state) {
     static char names[IMAGES][32];
     sf_context *ctx = test_context();
     sf_scene *plain = test_load_scene(ctx, colmap_write_project(ctx, "first"), NULL);
-    files f = colmap_binary_files();
-    f.images.size = 0;
-    colmap_add_uint(&f.images, IMAGES, 8);
     for (int i = 0; i < IMAGES; i++) {
-        image v = colmap_images[i];
-        size_t stem = strlen(v.name) - strlen(".png");
-        snprintf(names[i], sizeof names[i], "%.*s.TIF", (int)stem, v.name);
+        const char *name = colmap_images[i].name;
+        snprintf(names[i], sizeof names[i], "%.*s.TIF", (int)(strlen(name) - strlen(".png")), name);
         char *letter = names[i] + (strchr(names[i], '/') ? strcspn(names[i], "/") + 1 : 0);
         *letter = (char)toupper((unsigned char)*letter);
-        v.name = names[i];
-        colmap_add_image(&f.images, &v);
     }
-    colmap_write_project(ctx, "later");
-    colmap_write_model("later", "sparse/0/", &f, ".bin");
+    write_named(ctx, "later", names);
     sf_scene *later = test_load_scene(ctx, test_path("later"), NULL);
     assert_same(plain, later);
     assert_int_equal(test_scene_info(later).skipped_missing, 0);

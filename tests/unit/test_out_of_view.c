@@ -57,7 +57,7 @@ static void test_groups_out_of_view_stay(void **state) {
     sf_fitter *f = fitter_of(ctx, SF_MOMENTS_FLOAT, SF_DENSIFY_ERROR, 0, &scene);
     size_t count = f->model->count, stayed = 0, moved = 0, momentum = 0;
     gaussian *before = malloc(count * sizeof *before);
-    assert_true(before && count > 2 * GROUP && sf_rests_out_of_view(f));
+    assert_true(before && count > 2 * GROUP && sf_skips_out_of_view(f));
     for (int step = 0; step < STEPS; step++) {
         for (size_t i = 0; i < count; i++) before[i] = get(f, i);
         assert_ok(ctx, sf_fitter_step(f));
@@ -151,7 +151,7 @@ static void test_others_make_each_step(void **state) {
         sf_scene *scene;
         sf_fitter *f = fitter_of(ctx, kind == 0 ? SF_MOMENTS_HALF : SF_MOMENTS_FLOAT,
                                  kind == 1 ? SF_DENSIFY_RELOCATE : SF_DENSIFY_ERROR, kind == 2, &scene);
-        assert_false(sf_rests_out_of_view(f));
+        assert_false(sf_skips_out_of_view(f));
         for (int step = 0; step < 6; step++) assert_ok(ctx, sf_fitter_step(f));
         for (size_t group = 0; group < groups_of(f); group++)
             assert_int_equal(f->out_of_view.steps[group], 0);
