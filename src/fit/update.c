@@ -154,7 +154,7 @@ static void update_some(const update_job *job, const sf_params *grads, size_t fi
 /* A step without gradients. */
 static void update_without(const update_job *job, size_t first, size_t end) {
     enum { MOST_COMPONENTS = 4 };
-    static _Alignas(64) float zeros[MOST_COMPONENTS * SF_LANES * SF_GRAD_BLOCKS];
+    _Alignas(64) float zeros[MOST_COMPONENTS * SF_LANES * SF_GRAD_BLOCKS] = {0};
     sf_params none = {{NULL}};
     for (int field = 0; sf_has_momentum(field); field++) none.field[field] = zeros;
     for (size_t until; first < end; first = until) {
