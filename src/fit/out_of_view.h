@@ -4,8 +4,8 @@
  * gradients would still move them by their momentum, and so read and write all of a large scene for a small
  * picture. They are skipped instead, as by a sparse Adam: they keep parameters and momentum until a view sees
  * them again. Their second moments then have fallen as if they had taken part: without that, Gaussians that
- * few views see learn too slowly (MEASURED.md). That is made up for when a group is in view again, or when
- * something else needs the second moments; the result is the same to the byte whenever that is.
+ * few views see learn too slowly (MEASURED.md). They fall when a group is in view again, or when something
+ * else needs them; the result is the same to the byte whenever that is.
  */
 #ifndef SF_FIT_OUT_OF_VIEW_H
 #define SF_FIT_OUT_OF_VIEW_H

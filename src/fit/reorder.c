@@ -11,7 +11,7 @@ enum { LEAST_SORTED = 1024 };
 
 static size_t least_of(size_t a, size_t b) { return a < b ? a : b; }
 
-/* Begins anew for all groups: their second moments are up to date when Gaussians are moved. */
+/* The counters of all groups, 0: second moments are brought up to date before Gaussians are moved. */
 static sf_status out_of_view_room(sf_fitter *f, size_t room) {
     size_t groups = room / (SF_PROJECT_BLOCKS * SF_LANES) + 1;
     uint32_t *steps = sf_calloc(f->ctx, groups, sizeof *steps);

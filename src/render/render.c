@@ -89,7 +89,7 @@ static sf_status gradient_room(sf_renderer *renderer, const sf_model *model) {
     return SF_OK;
 }
 
-/* Those of blocks that are out of view. */
+/* Clears the gradients of blocks that are out of view. */
 static void clear_grads(const sf_renderer *renderer, size_t first, size_t end) {
     for (int field = 0; field < SF_FIELD_COUNT; field++) {
         size_t block = (size_t)sf_field_components(field) * SF_LANES;

@@ -20,7 +20,7 @@ typedef struct step {
 
 static void take(void *user, const sf_params *grads, size_t first, size_t end) {
     step *s = user;
-    for (int field = 0; grads && field < SF_FIELD_COUNT; field++) { /* NULL: they are 0, as here before */
+    for (int field = 0; grads && field < SF_FIELD_COUNT; field++) { /* NULL: all are 0, as calloc left them */
         size_t block = (size_t)sf_field_components(field) * SF_LANES;
         if (grads->field[field])
             memcpy(s->grads[field] + first * block, grads->field[field],
